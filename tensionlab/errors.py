@@ -1,0 +1,52 @@
+"""What can go wrong, drawn as a tree.
+
+::
+
+    TensionlabError
+    ├── ShapeError (ValueError)              arrays whose shapes or entries cannot form a problem
+    ├── RigError (ValueError)                a rig that cannot exist; names file, module and key
+    ├── UnknownSolver (LookupError)          a solver name that is not in the table
+    ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
+    └── Unreachable                          an allocation that is not exact; carries the evidence
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tensionlab.allocation import Allocation
+
+
+class TensionlabError(Exception):
+    """The root of all errors that tensionlab raises on purpose."""
+
+
+class ShapeError(TensionlabError, ValueError):
+    """Arrays whose shapes do not fit together, or that hold NaN or infinity."""
+
+
+class RigError(TensionlabError, ValueError):
+    """A rig, or a rig file, that does not describe something one could build."""
+
+
+class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
+    """A solver name that the table of solvers does not hold."""
+
+
+class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
+    """An optional library that is not installed; the message names the extra that brings it."""
+
+
+class Unreachable(TensionlabError):  # noqa: N818 - pinned name
+    """Not every wrench was rendered exactly.
+
+    Attributes
+    ----------
+    allocation : Allocation
+        The complete result, so that nothing is lost.
+    """
+
+    def __init__(self, message: str, allocation: Allocation) -> None:
+        super().__init__(message)
+        self.allocation = allocation

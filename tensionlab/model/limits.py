@@ -1,0 +1,1 @@
+"""How much a cable may be pulled: `TensionLimits`."""

@@ -1,0 +1,115 @@
+"""What a solver is given, what it gives back, and what it must promise.
+
+A solver is a frozen dataclass of its hyper-parameters with one method, ``solve``. It sees a batch that has
+already been checked and flattened, so it never validates; it returns tensions, and never a verdict, because
+`tensionlab.allocation` measures every answer itself. `CONTRIBUTING.md` shows one from start to end.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal, Protocol, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+Nearest = Literal["force", "tension", "direction"]
+POLICIES: tuple[Nearest, ...] = get_args(Nearest)
+
+TOLERANCE = 1e-6
+"""Largest error of an EXACT or a NEAREST answer, in newton, times max(1, norm of the wrench)."""
+
+RANK_TOLERANCE = 1e-8
+"""Singular values of a structure matrix below this share of its largest one count as zero."""
+
+
+class Status(enum.IntEnum):
+    """What has been proved about one answer, by measuring it."""
+
+    EXACT = 0
+    """The tensions are inside their limits and render the wrench within tolerance."""
+    NEAREST = 1
+    """A separating direction proves the wrench out of reach; the answer is the policy's best."""
+    ITERATION_LIMIT = 2
+    """Neither is proved: the solver stopped early, or it promises no best substitute."""
+    FAILED = 3
+    """The backend broke; `Allocation.failures` keeps the reason."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A batch of B problems: minimise ``|t - reference|²/2`` subject to ``W t = w`` and limits.
+
+    Every array is float64 and finite, with ``lower <= upper``; arrays may be broadcast views and read-only.
+
+    Attributes
+    ----------
+    structure : (B, n, m) array
+        Structure matrices W, for n wrench components and m cables.
+    wrench : (B, n) array
+        Desired wrenches w, in N (and N·m).
+    lower, upper, reference : (B, m) arrays
+        Tension limits and the tensions to stay close to, in N.
+    weights : (n,) array
+        Positive weights of the wrench components; the error of an answer is ``sqrt(sum(weights * r**2))``.
+    nearest : {"force", "tension", "direction"} or None
+        What to do where w is out of reach. None only for solvers that honour no policy.
+    """
+
+    structure: Floats
+    wrench: Floats
+    lower: Floats
+    upper: Floats
+    reference: Floats
+    weights: Floats
+    nearest: Nearest | None
+
+    def __len__(self) -> int:
+        return self.structure.shape[0]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a solver returns for a batch of B problems.
+
+    Attributes
+    ----------
+    tensions : (B, m) array
+        Tensions in N; a row of NaN where the backend broke.
+    iterations : (B,) array
+        Iterations spent, as the solver counts them; 0 for closed forms.
+    separation : (B, n) array or None
+        A direction d for each problem that may prove it out of reach: ``d·w`` exceeds the largest ``d·W t``
+        inside the limits. Zeros where there is none. It is checked, never believed; leave it out and one is
+        derived from the answer.
+    failures : dict
+        Reason by row, for rows where the backend broke.
+    """
+
+    tensions: Floats
+    iterations: Integers
+    separation: Floats | None = None
+    failures: dict[int, str] = field(default_factory=dict)
+
+
+class Solver(Protocol):
+    """One way to choose tensions.
+
+    Attributes
+    ----------
+    objective : str
+        What it minimises among the tensions that render the wrench, in a few words.
+    policies : tuple of str
+        The ``nearest`` policies it can honour, its own first; empty if it promises no best substitute.
+    """
+
+    objective: ClassVar[str]
+    policies: ClassVar[tuple[Nearest, ...]]
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        ...
