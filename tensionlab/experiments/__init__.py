@@ -1,0 +1,1 @@
+"""Runs that compare solvers and rigs, and the records they leave."""

@@ -1,0 +1,188 @@
+"""Which way to pull: sets of unit vectors that an experiment commands one after another."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from tensionlab.errors import ShapeError
+from tensionlab.solvers.contract import Floats
+
+CIRCLE_COUNT = 72
+"""Directions of the planar default: one every 5 degrees."""
+
+
+def grid18() -> Floats:
+    """Which 182 directions the published validation uses.
+
+    A latitude and longitude grid of 18 degrees: 9 rings of 20 vectors and the 2 poles, which lie on Y (up).
+    The paper gives the count alone, so that the grid is this one is an inference: no subdivided icosahedron,
+    cube or octahedron has 182 vertices. 42 of the 182 lie within 18 degrees of a pole.
+
+    Returns
+    -------
+    (182, 3) array
+        Unit vectors: the upper pole, the rings from the top down, the lower pole.
+    """
+    polar = np.radians(18.0 * np.arange(1, 10))[:, None]
+    azimuth = np.radians(18.0 * np.arange(20))[None, :]
+    rings = np.stack(
+        [
+            np.sin(polar) * np.cos(azimuth),
+            np.broadcast_to(np.cos(polar), (9, 20)),
+            np.sin(polar) * np.sin(azimuth),
+        ],
+        axis=-1,
+    )
+    up = np.array([[0.0, 1.0, 0.0]])
+    return np.concatenate([up, rings.reshape(-1, 3), -up])
+
+
+def fibonacci(count: int) -> Floats:
+    """Which `count` directions cover the sphere about evenly.
+
+    The golden-angle spiral around Y (González 2010, "Measurement of areas on a sphere using Fibonacci and
+    latitude-longitude lattices", with points in the middle of equal-area bands), so that plain means over it
+    are means over the sphere.
+
+    Returns
+    -------
+    (count, 3) array
+        Unit vectors, from the top down.
+
+    Raises
+    ------
+    ShapeError
+        If `count` is not positive.
+    """
+    if count < 1:
+        raise ShapeError(f"a set of directions needs at least 1 vector, not {count}")
+    index = np.arange(count)
+    height = 1.0 - (2.0 * index + 1.0) / count
+    radius = np.sqrt(1.0 - height**2)
+    azimuth = np.pi * (3.0 - np.sqrt(5.0)) * index
+    return np.stack([radius * np.cos(azimuth), height, radius * np.sin(azimuth)], axis=-1)
+
+
+def circle(count: int = CIRCLE_COUNT) -> Floats:
+    """Which `count` directions cover the plane evenly.
+
+    Returns
+    -------
+    (count, 2) array
+        Unit vectors, from the first axis towards the second.
+
+    Raises
+    ------
+    ShapeError
+        If `count` is not positive.
+    """
+    if count < 1:
+        raise ShapeError(f"a set of directions needs at least 1 vector, not {count}")
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def read_csv(path: str | Path) -> Floats:
+    """Which directions a file lists.
+
+    One direction a row: three columns x, y, z, or two for planar rigs. A first row of words is a header. The
+    lengths do not matter: each row is scaled to a unit vector.
+
+    Returns
+    -------
+    (K, 3) or (K, 2) array
+        Unit vectors in the order of the file.
+
+    Raises
+    ------
+    ShapeError
+        If the file cannot be read or a row is not a direction; names file and row, counted from 1.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ShapeError(f"{path}: cannot read the directions: {error}") from error
+    rows: list[list[float]] = []
+    for number, cells in enumerate(csv.reader(text.splitlines()), start=1):
+        if not any(cell.strip() for cell in cells):
+            continue
+        try:
+            row = [float(cell) for cell in cells]
+        except ValueError:
+            if number == 1 and not any(character.isdigit() for cell in cells for character in cell):
+                continue
+            raise ShapeError(f"{path}, row {number}: {','.join(cells)!r} is not a row of numbers") from None
+        columns = len(rows[0]) if rows else len(row)
+        if columns not in (2, 3) or len(row) != columns:
+            raise ShapeError(f"{path}, row {number}: {len(row)} columns; every row needs the same 3 (or 2)")
+        if not np.all(np.isfinite(row)) or not any(row):
+            raise ShapeError(f"{path}, row {number}: {row} has no direction; write finite numbers, not all 0")
+        rows.append(row)
+    if not rows:
+        raise ShapeError(f"{path}: no directions; write one row x,y,z for each")
+    vectors = np.array(rows)
+    # Scaled by the largest entry first, so that tiny and huge rows neither vanish nor overflow.
+    vectors /= np.abs(vectors).max(axis=1, keepdims=True)
+    vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors
+
+
+def parse(text: str) -> Floats:
+    """Which directions the text of ``--directions`` means.
+
+    Parameters
+    ----------
+    text : str
+        ``grid18``, ``fibonacci:N``, ``circle:N`` (planar rigs) or the path of a ``.csv`` file.
+
+    Returns
+    -------
+    (K, 3) or (K, 2) array
+        Unit vectors.
+
+    Raises
+    ------
+    ShapeError
+        If the text is none of these.
+    """
+    if text == "grid18":
+        return grid18()
+    name, _, count = text.partition(":")
+    if name in ("fibonacci", "circle") and count.isdecimal():
+        return fibonacci(int(count)) if name == "fibonacci" else circle(int(count))
+    if text.lower().endswith(".csv"):
+        return read_csv(text)
+    raise ShapeError(f"directions {text!r}: write grid18, fibonacci:N, circle:N or the path of a .csv file")
+
+
+def forces(vectors: Floats, components: int, dimension: int) -> Floats:
+    """Which wrenches these forces are, for a rig of so many components.
+
+    Forces without torque: the components that follow the force are 0.
+
+    Parameters
+    ----------
+    vectors : (K, dimension) array
+        Forces in N.
+    components, dimension : int
+        Components n of the rig's wrench, and how many of them, the first, are forces.
+
+    Returns
+    -------
+    (K, n) array
+        Wrenches in N (and N·m).
+
+    Raises
+    ------
+    ShapeError
+        If the vectors have another dimension than the rig.
+    """
+    if vectors.ndim != 2 or vectors.shape[1] != dimension:
+        wanted = "x,y,z; try grid18 or fibonacci:N" if dimension == 3 else "two components; try circle:N"
+        raise ShapeError(f"the rig needs directions of {wanted} (they have shape {vectors.shape})")
+    wrenches = np.zeros((len(vectors), components))
+    wrenches[:, :dimension] = vectors
+    return wrenches
