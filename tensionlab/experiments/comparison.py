@@ -1,0 +1,283 @@
+"""Which solver to trust on a rig: what each renders of a set of forces, how far off it is, what it costs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.allocation import Allocation, allocate
+from tensionlab.experiments import directions as direction_sets
+from tensionlab.model.rig import Rig
+from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers.contract import POLICIES, Floats, Nearest, Status
+from tensionlab.solvers.quadratic import BACKENDS, installed
+
+TIMED_CALLS = 200
+"""At most so many vectors are timed one by one, evenly spread over the set."""
+
+
+Run = tuple[str, Nearest | None]
+"""A solver's name and its policy; None if it honours none."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one solver did with one policy; NaN where nothing was measured.
+
+    Attributes
+    ----------
+    solver, nearest : str
+        Name of the solver, and its policy where the force is out of reach; None if it honours no policy.
+    exact, nearest_count, iteration_limit, failed : int
+        How many vectors ended with which proved status.
+    residual_mean, residual_max : float
+        Norm of desired minus rendered wrench, over all vectors that did not fail, in N.
+    angle_mean_deg, angle_max_deg : float
+        Angle between desired and rendered force; vectors that render no force at all have none.
+    tension_sq_mean : float
+        Mean of the squared tensions, over modules and vectors, in N².
+    gap_max : float
+        Largest difference of a tension to the exact optimum of the same policy, in N. For a solver without a
+        policy, over the vectors within reach only: out of reach it promises nothing to compare with.
+    call_median_s, call_p99_s : float
+        Time of `allocate` for one vector, measuring and proving included: median and 99 % quantile.
+    batch_s : float
+        Time of `allocate` for all vectors at once, divided by their number.
+    """
+
+    solver: str
+    nearest: Nearest | None
+    exact: int
+    nearest_count: int
+    iteration_limit: int
+    failed: int
+    residual_mean: float
+    residual_max: float
+    angle_mean_deg: float
+    angle_max_deg: float
+    tension_sq_mean: float
+    gap_max: float
+    call_median_s: float
+    call_p99_s: float
+    batch_s: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Every solver on one rig, at one position, with one set of wrenches.
+
+    Attributes
+    ----------
+    rig : Rig
+        The rig, with body frames at rest.
+    position : (d,) array
+        Where it was pulled, in m.
+    structure : (n, m) array
+        Structure matrix there.
+    wrenches : (K, n) array
+        Desired wrenches in N (and N·m).
+    dimension : int
+        How many components of a wrench, the first, are forces.
+    rows : tuple of Row
+        One a solver and policy.
+    allocations : tuple of Allocation
+        The answers behind each row, for K wrenches.
+    missing : tuple of str
+        Solvers left out because their library is not installed.
+    """
+
+    rig: Rig
+    position: Floats
+    structure: Floats
+    wrenches: Floats
+    dimension: int
+    rows: tuple[Row, ...]
+    allocations: tuple[Allocation, ...]
+    missing: tuple[str, ...]
+
+
+def plan(solvers: Sequence[str] | None = None, nearest: Nearest | None = None) -> tuple[list[Run], list[str]]:
+    """Which solvers run with which policies, and which are missing.
+
+    Parameters
+    ----------
+    solvers : sequence of str, optional
+        Names as in `SOLVERS`, with or without ``:choice``; None for all, ``qp`` with each backend.
+    nearest : str, optional
+        Only this policy, and only solvers that honour it; None for all policies of each solver.
+
+    Returns
+    -------
+    runs : list of (str, str or None)
+        Solver and policy of each row.
+    missing : list of str
+        Solvers whose library is not installed. Only where `solvers` is None; a name asked for must be there.
+
+    Raises
+    ------
+    ValueError
+        If the policy does not exist, or a solver asked for does not honour it.
+    UnknownSolver, MissingDependency
+        If a solver asked for does not exist, or is not installed.
+    """
+    if nearest is not None and nearest not in POLICIES:
+        raise ValueError(f"nearest={nearest!r}: choose one of {', '.join(POLICIES)}")
+    names, missing = list(solvers or ()), []
+    if solvers is None:
+        there = installed()
+        for name in SOLVERS:
+            if name == "qp":
+                names += [f"qp:{backend}" for backend in BACKENDS if backend in there]
+                missing = [f"qp:{backend}" for backend in BACKENDS if backend not in there]
+            elif name == "pseudoinverse":
+                names += ["pseudoinverse:reference", "pseudoinverse:middle"]
+            else:
+                names.append(name)
+    runs: list[Run] = []
+    for name in dict.fromkeys(names):
+        honoured = make(name).policies
+        if nearest is None:
+            runs += [(name, policy) for policy in honoured] or [(name, None)]
+        elif nearest in honoured:
+            runs.append((name, nearest))
+        elif solvers is not None:
+            can = f"it honours {', '.join(honoured)}" if honoured else "it honours no policy"
+            raise ValueError(f"solver {name} cannot answer nearest={nearest!r}; {can}")
+    return runs, missing
+
+
+def compare(
+    rig: Rig,
+    *,
+    position: ArrayLike | None = None,
+    directions: ArrayLike | None = None,
+    magnitude: float = 1.5,
+    solvers: Sequence[str] | None = None,
+    nearest: Nearest | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Which solver to trust on this rig: all of them on the same forces, measured alike.
+
+    Every row is the same `allocate`, so the same measure and the same proof. The exact optimum that `gap_max`
+    refers to is newton's answer for the same policy. Calls are timed interleaved, one vector through all
+    solvers before the next vector, so that a slow moment of the machine hits all of them.
+
+    Parameters
+    ----------
+    rig : Rig
+        The rig; body frames at rest.
+    position : (d,) array, optional
+        Where to pull, in m; None for the rig's home.
+    directions : (K, d) array, optional
+        Unit vectors; None for `grid18`, or `circle` for a planar rig.
+    magnitude : float
+        Size of each force in N. 1.5 N is the published validation's.
+    solvers, nearest
+        As in `plan`.
+    progress : callable, optional
+        Told the share of the work that is done, from 0 to 1.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ValueError, UnknownSolver, MissingDependency
+        As `plan`; ShapeError if position or directions do not fit the rig.
+    """
+    runs, missing = plan(solvers, nearest)
+    place = rig.home if position is None else np.asarray(position, dtype=np.float64)
+    structure = rig.structure_matrix(place)
+    dimension = len(place)
+    if directions is None:
+        directions = direction_sets.grid18() if dimension == 3 else direction_sets.circle()
+    forces = magnitude * np.asarray(directions, dtype=np.float64)
+    wrenches = direction_sets.forces(forces, rig.n, dimension)
+
+    instances = {name: make(name) for name, _ in runs}
+
+    def solve(run: Run, wrench: Floats) -> tuple[Allocation, float]:
+        start = time.perf_counter()
+        answer = allocate(structure, wrench, rig.limits, solver=instances[run[0]], nearest=run[1])
+        return answer, time.perf_counter() - start
+
+    chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), TIMED_CALLS)).astype(int))
+    steps = len(runs) + len(chosen)
+    allocations, batch = [], []
+    for done, run in enumerate(runs, start=1):
+        # The answers themselves are the warm-up: what is timed is always a repeated call.
+        allocations.append(solve(run, wrenches)[0])
+        batch.append(solve(run, wrenches)[1] / len(wrenches))
+        if progress:
+            progress(done / steps)
+    calls = np.full((len(chosen), len(runs)), np.nan)
+    for done, index in enumerate(chosen):
+        for column, run in enumerate(runs):
+            calls[done, column] = solve(run, wrenches[index])[1]
+        if progress:
+            progress((len(runs) + done + 1) / steps)
+
+    optima = {
+        policy: allocate(structure, wrenches, rig.limits, solver="newton", nearest=policy)
+        for policy in {policy or POLICIES[0] for _, policy in runs}
+    }
+    rows = []
+    for column, (name, policy) in enumerate(runs):
+        found = allocations[column]
+        angle = angles(wrenches[:, :dimension], found.wrench[:, :dimension])
+        optimum = optima[policy or POLICIES[0]]
+        comparable = optimum.status == Status.EXACT if policy is None else np.full(len(wrenches), True)
+        row = Row(
+            solver=name,
+            nearest=policy,
+            exact=int(np.sum(found.status == Status.EXACT)),
+            nearest_count=int(np.sum(found.status == Status.NEAREST)),
+            iteration_limit=int(np.sum(found.status == Status.ITERATION_LIMIT)),
+            failed=int(np.sum(found.status == Status.FAILED)),
+            residual_mean=_finite(np.mean, found.residual),
+            residual_max=_finite(np.max, found.residual),
+            angle_mean_deg=_finite(np.mean, angle),
+            angle_max_deg=_finite(np.max, angle),
+            tension_sq_mean=_finite(np.mean, found.tensions**2),
+            gap_max=_finite(np.max, abs(found.tensions - optimum.tensions)[comparable]),
+            call_median_s=float(np.median(calls[:, column])),
+            call_p99_s=float(np.quantile(calls[:, column], 0.99)),
+            batch_s=batch[column],
+        )
+        rows.append(row)
+    return Comparison(
+        rig, place, structure, wrenches, dimension, tuple(rows), tuple(allocations), tuple(missing)
+    )
+
+
+def angles(desired: Floats, rendered: Floats) -> Floats:
+    """How far each rendered force points away from the desired one.
+
+    Parameters
+    ----------
+    desired, rendered : (K, d) array
+        Forces in N, d = 2 or 3.
+
+    Returns
+    -------
+    (K,) array
+        Degrees; NaN where either force is zero or NaN and so has no direction.
+    """
+    length = np.linalg.norm(desired, axis=1) * np.linalg.norm(rendered, axis=1)
+    # arccos of the cosine loses small angles to rounding; lengths of sum and difference (Kahan) do not.
+    a = desired * np.linalg.norm(rendered, axis=1)[:, None]
+    b = rendered * np.linalg.norm(desired, axis=1)[:, None]
+    half = np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
+    return np.where(length > 0, np.degrees(2 * half), np.nan)
+
+
+def _finite(measure: Callable[[Floats], Any], values: Floats) -> float:
+    """Mean or largest of the entries that are numbers; NaN where there is none."""
+    values = values[np.isfinite(values)]
+    return float(measure(values)) if values.size else np.nan

@@ -1,0 +1,108 @@
+"""Where a result came from: the manifest that every written result carries, and tables in Parquet."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import platform
+import shlex
+import subprocess
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from tensionlab.errors import MissingDependency
+
+LIBRARIES = [
+    "tensionlab",
+    "numpy",
+    "scipy",
+    "qpsolvers",
+    "clarabel",
+    "osqp",
+    "daqp",
+    "quadprog",
+    "piqp",
+    "proxsuite",
+    "highspy",
+    "cvxpy",
+    "matplotlib",
+]
+"""Distributions whose version may change a result."""
+
+
+def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
+    """Which call, versions and machine a result came from.
+
+    Parameters
+    ----------
+    call : sequence of str
+        Program and arguments that made the result, one word each.
+    seed : int, optional
+        Seed of the random numbers; None where nothing was random.
+
+    Returns
+    -------
+    dict
+        ``call``, ``date`` (UTC), ``seed``, ``git_commit`` of the working directory (ends in ``-dirty`` where
+        files differ from it; None outside a repository), ``processor``, ``platform``, ``python`` and
+        ``versions`` (by distribution; only those installed).
+    """
+    versions = {}
+    for name in LIBRARIES:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {
+        "call": shlex.join(call),
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seed": seed,
+        "git_commit": _git_commit(),
+        "processor": _processor(),
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "versions": versions,
+    }
+
+
+def write_parquet(path: str | Path, rows: Sequence[Mapping[str, Any]], manifest: Mapping[str, Any]) -> None:
+    """Write a table with its manifest, one column for each key of the rows.
+
+    The manifest is JSON under the key ``tensionlab`` of the schema's metadata:
+    ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``.
+
+    Raises
+    ------
+    MissingDependency
+        If pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa  # noqa: PLC0415 - slow to import, and only needed for a file
+        import pyarrow.parquet as pq  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingDependency("writing Parquet needs pyarrow: pip install pyarrow") from error
+    table = pa.Table.from_pylist([dict(row) for row in rows])
+    pq.write_table(table.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), path)
+
+
+def _git_commit() -> str | None:
+    """Commit of the working directory; None outside a repository or without git."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _processor() -> str:
+    """Model name of the processor where the system tells it, else its architecture."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass  # not Linux
+    return platform.processor() or platform.machine()
