@@ -1,0 +1,51 @@
+"""Tensions from one pseudo-inverse, clipped to their limits: the fastest answer, and an incomplete one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+
+from tensionlab.solvers.contract import Answer, Nearest, Problem
+from tensionlab.solvers.linear import pseudoinverse, times
+
+Start = Literal["reference", "middle"]
+
+
+@dataclass(frozen=True)
+class Pseudoinverse:
+    """Which tensions render the wrench with the least change from a starting point, limits aside.
+
+    Minimises ``|t - t_s|²`` subject to ``W t = w`` only, by ``t = t_s + W⁺ (w - W t_s)``, and then clips t to
+    the limits. Where the clipping changes nothing the answer is exact; elsewhere it renders another wrench,
+    and that proves nothing about the wrench asked for.
+
+    Parameters
+    ----------
+    start : {"reference", "middle"}
+        The starting point t_s. "reference" is the reference of the problem: with the usual reference 0 that
+        is the plain least-norm solution, which wants negative tensions on most rigs. "middle" is
+        (lower + upper) / 2, the closed form of Pott, Bruckmann and Mikelsons, "Closed-form force
+        distribution for parallel wire robots", 2009: it keeps away from both limits, whatever the reference.
+    """
+
+    start: Start = "reference"
+
+    objective: ClassVar[str] = "least squared change from the start, limits only by clipping"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def __post_init__(self) -> None:
+        if self.start not in get_args(Start):
+            raise ValueError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch, all at once."""
+        middle = self.start == "middle"
+        start = (problem.lower + problem.upper) / 2 if middle else problem.reference
+        missing = problem.wrench - times(problem.structure, start)
+        tensions = start + times(pseudoinverse(problem.structure), missing)
+        return Answer(
+            tensions=np.clip(tensions, problem.lower, problem.upper),
+            iterations=np.zeros(len(problem), dtype=np.int64),
+        )
