@@ -1,0 +1,1 @@
+"""The rig: geometry and limits. Knows no solver and no device."""

@@ -1,0 +1,130 @@
+"""Rigs as TOML files: `load_rig` and `save_rig`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from tensionlab.errors import RigError
+from tensionlab.model.module import KINDS, WORLD, Module, Platform
+from tensionlab.model.rig import Rig
+
+SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
+"""Keys of a module that the table ``[limits]`` can give for all."""
+
+
+def load_rig(path: str | PathLike[str]) -> Rig:
+    """Which rig does a TOML file describe?
+
+    The format, with every key, is shown in ``datasets/README.md``.
+
+    Raises
+    ------
+    RigError
+        Naming the file, the module and the key: what is wrong and what to do.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise RigError(f"{path}: no such file; give the path of a rig file (*.toml)") from None
+    except UnicodeDecodeError:
+        raise RigError(f"{path}: not UTF-8 text; save it as UTF-8, or give a rig file (*.toml)") from None
+    except OSError as error:
+        raise RigError(f"{path}: cannot be read ({error.strerror}); give a rig file (*.toml)") from None
+    return rig_from_toml(text, source=str(path))
+
+
+def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
+    """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept."""
+    Path(path).write_text(rig_to_toml(rig), encoding="utf-8")
+
+
+def rig_from_toml(text: str, source: str) -> Rig:
+    """Which rig does a TOML text describe? ``source`` names the text in errors.
+
+    Raises
+    ------
+    RigError
+        As `load_rig`.
+    """
+    from tensionlab.model import schema  # noqa: PLC0415 - pydantic is slow to import
+
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RigError(f"{source}: not valid TOML: {error}; correct that line") from None
+    try:
+        table = schema.parse(document)
+        shared = table.limits.model_dump(exclude_none=True)
+        modules = []
+        for number, own in enumerate(table.modules, start=1):
+            keys = {**shared, **own.model_dump(exclude_none=True)}
+            needed = ["lower", "upper"]
+            if table.kind in KINDS and KINDS[table.kind].turns:
+                needed.append("attachment")
+            for key in needed:
+                if key not in keys:
+                    elsewhere = "" if key == "attachment" else ", or a default in the table [limits]"
+                    give = schema.ModuleTable.model_fields[key].description
+                    here = f'module {number} ("{own.name}")'
+                    raise RigError(f'{here}: key "{key}" is missing; give {give}{elsewhere}')
+            modules.append(Module(**keys))
+        return Rig(
+            name=table.name,
+            kind=table.kind,
+            modules=tuple(modules),
+            home=table.home,  # type: ignore[arg-type]  # becomes an array
+            platform=None if table.platform is None else Platform(**table.platform.model_dump()),
+            description=table.description,
+            source=table.source,
+        )
+    except RigError as error:
+        raise RigError(f"{source}: {error}") from None
+
+
+def rig_to_toml(rig: Rig) -> str:
+    """How is a rig written in TOML? Values that all modules share go into ``[limits]``."""
+    import tomli_w  # noqa: PLC0415 - only needed to write
+
+    document: dict[str, Any] = {"name": rig.name, "kind": rig.kind}
+    for key in ("description", "source"):
+        if getattr(rig, key):
+            document[key] = getattr(rig, key)
+    document["home"] = rig.home.tolist()
+    first = rig.modules[0]
+    common = {
+        key for key in SHARED if all(getattr(module, key) == getattr(first, key) for module in rig.modules)
+    }
+    document["limits"] = {
+        key: float(getattr(first, key)) for key in SHARED if key in common and getattr(first, key) is not None
+    }
+    if rig.platform is not None:
+        values = {"mass": float(rig.platform.mass), "com": rig.platform.com, "inertia": rig.platform.inertia}
+        document["platform"] = {
+            key: value if isinstance(value, float) else value.tolist()
+            for key, value in values.items()
+            if value is not None
+        }
+    document["modules"] = [_module_table(module, KINDS[rig.kind].turns, common) for module in rig.modules]
+    # tomli-w puts every number of a list on a line of its own; a point reads better on one. No text can look
+    # like this, because line ends inside texts are written as \n.
+    one_line = re.compile(r"\[\n\s+([-+.\w]+(?:,\n\s+[-+.\w]+)*),\n\s*\]")
+    return one_line.sub(
+        lambda found: "[" + ", ".join(number.strip() for number in found[1].split(",\n")) + "]",
+        tomli_w.dumps(document),
+    )
+
+
+def _module_table(module: Module, turns: bool, common: set[str]) -> dict[str, Any]:
+    table: dict[str, Any] = {"name": module.name, "anchor": module.anchor.tolist()}
+    if module.frame != WORLD:
+        table["frame"] = module.frame
+    if turns and module.attachment is not None:
+        table["attachment"] = module.attachment.tolist()
+    for key in SHARED:
+        if key not in common and getattr(module, key) is not None:
+            table[key] = float(getattr(module, key))
+    return table

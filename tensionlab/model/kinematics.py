@@ -1,0 +1,166 @@
+"""The geometry of straight cables, for arrays of poses: arrays in, arrays out.
+
+Conventions. d is the dimension of space (2 or 3), m the number of cables; every function broadcasts over
+leading axes. The unit vector u of a cable points from its attachment to its anchor; its arm r runs from the
+platform's reference point to the attachment, in world axes. A twist is (velocity of the reference point,
+angular velocity in world axes). The structure matrix W has the columns ``[u; r x u]``: ``W t`` is the wrench
+of the tensions t on the platform, and ``W = -J'`` with J the derivative of the cable lengths with respect to
+the twist (Verhoeven 2004, "Analysis of the workspace of tendon-based Stewart platforms"; Pott 2018,
+"Cable-Driven Parallel Robots", chapter 3). Cables are straight, massless and stiff, and leave the module at a
+fixed point.
+
+Nothing is validated here; `tensionlab.model.rig.Rig` does that, because it knows the names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+def planar_rotation(angle: Floats) -> Floats:
+    """Which matrix turns the plane by an angle?
+
+    Parameters
+    ----------
+    angle : (...) array
+        Anticlockwise, in rad.
+
+    Returns
+    -------
+    (..., 2, 2) array
+    """
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+
+
+def exponential(vector: Floats) -> Floats:
+    """Which rotation is a turn about an axis by an angle, given as one vector?
+
+    Rodrigues' formula, ``1 + sin(a)/a K + (1 - cos(a))/a² K²`` with K the cross-product matrix of the vector
+    and a its length; written with sinc so that small vectors need no special case.
+
+    Parameters
+    ----------
+    vector : (..., 3) array
+        Axis times angle, in rad.
+
+    Returns
+    -------
+    (..., 3, 3) array
+    """
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    zero = np.zeros_like(x)
+    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*x.shape, 3, 3)
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    half = np.sinc(angle / (2 * np.pi))  # numpy's sinc(x) is sin(pi x)/(pi x)
+    turn: Floats = np.eye(3) + np.sinc(angle / np.pi) * K + half**2 / 2 * (K @ K)
+    return turn
+
+
+def place(
+    points: Floats, frames: Integers, origins: Sequence[Floats], rotations: Sequence[Floats | None]
+) -> Floats:
+    """Where in the world are points that ride on moving frames?
+
+    Parameters
+    ----------
+    points : (m, d) array
+        Each in the axes of its own frame, in m.
+    frames : (m,) array
+        Which frame each point rides on: an index into ``origins`` and ``rotations``, or -1 for the world.
+    origins : sequence of (..., d) arrays
+        Position of each frame, in m.
+    rotations : sequence of (..., d, d) arrays or None
+        Orientation of each frame; None for no turn.
+
+    Returns
+    -------
+    (..., m, d) array
+        In world axes, in m; (m, d) where nothing moves.
+    """
+    moved = []
+    for index, (origin, rotation) in enumerate(zip(origins, rotations, strict=True)):
+        own = points[frames == index]
+        moved.append(origin[..., None, :] + (own if rotation is None else rotate(rotation, own)))
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in moved))
+    placed = np.broadcast_to(points, (*batch, *points.shape)).copy()
+    for index, part in enumerate(moved):
+        placed[..., frames == index, :] = part
+    return placed
+
+
+def rotate(rotation: Floats, points: Floats) -> Floats:
+    """Where does a rotation take a set of points?
+
+    Parameters
+    ----------
+    rotation : (..., d, d) array
+    points : (m, d) array
+
+    Returns
+    -------
+    (..., m, d) array
+    """
+    turned: Floats = points @ np.swapaxes(rotation, -1, -2)
+    return turned
+
+
+def cables(anchors: Floats, position: Floats, arms: Floats | None) -> tuple[Floats, Floats]:
+    """How long are the cables, and where do they point?
+
+    Parameters
+    ----------
+    anchors : (..., m, d) array
+        In world axes, in m.
+    position : (..., d) array
+        Of the reference point, in m.
+    arms : (..., m, d) array or None
+        From the reference point to the attachments, in world axes, in m; None where all attach at the point.
+
+    Returns
+    -------
+    lengths : (..., m) array
+        In m.
+    directions : (..., m, d) array
+        Unit vectors from attachment to anchor; zeros for a cable of no length.
+    """
+    vectors = anchors - position[..., None, :]
+    if arms is not None:
+        vectors = vectors - arms
+    lengths = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
+    return lengths, vectors / np.where(lengths > 0.0, lengths, 1.0)[..., None]
+
+
+def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
+    """Which wrench does a tension of one newton in each cable exert?
+
+    Parameters
+    ----------
+    directions : (..., m, d) array
+        Unit vectors from attachment to anchor.
+    arms : (..., m, d) array or None
+        From the reference point to the attachments, in world axes, in m; None for a point, which has no
+        torque.
+
+    Returns
+    -------
+    (..., n, m) array
+        Columns u, or ``[u; r x u]``; n = d for a point, 3 for a planar platform (torque about z), 6 in space.
+    """
+    u = np.swapaxes(directions, -1, -2)
+    if arms is None:
+        return u.copy()
+    r = np.swapaxes(arms, -1, -2)
+    d, m = u.shape[-2:]
+    W = np.empty((*np.broadcast_shapes(u.shape[:-2], r.shape[:-2]), 3 * (d - 1), m))
+    W[..., :d, :] = u
+    pairs = [(0, 1)] if d == 2 else [(1, 2), (2, 0), (0, 1)]
+    for row, (i, j) in enumerate(pairs, start=d):
+        W[..., row, :] = r[..., i, :] * u[..., j, :] - r[..., j, :] * u[..., i, :]
+    return W

@@ -1,0 +1,116 @@
+"""Rigs by rule: rings with a module on top, and boxes. All are point rigs with the Y axis up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.errors import RigError
+from tensionlab.model.kinematics import Floats
+from tensionlab.model.module import Module
+from tensionlab.model.rig import Rig
+
+LIMITS = (0.5, 6.0)
+"""Tension limits of the published module, in N (Bartels et al. 2026)."""
+
+
+def ring_plus_top(
+    side: float,
+    count: int = 3,
+    height: float = 0.3,
+    top: float | None = 2.0,
+    limits: tuple[float, float] = LIMITS,
+) -> Rig:
+    """Which rig has modules at the corners of a regular polygon on the floor, and one above its centre?
+
+    The floor is y = 0, its centre the origin, and the first corner lies on the X axis. The point is at home
+    above the centre. Three corners and a top are the published validation rig (Bartels et al. 2026).
+
+    Parameters
+    ----------
+    side : float
+        Distance between neighbouring corners, in m.
+    count : int
+        Number of corners, 2 or more.
+    height : float
+        Of the home position above the floor, in m.
+    top : float or None
+        Height of the top module above the home position, in m; None for a ring alone.
+    limits : (lower, upper)
+        Tension limits of every module, in N.
+
+    Raises
+    ------
+    RigError
+        If the polygon has fewer than two corners, or the side is not a positive number.
+    """
+    if count < 2:
+        raise RigError(f"ring_plus_top: count is {count}; a ring has two corners or more")
+    if not (np.isfinite(side) and side > 0):
+        raise RigError(f"ring_plus_top: side is {side}; give a finite length in m, above zero")
+    angles = 2 * np.pi * np.arange(count) / count
+    ring = (
+        side / (2 * np.sin(np.pi / count)) * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=-1)
+    )
+    places = {f"floor-{number}": corner for number, corner in enumerate(ring, start=1)}
+    if top is not None:
+        places["top"] = np.array([0.0, height + top, 0.0])
+    return _rig(
+        f"ring-{count}" if top is None else f"ring-{count}-plus-top", places, [0.0, height, 0.0], limits
+    )
+
+
+def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> Rig:
+    """Which rig has modules at all eight corners of a box?
+
+    The box is centred on the origin, where the point is at home.
+
+    Parameters
+    ----------
+    size : (3,) lengths of the edges along X, Y and Z, in m
+    limits : (lower, upper)
+        Tension limits of every module, in N.
+
+    Raises
+    ------
+    RigError
+        If the size is not three positive numbers.
+    """
+    return _rig("box-corners", _corners(size), [0.0, 0.0, 0.0], limits)
+
+
+def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> Rig:
+    """Which rig has modules at every other corner of a box, as the first SPIDAR had?
+
+    The four corners whose coordinates multiply to a positive number; no two share an edge. Four cables are
+    the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR).
+
+    Parameters and errors as in `box_corners`.
+    """
+    places = {name: corner for name, corner in _corners(size).items() if np.prod(np.sign(corner)) > 0}
+    return _rig("alternate-corners", places, [0.0, 0.0, 0.0], limits)
+
+
+def _corners(size: Sequence[float]) -> dict[str, Floats]:
+    """Name the corners of a box by their signs, as in "x- y+ z+"."""
+    edges = np.asarray(size, dtype=np.float64)
+    if edges.shape != (3,) or not (np.isfinite(edges) & (edges > 0)).all():
+        raise RigError(f"box corners: size is {size!r}; give three finite lengths in m, above zero")
+    signs = product((-1, 1), repeat=3)
+    return {
+        " ".join(axis + ("+" if s > 0 else "-") for axis, s in zip("xyz", corner, strict=True)): edges
+        / 2
+        * corner
+        for corner in signs
+    }
+
+
+def _rig(name: str, places: dict[str, Floats], home: ArrayLike, limits: tuple[float, float]) -> Rig:
+    lower, upper = limits
+    modules = tuple(
+        Module(name=key, anchor=anchor, lower=lower, upper=upper) for key, anchor in places.items()
+    )
+    return Rig(name=name, kind="point", modules=modules, home=np.asarray(home, dtype=np.float64))

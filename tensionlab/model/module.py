@@ -1,0 +1,212 @@
+"""The parts of a rig: `Module` and `Platform`, and the `KINDS` of rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.errors import RigError
+from tensionlab.model.kinematics import Floats
+
+WORLD = "world"
+"""The frame that never moves."""
+
+
+class Kind(NamedTuple):
+    """What a kind of rig moves in: ``dimension`` d of space, ``freedoms`` n of what the cables hold."""
+
+    dimension: int
+    freedoms: int
+
+    @property
+    def turns(self) -> bool:
+        """Whether the cables hold a body that can turn, rather than a point."""
+        return self.freedoms > self.dimension
+
+
+KINDS = {
+    "planar-point": Kind(dimension=2, freedoms=2),
+    "point": Kind(dimension=3, freedoms=3),
+    "planar": Kind(dimension=2, freedoms=3),
+    "platform": Kind(dimension=3, freedoms=6),
+}
+"""The kinds of rig. A wrench is a force; "planar" adds the torque about z, "platform" three torques."""
+
+
+@dataclass(frozen=True, eq=False)
+class Module:
+    """Where does one winch module pull from, and how hard can it?
+
+    Attributes
+    ----------
+    name : str
+        Unique in its rig.
+    anchor : (d,) read-only array
+        Where the cable leaves the module, in the axes of ``frame``, in m.
+    lower, upper : float
+        Tension limits, in N; a cable cannot push, so ``0 <= lower <= upper``.
+    attachment : (d,) read-only array
+        Where the cable ends, in platform axes, in m; zeros if left out (and always for a point rig).
+    frame : str
+        "world", or the name of a body frame that is given at run time.
+    brake : float or None
+        Largest tension that the one-way brake holds, in N; None without a brake.
+    newton_per_ampere : float or None
+        Tension per motor current, in N/A; None if not known.
+    spool_radius : float or None
+        In m; None if not known.
+
+    Raises
+    ------
+    RigError
+        Naming the module and the key.
+    """
+
+    name: str
+    anchor: Floats
+    lower: float
+    upper: float
+    attachment: Floats | None = None
+    frame: str = WORLD
+    brake: float | None = None
+    newton_per_ampere: float | None = None
+    spool_radius: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.name or not isinstance(self.name, str):
+            raise RigError(f'module: key "name" is {self.name!r}; give every module a name')
+        here = f'module "{self.name}"'
+        if not self.frame or not isinstance(self.frame, str):
+            raise RigError(
+                f'{here}: key "frame" is {self.frame!r}; give "{WORLD}" or the name of a body frame'
+            )
+        anchor = vector(self.anchor, here, "anchor")
+        attachment = vector(
+            np.zeros(anchor.size) if self.attachment is None else self.attachment, here, "attachment"
+        )
+        if attachment.shape != anchor.shape:
+            raise RigError(
+                f'{here}: key "attachment" has {attachment.size} coordinates and "anchor" {anchor.size}; '
+                "give both the same number"
+            )
+        object.__setattr__(self, "anchor", anchor)
+        object.__setattr__(self, "attachment", attachment)
+        for key in ("lower", "upper"):
+            value = getattr(self, key)
+            if not np.isfinite(value):
+                raise RigError(f'{here}: key "{key}" is {value}; give a finite tension in N')
+        if self.lower < 0:
+            raise RigError(f'{here}: key "lower" is {self.lower}; a cable cannot push, so give 0 N or more')
+        if self.lower > self.upper:
+            raise RigError(
+                f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}; '
+                "give lower <= upper, both in N"
+            )
+        for key in ("brake", "newton_per_ampere", "spool_radius"):
+            value = getattr(self, key)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise RigError(
+                    f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out'
+                )
+
+    def check_kind(self, kind: str) -> None:
+        """Refuse coordinates that do not suit a kind of rig."""
+        dimension, turns = KINDS[kind].dimension, KINDS[kind].turns
+        if self.anchor.size != dimension:
+            raise RigError(
+                f'module "{self.name}": key "anchor" has {self.anchor.size} coordinates; '
+                f"a {kind} rig needs {dimension}"
+            )
+        if not turns and np.any(self.attachment):
+            raise RigError(
+                f'module "{self.name}": key "attachment" is {self.attachment}; in a {kind} rig all cables '
+                'end at one point, so leave it out, or use kind "platform" or "planar"'
+            )
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+
+@dataclass(frozen=True, eq=False)
+class Platform:
+    """How heavy is what the cables hold?
+
+    Attributes
+    ----------
+    mass : float
+        In kg.
+    com : (d,) read-only array or None
+        Centre of mass in platform axes, in m; None for the reference point.
+    inertia : (k, k) read-only array or None
+        About the centre of mass in platform axes, in kg·m²; k = 3 in space, 1 in the plane. None if not
+        known, and always for a point.
+
+    Raises
+    ------
+    RigError
+        Naming the key.
+    """
+
+    mass: float
+    com: Floats | None = None
+    inertia: Floats | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise RigError(f'[platform]: key "mass" is {self.mass}; give a finite mass in kg, above zero')
+        if self.com is not None:
+            object.__setattr__(self, "com", vector(self.com, "[platform]", "com"))
+        if self.inertia is not None:
+            inertia = np.array(self.inertia, dtype=np.float64)
+            square = inertia.ndim == 2 and inertia.shape[0] == inertia.shape[1]
+            if not (square and np.isfinite(inertia).all() and np.array_equal(inertia, inertia.T)):
+                raise RigError(
+                    '[platform]: key "inertia" must be a finite, square and symmetric matrix in kg·m²'
+                )
+            if np.linalg.eigvalsh(inertia)[0] <= 0:
+                raise RigError(
+                    '[platform]: key "inertia" has a moment of zero or less; correct its entries (kg·m²)'
+                )
+            inertia.setflags(write=False)
+            object.__setattr__(self, "inertia", inertia)
+
+    def check_kind(self, kind: str) -> None:
+        """Refuse a centre of mass or an inertia that does not suit a kind of rig."""
+        dimension, freedoms = KINDS[kind]
+        if self.com is not None and (not KINDS[kind].turns or self.com.size != dimension):
+            raise RigError(
+                f'[platform]: key "com" does not suit a {kind} rig; leave it out or give {dimension} numbers'
+            )
+        k = freedoms - dimension
+        if self.inertia is not None and self.inertia.shape != (k, k):
+            needs = f"needs ({k}, {k})" if k else "has none, so leave it out"
+            raise RigError(f'[platform]: key "inertia" has shape {self.inertia.shape}; a {kind} rig {needs}')
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+
+def vector(values: ArrayLike, where: str, key: str) -> Floats:
+    """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
+    try:
+        point = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise RigError(f'{where}: key "{key}" is {values!r}; give a list of coordinates in m') from None
+    if point.ndim != 1 or not np.isfinite(point).all():
+        raise RigError(f'{where}: key "{key}" is {values!r}; give a flat list of finite coordinates in m')
+    point.setflags(write=False)
+    return point
+
+
+def same(one: Any, other: Any) -> bool:
+    """Tell whether two of these records hold the same numbers, arrays included."""
+    if type(one) is not type(other):
+        return False
+    return all(np.array_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))

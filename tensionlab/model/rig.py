@@ -1,0 +1,270 @@
+"""A set of modules around a point or a platform: `Rig`, with its geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.errors import RigError, ShapeError
+from tensionlab.model import forward, kinematics, pose
+from tensionlab.model.forward import PoseEstimate
+from tensionlab.model.kinematics import Floats
+from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, same, vector
+from tensionlab.model.pose import Frames
+
+
+class _Cables(NamedTuple):
+    lengths: Floats
+    directions: Floats
+    arms: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Which modules pull on what, from where, and how hard?
+
+    Attributes
+    ----------
+    name : str
+    kind : str
+        A key of `KINDS`: "planar-point", "point", "planar" or "platform".
+    modules : tuple of Module
+    home : (d,) read-only array
+        Nominal position of the point or of the platform's reference point, in m, and the default guess of the
+        forward kinematics; the home orientation is the identity.
+    platform : Platform or None
+        Mass and inertia of what the cables hold, if known.
+    description, source : str
+        What it is, and where the numbers come from.
+
+    Raises
+    ------
+    RigError
+        Naming the module and the key. Parallel cables (same anchor, same attachment) are legal.
+    """
+
+    name: str
+    kind: str
+    modules: tuple[Module, ...]
+    home: Floats
+    platform: Platform | None = None
+    description: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise RigError('key "name" is empty; give the rig a name')
+        if self.kind not in KINDS:
+            raise RigError(f'key "kind" is {self.kind!r}; give one of {", ".join(KINDS)}')
+        object.__setattr__(self, "modules", tuple(self.modules))
+        object.__setattr__(self, "home", vector(self.home, "rig", "home"))
+        if not self.modules:
+            raise RigError('key "modules" is empty; give at least one module')
+        d = self.dimension
+        if self.home.size != d:
+            raise RigError(f'key "home" has {self.home.size} coordinates; a {self.kind} rig needs {d}')
+        numbers: dict[str, int] = {}
+        for number, module in enumerate(self.modules, start=1):
+            here = f'module "{module.name}"'
+            if module.name in numbers:
+                raise RigError(
+                    f'{here}: key "name" is used by modules {numbers[module.name]} and {number}; '
+                    "give each its own"
+                )
+            numbers[module.name] = number
+            module.check_kind(self.kind)
+        if self.platform is not None:
+            self.platform.check_kind(self.kind)
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+    @property
+    def _kind(self) -> Kind:
+        return KINDS[self.kind]
+
+    @property
+    def dimension(self) -> int:
+        """Dimension d of the space the rig stands in: 2 or 3."""
+        return self._kind.dimension
+
+    @property
+    def n(self) -> int:
+        """Number of wrench components."""
+        return self._kind.freedoms
+
+    @property
+    def m(self) -> int:
+        """Number of cables."""
+        return len(self.modules)
+
+    @cached_property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the body frames to be given at run time; empty if all modules stand in the world."""
+        return tuple(dict.fromkeys(module.frame for module in self.modules if module.frame != WORLD))
+
+    @cached_property
+    def limits(self) -> TensionLimits:
+        """Tension limits of all cables."""
+        return TensionLimits(
+            lower=np.array([module.lower for module in self.modules]),
+            upper=np.array([module.upper for module in self.modules]),
+        )
+
+    @cached_property
+    def anchors(self) -> Floats:
+        """Anchors of all modules, (m, d), each in the axes of its own frame, in m. Read-only."""
+        return _stacked([module.anchor for module in self.modules])
+
+    @cached_property
+    def attachments(self) -> Floats:
+        """Attachments of all cables, (m, d), in platform axes, in m; zeros for a point rig. Read-only."""
+        return _stacked([np.asarray(module.attachment) for module in self.modules])
+
+    def lengths(
+        self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
+    ) -> Floats:
+        """How long is each cable at a pose?
+
+        Parameters and errors as in `structure_matrix`.
+
+        Returns
+        -------
+        (..., m) array
+            From anchor to attachment, in m.
+        """
+        return self._cables(position, rotation, frames).lengths
+
+    def directions(
+        self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
+    ) -> Floats:
+        """Which way does each cable pull at a pose?
+
+        Parameters and errors as in `structure_matrix`.
+
+        Returns
+        -------
+        (..., m, d) array
+            Unit vectors from attachment to anchor, in world axes.
+        """
+        return self._cables(position, rotation, frames).directions
+
+    def structure_matrix(
+        self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
+    ) -> Floats:
+        """Which wrench do the cables exert at a pose, for each newton of tension?
+
+        Leading axes of all arguments broadcast. Source: Verhoeven 2004; see `tensionlab.model.kinematics`.
+
+        Parameters
+        ----------
+        position : (..., d) array
+            Of the reference point in the world, in m.
+        rotation : (..., 3, 3) array, (...) array or None
+            Platform to world: matrices for a platform rig, angles in rad for a planar one. None is the
+            identity. A point rig takes none.
+        frames : mapping of name to Frame or (position, rotation), optional
+            Where the body frames named in `Rig.frames` are.
+
+        Returns
+        -------
+        (..., n, m) array
+            W with the columns ``[u; r x u]``: ``W @ tensions`` is the wrench on the platform, at its
+            reference point and in world axes, and ``-W.T`` is the derivative of the lengths with respect to
+            the twist.
+
+        Raises
+        ------
+        ShapeError
+            Wrong shapes, NaN or infinity, a matrix that is no rotation, a rotation for a point rig.
+        RigError
+            A body frame that is missing or unknown; an attachment that lies on its anchor.
+        """
+        cables = self._cables(position, rotation, frames)
+        return kinematics.structure_matrix(cables.directions, cables.arms)
+
+    def forward_kinematics(
+        self,
+        lengths: ArrayLike,
+        position: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        frames: Frames | None = None,
+    ) -> PoseEstimate:
+        """Where is the platform, given the cable lengths?
+
+        The pose near the guess that fits the lengths best in the least-squares sense. Several poses can have
+        the same lengths: anchors in one plane leave a mirror image behind that plane, and a platform can
+        flip. The guess decides which is found, so start on the right side of the plane, off it. Look at the
+        residual.
+
+        Parameters
+        ----------
+        lengths : (..., m) array
+            Measured, in m.
+        position, rotation : arrays as in `structure_matrix`, optional
+            The guess; `Rig.home` and the identity if left out.
+        frames : mapping, optional
+            As in `structure_matrix`.
+
+        Returns
+        -------
+        PoseEstimate
+
+        Raises
+        ------
+        ShapeError, RigError
+            As in `structure_matrix`; and with fewer cables than unknowns, or a length of zero or less.
+        """
+        if self.m < self.n:
+            raise RigError(
+                f'rig "{self.name}": {self.m} cable lengths cannot fix {self.n} unknowns; add modules'
+            )
+        measured = pose.points(lengths, self.m, "lengths")
+        if (measured <= 0).any():
+            raise ShapeError(f"lengths{pose.first(measured <= 0)} is not positive; give cable lengths in m")
+        guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
+        return forward.estimate(
+            anchors, self.attachments if self._kind.turns else None, measured, guess, turn
+        )
+
+    def _cables(self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> _Cables:
+        p, R, anchors = self._pose(position, rotation, frames)
+        arms = None
+        if self._kind.turns:
+            arms = self.attachments if R is None else kinematics.rotate(R, self.attachments)
+        lengths, directions = kinematics.cables(anchors, p, arms)
+        short = lengths == 0.0
+        if short.any():
+            *where, index = (int(i) for i in np.argwhere(short)[0])
+            at = f" at pose {where}" if where else ""
+            raise RigError(
+                f'rig "{self.name}": module "{self.modules[index].name}" (index {index}): the attachment '
+                f"lies on the anchor{at}, so its cable has no direction; move the pose or the anchor"
+            )
+        return _Cables(lengths, directions, arms)
+
+    def _pose(
+        self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None
+    ) -> tuple[Floats, Floats | None, Floats]:
+        """Position, rotation matrix (or None) and anchors in the world, checked to broadcast."""
+        p = pose.points(position, self.dimension, "position")
+        if rotation is not None and not self._kind.turns:
+            raise ShapeError(f'rig "{self.name}" is a {self.kind} rig and cannot turn; leave rotation out')
+        R = None if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
+        anchors = pose.place_anchors(self.modules, self.anchors, frames)
+        shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}
+        pose.common_shape(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})
+        return p, R, anchors
+
+
+def _stacked(rows: list[Floats]) -> Floats:
+    stack = np.stack(rows)
+    stack.setflags(write=False)
+    return stack

@@ -1,0 +1,120 @@
+"""What a rig file may hold, as pydantic sees it, and what is said about a file that holds something else.
+
+Types, unknown keys and missing keys are checked here; what the numbers mean is checked by `Rig`, `Module` and
+`Platform`, for files and programs alike. Imported only when a file is read, because pydantic takes its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
+
+from tensionlab.errors import RigError
+
+
+class Table(BaseModel):
+    """A table in which a misspelt key or a number in quotes is an error."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class LimitsTable(Table):
+    """Defaults for every module; a module's own key wins."""
+
+    lower: float | None = Field(None, description="the smallest tension in N, a number")
+    upper: float | None = Field(None, description="the largest tension in N, a number")
+    brake: float | None = Field(None, description="the largest tension that the brake holds in N, a number")
+    newton_per_ampere: float | None = Field(
+        None, description="the tension per motor current in N/A, a number"
+    )
+    spool_radius: float | None = Field(None, description="the radius of the spool in m, a number")
+
+
+class ModuleTable(LimitsTable):
+    """One ``[[modules]]`` entry."""
+
+    name: str = Field(min_length=1, description="a name in quotes that no other module has")
+    anchor: list[float] = Field(description="where the cable leaves the module, a list of coordinates in m")
+    attachment: list[float] | None = Field(
+        None, description="where the cable ends in platform axes, a list of coordinates in m"
+    )
+    frame: str = Field("world", description='"world" or the name of a body frame, in quotes')
+
+
+class PlatformTable(Table):
+    """The ``[platform]`` table."""
+
+    mass: float = Field(description="the mass in kg, a number")
+    com: list[float] | None = Field(None, description="the centre of mass, a list of coordinates in m")
+    inertia: list[list[float]] | None = Field(
+        None, description="the inertia about the centre of mass in kg·m², a list of rows"
+    )
+
+
+class RigFile(Table):
+    """A whole file."""
+
+    name: str = Field(min_length=1, description="a name in quotes")
+    kind: str = Field(description='"planar-point", "point", "planar" or "platform"')
+    home: list[float] = Field(description="the nominal position, a list of coordinates in m")
+    description: str = Field("", description="a text in quotes")
+    source: str = Field("", description="a text in quotes")
+    limits: LimitsTable = Field(LimitsTable(), description="a [limits] table")
+    platform: PlatformTable | None = Field(None, description="a [platform] table")
+    modules: list[ModuleTable] = Field(min_length=1, description="at least one [[modules]] table")
+
+
+def parse(document: dict[str, Any]) -> RigFile:
+    """Check the contents of a rig file.
+
+    Raises
+    ------
+    RigError
+        One line a problem, each naming the module and the key, and saying what to do.
+    """
+    try:
+        return RigFile.model_validate(document)
+    except ValidationError as error:
+        lines = [_explain(problem, document) for problem in error.errors()]
+        raise RigError(
+            "\n  ".join([f"{len(lines)} problems", *lines]) if len(lines) > 1 else lines[0]
+        ) from None
+
+
+def _explain(problem: ErrorDetails, document: dict[str, Any]) -> str:
+    """Say in one line where a problem is, what is wrong, and what to do."""
+    *path, last = problem["loc"]
+    table, where = _locate(path, document)
+    if problem["type"] == "extra_forbidden":
+        close = get_close_matches(str(last), table.model_fields, n=1)
+        remedy = (
+            f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(table.model_fields)}"
+        )
+        return f'{where}unknown key "{last}"; {remedy}'
+    # Inside a list the key is further up, and the last step is the number of the entry.
+    keys = [str(step) for step in problem["loc"] if step in table.model_fields]
+    if not keys:
+        return f"{where}is {problem['input']!r}; write it as a table of keys and values"
+    give = f"give {table.model_fields[keys[-1]].description}"
+    if problem["type"] == "missing":
+        return f'{where}key "{keys[-1]}" is missing; {give}'
+    entry = f", entry {last + 1}," if isinstance(last, int) else ""
+    return f'{where}key "{keys[-1]}"{entry} is {problem["input"]!r}; {give}'
+
+
+def _locate(path: Sequence[str | int], document: dict[str, Any]) -> tuple[type[Table], str]:
+    """Find the table that a path leads into, and how to call it."""
+    match path:
+        case ["modules", int(index), *_]:
+            entry = document["modules"][index]
+            name = entry.get("name") if isinstance(entry, dict) else None
+            return ModuleTable, f'module {index + 1} ("{name}"): ' if name else f"module {index + 1}: "
+        case ["limits", *_]:
+            return LimitsTable, "[limits]: "
+        case ["platform", *_]:
+            return PlatformTable, "[platform]: "
+    return RigFile, ""
