@@ -1,0 +1,304 @@
+"""An independent judge: the exact answer of one problem, by methods that share nothing with the package.
+
+``enumerated`` tries every way of putting each cable at its lower limit, at its upper limit or between
+(3^m patterns) and keeps the best: no iteration, no multiplier, no solver. ``numeric`` uses an active-set
+least-squares routine, a simplex code and DAQP, then solves the identified equations again in NumPy. Both
+answers are held against the optimality conditions, whose multipliers are found afterwards by non-negative
+least squares; where those leave a doubt (a gradient or an error that is neither zero nor clearly not) the
+judge says so by raising `UnsureError` rather than guess.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog, lsq_linear, nnls
+
+Floats = NDArray[np.float64]
+
+ZERO = 1e-10
+"""A number below this, relative to the size of the problem, is zero ..."""
+CLEAR = 1e-6
+"""... and one above this is not. Between the two nobody can tell from rounded data."""
+RANK = 1e-8
+"""Share of the largest singular value below which one counts as zero: the package's published rule."""
+
+
+class UnsureError(Exception):
+    """The problem is too close to a tie for its answer to be known to 1e-9 N."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The exact answer of one problem.
+
+    ``error`` is the norm of the remaining error in the policy's own metric (for "direction": ``1 - scale``,
+    or the force error where no scale keeps the direction). ``separation`` is a unit vector d with ``d·w``
+    above every reachable ``d·W t``, or zeros where the wrench is reachable.
+    """
+
+    tensions: Floats
+    wrench: Floats
+    scale: float
+    error: float
+    separation: Floats
+    reachable: bool
+
+
+@dataclass(frozen=True)
+class Box:
+    """What every step needs: limits, reference, and the size that tolerances are relative to."""
+
+    lower: Floats
+    upper: Floats
+    reference: Floats
+    size: float
+
+
+Nearest = Callable[[Floats, Floats, Box], Floats]
+"""Of the t in the box that make |V t - y| least, the one closest to the reference: ``f(V, y, box)``."""
+Furthest = Callable[[Floats, Floats, Box], float]
+"""Largest s in [0, 1] with ``W t = s w`` in the box, given that there is one: ``f(W, w, box)``."""
+
+
+def support(W: Floats, d: Floats, lower: Floats, upper: Floats) -> float:
+    """How far does the set of reachable wrenches extend along d: max of ``d·W t`` over the box, in N."""
+    gain = W.T @ d
+    return float(np.maximum(gain * lower, gain * upper).sum())
+
+
+def enumerated(W: Floats, w: Floats, box: Box, weights: Floats, nearest: str) -> Truth:
+    """Which tensions are best, by trying every pattern of limits; for up to about eight cables."""
+    return _judge(W, w, box, weights, nearest, _nearest_by_patterns, _furthest_by_patterns)
+
+
+def numeric(W: Floats, w: Floats, box: Box, weights: Floats, nearest: str) -> Truth:
+    """Which tensions are best, by numerical solvers and a polish; for any number of cables."""
+    return _judge(W, w, box, weights, nearest, _nearest_by_solvers, _furthest_by_simplex)
+
+
+def make_box(W: Floats, w: Floats, lower: Floats, upper: Floats, reference: Floats) -> Box:
+    """What size do the tolerances of this problem refer to."""
+    size = max(1.0, *(float(np.abs(x).max()) for x in (w, lower, upper, reference)))
+    return Box(lower, upper, reference, size * max(1.0, float(np.abs(W).max())))
+
+
+def solve(
+    W: Floats, w: Floats, lower: Floats, upper: Floats, reference: Floats, weights: Floats, nearest: str
+) -> Truth:
+    """Which tensions are exactly right for one problem and one policy.
+
+    Shapes (n, m), (n,), (m,), (m,), (m,), (n,). Raises `UnsureError` where that can't be known.
+    """
+    method = numeric
+    return method(W, w, make_box(W, w, lower, upper, reference), weights, nearest)
+
+
+def _judge(
+    W: Floats,
+    w: Floats,
+    box: Box,
+    weights: Floats,
+    nearest: str,
+    closest: Nearest,
+    furthest: Furthest,
+) -> Truth:
+    """Assemble and verify the answer of a policy from the two steps that a method provides."""
+    force = np.sqrt(weights)[:, None] * np.eye(len(w))
+    t = closest(force @ W, force @ w, box)
+    r = force @ (w - W @ t)
+    if _is_zero(float(np.linalg.norm(r)), box):
+        _check_closest(force @ W, force @ w, t, box)
+        return Truth(t, W @ t, 1.0, 0.0, np.zeros_like(w), reachable=True)
+    if nearest == "direction":
+        ray = Box(np.append(box.lower, 0.0), np.append(box.upper, 1.0), np.append(box.reference, 1.0), box.size)
+        on_ray = np.column_stack([W, -w])
+        if _is_zero(float(np.linalg.norm(on_ray @ closest(on_ray, np.zeros_like(w), ray))), box):
+            return _judge_direction(W, w, box, closest, furthest)
+    root = force if nearest != "tension" else _tension_metric(W)
+    if nearest == "tension":
+        t = closest(root @ W, root @ w, box)
+        r = root @ (w - W @ t)
+    _check_least(root @ W, r, t, box)
+    _check_closest(root @ W, root @ W @ t, t, box)
+    error = float(np.linalg.norm(r))
+    d = root.T @ r
+    if nearest == "tension" and _is_zero(error, box):  # only what no tension can render is missing
+        d = w - W @ t
+    return Truth(t, W @ t, float("nan"), error, d / np.linalg.norm(d), reachable=False)
+
+
+def _judge_direction(W: Floats, w: Floats, box: Box, closest: Nearest, furthest: Furthest) -> Truth:
+    s = furthest(W, w, box)
+    t = closest(W, s * w, box)
+    _check_closest(W, s * w, t, box)
+    # d with d·w = 1 that no cable can push further along: d·W_i is 0 for a cable between its limits.
+    d = _multiplier(np.vstack([W.T, w]), np.append(np.zeros_like(t), 1.0), _sides(t, box), 1.0)
+    if abs(support(W, d, box.lower, box.upper) - s) > ZERO * box.size * max(1.0, float(np.abs(d).sum())):
+        raise UnsureError("the scale is not proved to be the largest")
+    return Truth(t, W @ t, s, 1.0 - s, d / np.linalg.norm(d), reachable=False)
+
+
+def _tension_metric(W: Floats) -> Floats:
+    """Root of (W W')^+, such that root @ W has orthonormal rows."""
+    U, sigma, _ = np.linalg.svd(W, full_matrices=False)
+    keep = sigma > RANK * max(float(sigma[0]), np.finfo(float).tiny)
+    if np.any((sigma > 0.01 * RANK * sigma[0]) & (sigma < 100 * RANK * sigma[0])):
+        raise UnsureError("the rank of the structure matrix")
+    return np.asarray(U[:, keep].T / sigma[keep, None])
+
+
+def _is_zero(x: float, box: Box) -> bool:
+    if ZERO * box.size < x < CLEAR * box.size:
+        raise UnsureError(f"{x:g} is neither zero nor clearly not")
+    return x <= ZERO * box.size
+
+
+# --- Verification -----------------------------------------------------------------------------------------
+
+
+def _sides(t: Floats, box: Box) -> Floats:
+    """-1 at the lower limit, 1 at the upper, 0 between, NaN where both limits are the same."""
+    low, high = t - box.lower <= ZERO * box.size, box.upper - t <= ZERO * box.size
+    side = high.astype(float) - low
+    side[low & high] = np.nan
+    return side
+
+
+def _multiplier(rows: Floats, target: Floats, sides: Floats, size: float) -> Floats:
+    """Find x with ``rows @ x = target`` between the limits, ``<=`` at lower ones and ``>=`` at upper ones."""
+    m, n = len(sides), rows.shape[1]
+    extra = len(rows) - m
+    slack = np.vstack([-np.diag(sides), np.zeros((extra, m))])[:, ~np.isnan(sides) & (sides != 0)]
+    use = np.append(~np.isnan(sides), np.ones(extra, dtype=bool))
+    if not np.any(use):
+        return np.zeros(n)
+    matrix = np.hstack([rows, -rows, slack])[use]
+    solution, residual = nnls(matrix, target[use], maxiter=50 * matrix.shape[1])
+    if residual > 10 * ZERO * size:
+        raise UnsureError(f"no multiplier proves the answer ({residual:g})")
+    return np.asarray(solution[:n] - solution[n : 2 * n])
+
+
+def _check_least(V: Floats, r: Floats, t: Floats, box: Box) -> None:
+    """Does r = y - V t have the least norm: its pull V'r must push every free cable against a limit."""
+    pull = V.T @ r
+    unclear = (np.abs(pull) > ZERO * box.size) & (np.abs(pull) < CLEAR * box.size)
+    if np.any(unclear & (box.lower < box.upper)):
+        raise UnsureError("a cable may or may not be at its limit")
+    if np.any(np.abs(np.clip(t + pull, box.lower, box.upper) - t) > ZERO * box.size):
+        raise UnsureError("the error is not proved to be the least")
+
+
+def _check_closest(V: Floats, v: Floats, t: Floats, box: Box) -> None:
+    """Is t the point of ``V t = v`` in the box that is closest to the reference."""
+    if np.abs(V @ t - v).max(initial=0.0) > ZERO * box.size:
+        raise UnsureError("the tensions do not render the wrench")
+    if np.any(t < box.lower) or np.any(t > box.upper):
+        raise UnsureError("the tensions are not inside their limits")
+    _multiplier(V.T, t - box.reference, _sides(t, box), box.size)
+
+
+# --- First method: every pattern of limits ----------------------------------------------------------------
+
+
+def _candidates(V: Floats, y: Floats, box: Box) -> Iterator[tuple[Floats, Floats]]:
+    """Every pattern of limits: tensions (K, m) in the box, and errors (K, n) of each.
+
+    Free cables take the least-squares solution that is closest to the reference.
+    """
+    m = V.shape[1]
+    for count in range(m + 1):
+        bounds = np.array(list(product((0.0, 1.0), repeat=m - count)))
+        for subset in combinations(range(m), count):
+            free, held = np.array(subset, dtype=int), np.setdiff1d(np.arange(m), subset)
+            t = np.tile(box.reference, (len(bounds), 1))
+            t[:, held] = np.where(bounds > 0, box.upper[held], box.lower[held])
+            if count:
+                t[:, free] += (y - t @ V.T) @ np.linalg.pinv(V[:, free], rcond=1e-13).T
+            inside = np.clip(t, box.lower, box.upper)
+            t = inside[np.all(np.abs(inside - t) <= 1e-12 * box.size, axis=1)]
+            if len(t):
+                yield t, y - t @ V.T
+
+
+def _nearest_by_patterns(V: Floats, y: Floats, box: Box) -> Floats:
+    tensions, errors = (np.concatenate(parts) for parts in zip(*_candidates(V, y, box), strict=True))
+    best = errors[np.argmin(np.sum(errors**2, axis=1))]
+    tied = tensions[np.max(np.abs(errors - best), axis=1, initial=0.0) <= 1e-12 * box.size]
+    return np.asarray(tied[np.argmin(np.sum((tied - box.reference) ** 2, axis=1))])
+
+
+def _furthest_by_patterns(W: Floats, w: Floats, box: Box) -> float:
+    ray = Box(np.append(box.lower, 0.0), np.append(box.upper, 1.0), np.append(box.reference, 1.0), box.size)
+    best = -np.inf
+    for tensions, errors in _candidates(np.column_stack([W, -w]), np.zeros_like(w), ray):
+        exact = np.max(np.abs(errors), axis=1) <= 1e-12 * box.size
+        best = max(best, float(tensions[exact, -1].max(initial=-np.inf)))
+    return best
+
+
+# --- Second method: numerical solvers, then the identified equations --------------------------------------
+
+
+def _nearest_by_solvers(V: Floats, y: Floats, box: Box) -> Floats:
+    t, free = box.lower.copy(), box.upper > box.lower
+    if not np.any(free) or not len(V):
+        return np.clip(box.reference, box.lower, box.upper)
+    limits = (box.lower[free], box.upper[free])
+    t[free] = lsq_linear(V[:, free], y - V[:, ~free] @ t[~free], limits, "bvls", 1e-15, max_iter=1000).x
+    r = y - V @ t
+    if np.linalg.norm(r) > CLEAR * box.size:  # what pulls a cable keeps it at its limit
+        pull = V.T @ r
+        held = np.abs(pull) > CLEAR * box.size
+        t[held] = np.where(pull > 0, box.upper, box.lower)[held]
+        free &= ~held
+    if not np.any(free):
+        return t
+    rows, target = _independent(V[:, free], y - V[:, ~free] @ t[~free])
+    face = Box(box.lower[free], box.upper[free], box.reference[free], box.size)
+    t[free] = _project(rows, target, face)
+    return t
+
+
+def _independent(V: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Orthonormal equations with the least-squares solutions of ``V t = y``."""
+    U, sigma, rows = np.linalg.svd(V, full_matrices=False)
+    keep = sigma > 1e-13 * max(1.0, float(sigma[0]))
+    return rows[keep], (U.T @ y)[keep] / sigma[keep]
+
+
+def _project(rows: Floats, target: Floats, box: Box) -> Floats:
+    """Closest point to the reference of ``rows t = target`` in the box: DAQP, then its equations again."""
+    upper, lower = np.append(box.upper, target), np.append(box.lower, target)
+    if not len(target):
+        return np.clip(box.reference, box.lower, box.upper)
+    sense = np.append(np.zeros(len(box.upper), np.int32), np.full(len(target), 5, np.int32))
+    start, _, flag, _ = daqp.solve(
+        np.eye(len(box.upper)), -box.reference, rows, upper, lower, sense, primal_tol=1e-9 * box.size
+    )
+    if flag < 1:
+        raise UnsureError(f"DAQP stopped with {flag}")
+    side = _sides(start, Box(box.lower, box.upper, box.reference, 1e2 * box.size))
+    t, free = np.where(side > 0, box.upper, box.lower), side == 0
+    t[free] = box.reference[free]
+    t[free] += np.linalg.pinv(rows[:, free], rcond=1e-13) @ (target - rows @ t)
+    return np.asarray(np.clip(t, box.lower, box.upper))
+
+
+def _furthest_by_simplex(W: Floats, w: Floats, box: Box) -> float:
+    matrix, m = np.column_stack([W, -w]), len(box.lower)
+    lower, upper = np.append(box.lower, 0.0), np.append(box.upper, 1.0)
+    found = linprog(-np.eye(m + 1)[-1], A_eq=matrix, b_eq=np.zeros_like(w), bounds=np.stack([lower, upper], 1))
+    if not found.success:
+        raise UnsureError(found.message)
+    free = _sides(found.x, Box(lower, upper, lower, 1e2)) == 0
+    t = np.where(upper - found.x < found.x - lower, upper, lower)
+    t[free] = found.x[free]
+    t[free] -= np.linalg.pinv(matrix[:, free], rcond=1e-13) @ (matrix @ t)
+    return float(np.clip(t[-1], 0.0, 1.0))
