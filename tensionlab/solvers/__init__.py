@@ -1,0 +1,61 @@
+"""Every way to choose tensions: the table of solvers, and the names by which they are asked for."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import fields
+from typing import Any
+
+from tensionlab.errors import UnknownSolver
+from tensionlab.solvers.closed_form import ClosedForm
+from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
+from tensionlab.solvers.convex import ConvexProgram
+from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.quadratic import QuadraticProgram
+
+SOLVERS: dict[str, type[Any]] = {
+    "newton": Newton,
+    "dykstra": Dykstra,
+    "pseudoinverse": Pseudoinverse,
+    "closed-form": ClosedForm,
+    "qp": QuadraticProgram,
+    "cvxpy": ConvexProgram,
+}
+"""Solvers by name. A new one is a file and a line here."""
+
+
+def make(name: str) -> Solver:
+    """Which solver does this name mean?
+
+    Parameters
+    ----------
+    name : str
+        A name in `SOLVERS`. What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
+        ``QuadraticProgram(backend="osqp")``.
+
+    Raises
+    ------
+    UnknownSolver
+        If the name is not in the table.
+    ValueError
+        If the solver refuses the hyper-parameter.
+    """
+    family, colon, choice = name.partition(":")
+    if family not in SOLVERS:
+        close = difflib.get_close_matches(family, SOLVERS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(SOLVERS)}"
+        raise UnknownSolver(f"no solver is called {family!r}; {hint}")
+    solver_class = SOLVERS[family]
+    if not colon:
+        solver: Solver = solver_class()
+        return solver
+    names = [field.name for field in fields(solver_class)]
+    if not names:
+        raise UnknownSolver(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
+    variant: Solver = solver_class(**{names[0]: choice})
+    return variant
+
+
+__all__ = ["SOLVERS", "Answer", "Nearest", "Problem", "Solver", "Status", "make"]

@@ -1,0 +1,200 @@
+// What can be proved about an answer, whoever gave it: the measure behind every status.
+//
+// The tensions are clipped into their limits, the wrench is recomputed, and a verdict needs a certificate:
+//   EXACT    the weighted error |w - W t| is within tolerance;
+//   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every wrench
+//            that tensions inside the limits can render, and weak duality bounds the policy's best value to
+//            within tolerance of the answer's.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "linear.hpp"
+
+namespace tensionlab {
+
+enum class Verdict : std::int8_t { exact = 0, nearest = 1, iteration_limit = 2, failed = 3 };
+enum class Rule { none, force, tension, direction };
+
+inline namespace TENSIONLAB_BUILD {
+
+template <int N, int M>
+class Judge {
+ public:
+  struct Problem {
+    const double *structure, *wrench, *lower, *upper;  // structure n x m, row by row
+  };
+  struct Finding {
+    Verdict status;
+    double residual, scale;
+  };
+
+  Judge(int n, int m, const double* weights, Rule rule, double tolerance, double rank_tolerance)
+      : n_(n), m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {}
+
+  // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
+  Finding judge(const Problem& problem, double* tensions, double* rendered, double* separation) const {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    for (int i = 0; i < m_; ++i) {
+      if (!std::isfinite(tensions[i])) return fail(tensions, rendered, separation);
+      if (tensions[i] < problem.lower[i]) tensions[i] = problem.lower[i];
+      if (tensions[i] > problem.upper[i]) tensions[i] = problem.upper[i];
+    }
+    double error[N], error_square = 0, asked_square = 0;
+    for (int k = 0; k < n_; ++k) {
+      const double* row = problem.structure + k * m_;
+      rendered[k] = 0;
+      for (int i = 0; i < m_; ++i) rendered[k] += row[i] * tensions[i];
+      error[k] = problem.wrench[k] - rendered[k];
+      error_square += weights_[k] * error[k] * error[k];
+      asked_square += weights_[k] * problem.wrench[k] * problem.wrench[k];
+    }
+    Finding finding{Verdict::iteration_limit, std::sqrt(error_square), nan};
+    const double tolerance = tolerance_ * larger_of(1, std::sqrt(asked_square));
+    if (finding.residual <= tolerance) {
+      for (int k = 0; k < n_; ++k) separation[k] = 0;
+      finding.status = Verdict::exact;
+      finding.scale = 1;
+      return finding;
+    }
+    double proof[N];
+    bool proved = false;
+    if (rule_ == Rule::force) proved = nearest_force(problem, error, finding.residual, tolerance, proof);
+    if (rule_ == Rule::tension) proved = nearest_tension(problem, tensions, error, proof);
+    if (rule_ == Rule::direction) {
+      for (int k = 0; k < n_; ++k) proof[k] = separation[k];
+      proved = longest(problem, rendered, error, tolerance, proof, &finding);
+    }
+    for (int k = 0; k < n_; ++k) separation[k] = proved ? proof[k] : 0;
+    if (proved) finding.status = Verdict::nearest;
+    return finding;
+  }
+
+ private:
+  static double larger_of(double x, double y) { return x > y ? x : y; }
+
+  Finding fail(double* tensions, double* rendered, double* separation) const {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    for (int i = 0; i < m_; ++i) tensions[i] = nan;
+    for (int k = 0; k < n_; ++k) {
+      rendered[k] = nan;
+      separation[k] = 0;
+    }
+    return {Verdict::failed, nan, nan};
+  }
+
+  // d'w, h(d) and the rounding error that either may carry.
+  struct Side {
+    double wrench, support, rounding;
+    bool separates() const { return wrench - support > rounding; }
+  };
+
+  Side side(const Problem& problem, const double* d) const {
+    Side s{0, 0, 0};
+    for (int k = 0; k < n_; ++k) {
+      s.wrench += d[k] * problem.wrench[k];
+      s.rounding += std::abs(d[k] * problem.wrench[k]);
+    }
+    for (int i = 0; i < m_; ++i) {
+      double along = 0, size = 0;
+      for (int k = 0; k < n_; ++k) {
+        const double part = d[k] * problem.structure[k * m_ + i];
+        along += part;
+        size += std::abs(part);
+      }
+      s.support += along * (along > 0 ? problem.upper[i] : problem.lower[i]);
+      s.rounding += size * larger_of(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
+    }
+    s.rounding *= 16 * std::numeric_limits<double>::epsilon();
+    return s;
+  }
+
+  // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|; here d = Q r.
+  bool nearest_force(const Problem& problem, const double* error, double residual, double tolerance,
+                     double* d) const {
+    for (int k = 0; k < n_; ++k) d[k] = weights_[k] * error[k];
+    const Side s = side(problem, d);
+    return s.separates() && residual - (s.wrench - s.support) / residual <= tolerance;
+  }
+
+  // The same bound for B w and B W, whose rows are orthonormal.
+  bool nearest_tension(const Problem& problem, const double* tensions, const double* error, double* d) const {
+    double columns[N * M];
+    for (int i = 0; i < m_; ++i) {
+      for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
+    }
+    const Whitening<double, N, M> whitening(columns, n_, m_, rank_tolerance_);
+    double outside[N], size = 0, asked = 0;
+    for (int k = 0; k < n_; ++k) {
+      d[k] = 0;
+      outside[k] = problem.wrench[k];
+    }
+    for (int j = 0; j < whitening.rank; ++j) {
+      const double* row = whitening.rows[j];
+      double part = 0, wanted = 0, square = 0;
+      for (int k = 0; k < n_; ++k) {
+        part += row[k] * error[k];
+        wanted += row[k] * problem.wrench[k];
+        square += row[k] * row[k];
+      }
+      for (int k = 0; k < n_; ++k) {
+        d[k] += row[k] * part;
+        outside[k] -= row[k] * wanted / square;
+      }
+      size += part * part;
+      asked += wanted * wanted;
+    }
+    size = std::sqrt(size);
+    const double tolerance = tolerance_ * larger_of(1, std::sqrt(asked));
+    if (size > tolerance) {
+      // h(d) - d'W t is the duality gap: a sum of terms that are not negative.
+      double gap = 0;
+      for (int i = 0; i < m_; ++i) {
+        double along = 0;
+        for (int k = 0; k < n_; ++k) along += d[k] * columns[i * n_ + k];
+        gap += along * ((along > 0 ? problem.upper[i] : problem.lower[i]) - tensions[i]);
+      }
+      return side(problem, d).separates() && gap / size <= tolerance;
+    }
+    // What W can render at all is rendered; the rest of w is outside its range.
+    for (int k = 0; k < n_; ++k) d[k] = outside[k];
+    return side(problem, d).separates();
+  }
+
+  // s w is out of reach for every s > h(d) / d'w.
+  bool longest(const Problem& problem, const double* rendered, const double* error, double tolerance, double* d,
+               Finding* finding) const {
+    const Side s = side(problem, d);
+    if (!s.separates()) return false;
+    if (s.support < smaller_of(0, s.wrench) - s.rounding) {
+      double force[N];
+      return nearest_force(problem, error, finding->residual, tolerance, force);
+    }
+    double along = 0, asked = 0, off = 0;
+    for (int k = 0; k < n_; ++k) {
+      along += weights_[k] * rendered[k] * problem.wrench[k];
+      asked += weights_[k] * problem.wrench[k] * problem.wrench[k];
+    }
+    const double scale = asked > 0 ? along / asked : 0;
+    for (int k = 0; k < n_; ++k) {
+      const double miss = rendered[k] - scale * problem.wrench[k];
+      off += weights_[k] * miss * miss;
+    }
+    const bool best = (s.support / s.wrench - scale) * std::sqrt(asked) <= tolerance;
+    if (!best || std::sqrt(off) > tolerance || scale < -tolerance) return false;
+    finding->scale = scale < 0 ? 0 : scale;
+    return true;
+  }
+
+  static double smaller_of(double x, double y) { return x < y ? x : y; }
+
+  int n_, m_;
+  const double* weights_;
+  Rule rule_;
+  double tolerance_, rank_tolerance_;
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab
