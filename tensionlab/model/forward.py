@@ -69,11 +69,12 @@ def estimate(
         np.broadcast_to(position, (*batch, d)).reshape(-1, d),
         None if attachments is None else np.broadcast_to(turn, (*batch, d, d)).reshape(-1, d, d),
     )
-    found = R
-    if R is not None:
-        found = (np.arctan2(R[:, 1, 0], R[:, 0, 0]) if d == 2 else R).reshape(
-            *batch, *(() if d == 2 else (d, d))
-        )
+    if R is None:
+        found = None
+    elif d == 2:
+        found = np.arctan2(R[:, 1, 0], R[:, 0, 0]).reshape(batch)
+    else:
+        found = R.reshape(*batch, d, d)
     return PoseEstimate(p.reshape(*batch, d), found, residual.reshape(batch), iterations.reshape(batch))
 
 

@@ -1,0 +1,237 @@
+"""Rig files: nothing is lost on the way, and every mistake is named with file, module and key."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tensionlab.errors import RigError
+from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml, save_rig
+from tensionlab.model.module import KINDS, Module, Platform
+from tensionlab.model.rig import Rig
+
+RIGS = sorted((Path(__file__).parents[2] / "datasets" / "rigs").glob("*.toml"))
+GOOD = """
+name = "desk"
+kind = "point"
+home = [0.0, 0.3, 0.0]
+
+[limits]
+lower = 0.5
+upper = 6.0
+
+[[modules]]
+name = "left"
+anchor = [-0.5, 0.0, 0.0]
+
+[[modules]]
+name = "right"
+anchor = [0.5, 0.0, 0.0]
+upper = 3.0
+"""
+FLAT = GOOD.replace('"point"', '"platform"')
+finite = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1)
+
+
+@st.composite
+def rigs(draw):
+    kind = draw(st.sampled_from(list(KINDS)))
+    d, n = KINDS[kind]
+
+    def point():
+        return draw(st.lists(finite, min_size=d, max_size=d))
+
+    modules = []
+    for name in draw(st.lists(texts, min_size=1, max_size=4, unique=True)):
+        lower, upper = sorted(draw(st.tuples(st.floats(0, 1e6), st.floats(0, 1e6))))
+        optional = {
+            key: draw(st.none() | st.sampled_from([1.5, 2]) | positive)
+            for key in ("brake", "newton_per_ampere", "spool_radius")
+        }
+        attachment = point() if n > d else None
+        frame = draw(st.sampled_from(["world", "hip", "a b"]))
+        modules.append(Module(name, point(), lower, upper, attachment=attachment, frame=frame, **optional))
+    platform = None
+    if n > d and draw(st.booleans()):
+        platform = Platform(draw(positive), com=point(), inertia=np.eye(n - d) * draw(st.floats(1e-3, 1e3)))
+    elif draw(st.booleans()):
+        platform = Platform(draw(positive))
+    return Rig(
+        draw(texts), kind, tuple(modules), point(), platform, draw(st.text('a"\\\n[1.0,]')), draw(texts)
+    )
+
+
+@settings(max_examples=150, deadline=None)
+@given(rigs())
+def test_a_rig_comes_back_from_its_text(rig):
+    assert rig_from_toml(rig_to_toml(rig), source="text") == rig
+
+
+@pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
+def test_every_data_set_comes_back_from_a_file(path, tmp_path):
+    rig = load_rig(path)
+    assert rig.name == path.stem
+    assert rig.description
+    assert rig.source
+    save_rig(rig, tmp_path / "copy.toml")
+    assert load_rig(str(tmp_path / "copy.toml")) == rig
+
+
+def test_a_saved_file_reads_well():
+    text = rig_to_toml(rig_from_toml(GOOD, source="text"))
+    assert text == GOOD.lstrip().replace("upper = 6.0\n", "").replace(
+        "anchor = [-0.5, 0.0, 0.0]\n", "anchor = [-0.5, 0.0, 0.0]\nupper = 6.0\n"
+    )
+
+
+def test_a_module_overrides_the_default():
+    rig = rig_from_toml(GOOD, source="text")
+    assert rig.limits.lower.tolist() == [0.5, 0.5]
+    assert rig.limits.upper.tolist() == [6.0, 3.0]
+    assert rig.modules[0].brake is None
+
+
+def test_whole_numbers_do():
+    rig = rig_from_toml(
+        GOOD.replace("[-0.5, 0.0, 0.0]", "[-1, 0, 0]").replace("0.5\nupper", "1\nupper"), source="text"
+    )
+    assert rig.anchors[0].tolist() == [-1.0, 0.0, 0.0]
+    assert rig.limits.lower.tolist() == [1.0, 1.0]
+
+
+MISTAKES = {
+    "misspelt key": (
+        GOOD.replace("anchor", "anchro", 1),
+        ['module 1 ("left")', '"anchro"', 'did you mean "anchor"?'],
+    ),
+    "misspelt default": (GOOD.replace("lower", "lowr"), ["[limits]", '"lowr"', 'did you mean "lower"?']),
+    "misspelt top": (GOOD.replace("home", "hom"), ['"hom"', 'did you mean "home"?', '"home" is missing']),
+    "strange key": (
+        GOOD + "colour = 1",
+        ['module 2 ("right")', '"colour"', "the keys here are", "spool_radius"],
+    ),
+    "number in quotes": (
+        GOOD.replace("3.0\n", '"3.0"\n'),
+        ['module 2 ("right")', '"upper"', "'3.0'", "in N"],
+    ),
+    "truth for number": (
+        GOOD.replace("lower = 0.5", "lower = true"),
+        ["[limits]", '"lower"', "True", "in N"],
+    ),
+    "text in a point": (GOOD.replace("-0.5", '"a"'), ['module 1 ("left")', '"anchor", entry 1', "'a'"]),
+    "number for a point": (
+        GOOD.replace("[-0.5, 0.0, 0.0]", "3"),
+        ['module 1 ("left")', '"anchor" is 3', "list"],
+    ),
+    "name left out": (
+        GOOD.replace('name = "left"', ""),
+        ["module 1:", '"name" is missing', "no other module has"],
+    ),
+    "name empty": (GOOD.replace('"left"', '""'), ["module 1:", '"name"']),
+    "name a number": (GOOD.replace('"left"', "7"), ["module 1", '"name" is 7', "in quotes"]),
+    "anchor left out": (
+        GOOD.replace("anchor = [0.5, 0.0, 0.0]", ""),
+        ['module 2 ("right")', '"anchor" is missing'],
+    ),
+    "limit left out": (
+        GOOD.replace("lower = 0.5", ""),
+        ['module 1 ("left")', '"lower" is missing', "[limits]"],
+    ),
+    "twice the name": (GOOD.replace('"right"', '"left"'), ['module "left"', '"name"', "modules 1 and 2"]),
+    "lower above upper": (
+        GOOD.replace("3.0\n", "0.2\n"),
+        ['module "right"', '"lower" is 0.5', '"upper", which is 0.2'],
+    ),
+    "negative": (
+        GOOD.replace("lower = 0.5", "lower = -0.5"),
+        ['module "left"', '"lower" is -0.5', "cannot push"],
+    ),
+    "nan limit": (GOOD.replace("3.0\n", "nan\n"), ['module "right"', '"upper" is nan', "finite"]),
+    "infinite anchor": (GOOD.replace("-0.5", "-inf"), ['module "left"', '"anchor"', "-inf", "finite"]),
+    "nan home": (GOOD.replace("0.3", "nan"), ['"home"', "nan"]),
+    "flat anchor": (
+        GOOD.replace("[-0.5, 0.0, 0.0]", "[-0.5, 0.0]"),
+        ['module "left"', '"anchor" has 2', "needs 3"],
+    ),
+    "flat home": (GOOD.replace("[0.0, 0.3, 0.0]", "[0.3]"), ['"home" has 1', "needs 3"]),
+    "attachment of a point": (
+        GOOD + "attachment = [0.1, 0, 0]",
+        ['module "right"', '"attachment"', "leave it out"],
+    ),
+    "attachment left out": (FLAT, ['module 1 ("left")', '"attachment" is missing', "platform axes"]),
+    "unknown kind": (
+        GOOD.replace('"point"', '"pont"'),
+        ['"kind"', "'pont'", "planar-point, point, planar, platform"],
+    ),
+    "no module": (GOOD.split("[[", maxsplit=1)[0], ['"modules" is missing', "at least one"]),
+    "empty modules": (
+        "modules = []\n" + GOOD.split("[[", maxsplit=1)[0],
+        ['"modules" is []', "at least one"],
+    ),
+    "modules no table": (
+        "modules = [3]\n" + GOOD.split("[[", maxsplit=1)[0],
+        ['"modules", entry 1, is 3', "table"],
+    ),
+    "limits no table": (
+        "limits = 3\n" + GOOD.replace("[limits]\nlower = 0.5\nupper = 6.0", ""),
+        ['"limits" is 3'],
+    ),
+    "bad platform": (GOOD + "[platform]\nmass = -1.0", ["[platform]", '"mass" is -1.0', "above zero"]),
+    "misspelt platform": (
+        GOOD + "[platform]\nmas = 1.0",
+        ["[platform]", 'did you mean "mass"?', '"mass" is missing'],
+    ),
+    "ragged inertia": (
+        GOOD + "[platform]\nmass = 1\ninertia = [1.0]",
+        ["[platform]", '"inertia", entry 1, is 1.0'],
+    ),
+    "no TOML": (GOOD + "lower 0.5", ["not valid TOML", "line 18"]),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_named_with_file_module_and_key(text, words, tmp_path):
+    path = tmp_path / "desk.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RigError) as caught:
+        load_rig(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    for word in words:
+        assert word in message, message
+    # Not a dump of the validator's own words, and no chain of foreign exceptions above it.
+    assert "pydantic" not in message
+    assert "validation error" not in message
+    assert caught.value.__suppress_context__
+
+
+def test_the_good_file_is_good():
+    assert rig_from_toml(GOOD, source="text").m == 2
+
+
+def test_all_mistakes_of_form_are_told_at_once():
+    text = GOOD.replace("anchor", "anchro").replace("lower", "lowr")
+    with pytest.raises(RigError, match="5 problems") as caught:
+        rig_from_toml(text, source="desk.toml")
+    assert len(str(caught.value).splitlines()) == 6
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(RigError, match=r"none\.toml: no such file"):
+        load_rig(tmp_path / "none.toml")
+    with pytest.raises(RigError, match=r"cannot be read \(Is a directory\)"):
+        load_rig(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(RigError, match=r"binary\.toml: not UTF-8 text"):
+        load_rig(tmp_path / "binary.toml")
+
+
+def test_pydantic_is_imported_only_to_read_a_file():
+    code = "import sys; import tensionlab.model.files; sys.exit('pydantic' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from tensionlab.errors import ShapeError
+from tensionlab.model.limits import TensionLimits
+
+
+def test_limits_are_a_read_only_copy():
+    lower = np.array([0.5, 0.5])
+    limits = TensionLimits(lower, [6, 3])
+    lower[0] = 100.0
+    assert limits.lower.tolist() == [0.5, 0.5]
+    assert limits.upper.tolist() == [6.0, 3.0]
+    with pytest.raises(ValueError, match="read-only"):
+        limits.upper[0] = 7.0
+    with pytest.raises(AttributeError):
+        limits.lower = lower
+
+
+def test_a_cable_without_choice_is_legal():
+    assert TensionLimits([1.0], [1.0]).lower == 1.0
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "words"),
+    [
+        ([0.5, 2.0, 0.5], [6.0, 1.0, 6.0], [r"lower\[1\] = 2.0", r"upper\[1\] = 1.0"]),
+        ([0.5, np.nan], [6.0, 6.0], [r"lower\[1\] is nan"]),
+        ([0.5, 0.5], [np.inf, 6.0], [r"upper\[0\] is inf"]),
+        ([0.5, 0.5], [6.0], [r"\(2,\)", r"\(1,\)"]),
+        ([], [], ["no cable"]),
+        ([[0.5]], [[6.0]], [r"\(1, 1\)"]),
+    ],
+)
+def test_bad_limits_are_refused_by_name_and_index(lower, upper, words):
+    for word in words:
+        with pytest.raises(ShapeError, match=word):
+            TensionLimits(lower, upper)
