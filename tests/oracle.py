@@ -1,7 +1,7 @@
 """An independent judge: the exact answer of one problem, by methods that share nothing with the package.
 
-``enumerated`` tries every way of putting each cable at its lower limit, at its upper limit or between
-(3^m patterns) and keeps the best: no iteration, no multiplier, no solver. ``numeric`` uses an active-set
+`enumerated` tries every way of putting each cable at its lower limit, at its upper limit or between
+(3^m patterns) and keeps the best: no iteration, no multiplier, no solver. `solve` uses an active-set
 least-squares routine, a simplex code and DAQP, then solves the identified equations again in NumPy. Both
 answers are held against the optimality conditions, whose multipliers are found afterwards by non-negative
 least squares; where those leave a doubt (a gradient or an error that is neither zero nor clearly not) the
@@ -14,9 +14,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import combinations, product
 
-import daqp
+import daqp  # type: ignore[import-not-found]
 import numpy as np
 from numpy.typing import NDArray
+from problems import Case
 from scipy.optimize import linprog, lsq_linear, nnls
 
 Floats = NDArray[np.float64]
@@ -66,59 +67,47 @@ Furthest = Callable[[Floats, Floats, Box], float]
 """Largest s in [0, 1] with ``W t = s w`` in the box, given that there is one: ``f(W, w, box)``."""
 
 
+def _with_scale(box: Box) -> Box:
+    """The box of (t, s) for ``W t = s w``, s in [0, 1]."""
+    lower, upper, reference = (
+        np.append(x, s) for x, s in ((box.lower, 0.0), (box.upper, 1.0), (box.reference, 1.0))
+    )
+    return Box(lower, upper, reference, box.size)
+
+
 def support(W: Floats, d: Floats, lower: Floats, upper: Floats) -> float:
     """How far does the set of reachable wrenches extend along d: max of ``d·W t`` over the box, in N."""
     gain = W.T @ d
     return float(np.maximum(gain * lower, gain * upper).sum())
 
 
-def enumerated(W: Floats, w: Floats, box: Box, weights: Floats, nearest: str) -> Truth:
+def enumerated(case: Case, nearest: str) -> Truth:
     """Which tensions are best, by trying every pattern of limits; for up to about eight cables."""
-    return _judge(W, w, box, weights, nearest, _nearest_by_patterns, _furthest_by_patterns)
+    return _judge(case, nearest, _nearest_by_patterns, _furthest_by_patterns)
 
 
-def numeric(W: Floats, w: Floats, box: Box, weights: Floats, nearest: str) -> Truth:
-    """Which tensions are best, by numerical solvers and a polish; for any number of cables."""
-    return _judge(W, w, box, weights, nearest, _nearest_by_solvers, _furthest_by_simplex)
+def solve(case: Case, nearest: str) -> Truth:
+    """Which tensions are best, by numerical solvers and a polish; for any number of cables.
 
-
-def make_box(W: Floats, w: Floats, lower: Floats, upper: Floats, reference: Floats) -> Box:
-    """What size do the tolerances of this problem refer to."""
-    size = max(1.0, *(float(np.abs(x).max()) for x in (w, lower, upper, reference)))
-    return Box(lower, upper, reference, size * max(1.0, float(np.abs(W).max())))
-
-
-def solve(
-    W: Floats, w: Floats, lower: Floats, upper: Floats, reference: Floats, weights: Floats, nearest: str
-) -> Truth:
-    """Which tensions are exactly right for one problem and one policy.
-
-    Shapes (n, m), (n,), (m,), (m,), (m,), (n,). Raises `UnsureError` where that can't be known.
+    Raises `UnsureError` where that can't be known to 1e-9 N.
     """
-    method = numeric
-    return method(W, w, make_box(W, w, lower, upper, reference), weights, nearest)
+    return _judge(case, nearest, _nearest_by_solvers, _furthest_by_simplex)
 
 
-def _judge(
-    W: Floats,
-    w: Floats,
-    box: Box,
-    weights: Floats,
-    nearest: str,
-    closest: Nearest,
-    furthest: Furthest,
-) -> Truth:
+def _judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Truth:
     """Assemble and verify the answer of a policy from the two steps that a method provides."""
-    force = np.sqrt(weights)[:, None] * np.eye(len(w))
+    W, w = case.structure, case.wrench
+    sizes = [float(np.abs(x).max()) for x in (w, case.lower, case.upper, case.reference)]
+    box = Box(case.lower, case.upper, case.reference, max(1.0, *sizes) * max(1.0, float(np.abs(W).max())))
+    force = np.diag(np.sqrt(case.weights))
     t = closest(force @ W, force @ w, box)
     r = force @ (w - W @ t)
     if _is_zero(float(np.linalg.norm(r)), box):
         _check_closest(force @ W, force @ w, t, box)
         return Truth(t, W @ t, 1.0, 0.0, np.zeros_like(w), reachable=True)
     if nearest == "direction":
-        ray = Box(np.append(box.lower, 0.0), np.append(box.upper, 1.0), np.append(box.reference, 1.0), box.size)
         on_ray = np.column_stack([W, -w])
-        if _is_zero(float(np.linalg.norm(on_ray @ closest(on_ray, np.zeros_like(w), ray))), box):
+        if _is_zero(float(np.linalg.norm(on_ray @ closest(on_ray, np.zeros_like(w), _with_scale(box)))), box):
             return _judge_direction(W, w, box, closest, furthest)
     root = force if nearest != "tension" else _tension_metric(W)
     if nearest == "tension":
@@ -176,11 +165,12 @@ def _multiplier(rows: Floats, target: Floats, sides: Floats, size: float) -> Flo
     extra = len(rows) - m
     slack = np.vstack([-np.diag(sides), np.zeros((extra, m))])[:, ~np.isnan(sides) & (sides != 0)]
     use = np.append(~np.isnan(sides), np.ones(extra, dtype=bool))
-    if not np.any(use):
-        return np.zeros(n)
     matrix = np.hstack([rows, -rows, slack])[use]
-    solution, residual = nnls(matrix, target[use], maxiter=50 * matrix.shape[1])
-    if residual > 10 * ZERO * size:
+    if matrix.size:
+        solution, residual = nnls(matrix, target[use], maxiter=50 * matrix.shape[1])
+    else:  # SciPy's routine writes outside its memory
+        solution, residual = np.zeros(matrix.shape[1]), np.sqrt(np.sum(target[use] ** 2))
+    if not residual <= 10 * ZERO * size:
         raise UnsureError(f"no multiplier proves the answer ({residual:g})")
     return np.asarray(solution[:n] - solution[n : 2 * n])
 
@@ -235,9 +225,8 @@ def _nearest_by_patterns(V: Floats, y: Floats, box: Box) -> Floats:
 
 
 def _furthest_by_patterns(W: Floats, w: Floats, box: Box) -> float:
-    ray = Box(np.append(box.lower, 0.0), np.append(box.upper, 1.0), np.append(box.reference, 1.0), box.size)
     best = -np.inf
-    for tensions, errors in _candidates(np.column_stack([W, -w]), np.zeros_like(w), ray):
+    for tensions, errors in _candidates(np.column_stack([W, -w]), np.zeros_like(w), _with_scale(box)):
         exact = np.max(np.abs(errors), axis=1) <= 1e-12 * box.size
         best = max(best, float(tensions[exact, -1].max(initial=-np.inf)))
     return best
@@ -251,7 +240,8 @@ def _nearest_by_solvers(V: Floats, y: Floats, box: Box) -> Floats:
     if not np.any(free) or not len(V):
         return np.clip(box.reference, box.lower, box.upper)
     limits = (box.lower[free], box.upper[free])
-    t[free] = lsq_linear(V[:, free], y - V[:, ~free] @ t[~free], limits, "bvls", 1e-15, max_iter=1000).x
+    with np.errstate(divide="ignore", invalid="ignore"):  # a step of length zero, which it then skips
+        t[free] = lsq_linear(V[:, free], y - V[:, ~free] @ t[~free], limits, "bvls", 1e-15, max_iter=1000).x
     r = y - V @ t
     if np.linalg.norm(r) > CLEAR * box.size:  # what pulls a cable keeps it at its limit
         pull = V.T @ r
@@ -292,13 +282,14 @@ def _project(rows: Floats, target: Floats, box: Box) -> Floats:
 
 
 def _furthest_by_simplex(W: Floats, w: Floats, box: Box) -> float:
-    matrix, m = np.column_stack([W, -w]), len(box.lower)
-    lower, upper = np.append(box.lower, 0.0), np.append(box.upper, 1.0)
-    found = linprog(-np.eye(m + 1)[-1], A_eq=matrix, b_eq=np.zeros_like(w), bounds=np.stack([lower, upper], 1))
-    if not found.success:
+    ray, matrix = _with_scale(box), np.column_stack([W, -w])
+    limits = list(zip(ray.lower, ray.upper, strict=True))
+    gain = np.append(np.zeros(len(box.lower)), 1.0)
+    found = linprog(-gain, A_eq=matrix, b_eq=np.zeros_like(w), bounds=limits)
+    if found.x is None:
         raise UnsureError(found.message)
-    free = _sides(found.x, Box(lower, upper, lower, 1e2)) == 0
-    t = np.where(upper - found.x < found.x - lower, upper, lower)
-    t[free] = found.x[free]
+    x = found.x
+    free = _sides(x, Box(ray.lower, ray.upper, ray.reference, 1e2)) == 0
+    t = np.where(free, x, np.where(ray.upper - x < x - ray.lower, ray.upper, ray.lower))
     t[free] -= np.linalg.pinv(matrix[:, free], rcond=1e-13) @ (matrix @ t)
     return float(np.clip(t[-1], 0.0, 1.0))
