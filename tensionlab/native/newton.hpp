@@ -64,7 +64,6 @@ class Newton {
       control.wrench[k] = weight_roots_[k] * problem.wrench[k];
       lane<Real>(wrench_[k], l) = control.wrench[k];
       lane<Real>(dual_[k], l) = lane<Real>(centre_[k], l) = 0;
-      lane<Real>(residual_[k], l) = 0;
     }
     for (int i = 0; i < m_; ++i) {
       lane<Real>(lower_[i], l) = problem.lower[i];
@@ -87,19 +86,22 @@ class Newton {
   bool finished(int l) {
     Control& control = control_[l];
     ++control.iterations;
-    const bool tired = control.iterations >= kIterationLimit;
+    ++control.in_stage;
+    if (lane<Real>(converged_, l) != 0) return true;
+    Real d[N];
     if (control.stage == Stage::render) {
-      if (lane<Real>(converged_, l) != 0) return true;
-      if (tired || lane<Real>(separated_, l) > 0) {
-        Real d[N];
-        for (int k = 0; k < N; ++k) d[k] = lane<Real>(direction_[k], l);
-        out_of_reach(l, d);
-        control.iterations = tired ? 1 : control.iterations;
-      }
+      const bool separated = lane<Real>(separated_, l) > 0;
+      if (!separated && control.in_stage < kRenderLimit) return false;
+      for (int k = 0; k < N; ++k) d[k] = lane<Real>(direction_[k], l);
+      const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
+      if (separated && first && policy_ == Policy::direction && cut(l, d)) return false;
+      approach(l);
       return false;
     }
-    if (!tired && lane<Real>(converged_, l) == 0 && lane<Real>(settled_, l) == 0) return false;
-    return control.stage == Stage::nearest || cut(l);
+    if (lane<Real>(settled_, l) == 0 && control.in_stage < kNearestLimit) return false;
+    if (policy_ != Policy::direction || control.hopeless) return true;
+    for (int k = 0; k < N; ++k) d[k] = lane<Real>(residual_[k], l);
+    return control.iterations >= kIterationLimit || !cut(l, d);
   }
 
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
@@ -113,27 +115,28 @@ class Newton {
     return control.iterations;
   }
 
-  static constexpr int kIterationLimit = 500;
+  // Never reached in the tests' millions of problems; a problem that does keeps its best answer so far.
+  static constexpr int kRenderLimit = 100, kNearestLimit = 200, kIterationLimit = 1000;
 
  private:
-  // render: look for W t = w. nearest: as close as one can. direction: nearest to s w, with s falling.
-  enum class Stage { render, nearest, direction };
+  // render: look for W t = s w. nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
+  enum class Stage { render, nearest };
 
   // What the lanes do not share: the rare decisions, in plain numbers.
   struct Control {
     Stage stage = Stage::render;
-    int iterations = 0;
+    int iterations = 0, in_stage = 0;
     Real wrench[N] = {};      // as asked, weighted
     Real separation[N] = {};  // the best direction found so far, weighted
     Real scale = 1;           // s of the direction policy
     Real below = -1, above = 1;  // where s w was too short (if ever), and where it was still too long
+    bool hopeless = false;       // no s keeps the direction
   };
 
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr Real kConverged = 4096 * kUlp;   // of the residual, against wrench and tensions
-  static constexpr Real kSettled = 256 * kUlp;      // of the change of the residual
-  static constexpr Real kNoise = 32 * kUlp;         // of the residual, against the multiplier
   static constexpr Real kLoose = Real(1e-3);        // least pivots while the free set is still being found
+  static constexpr Real kTighten = Real(0.1);       // what a step leaves of them
   static constexpr Real kTight = 4096 * kUlp;       // least pivots to finish with
   static constexpr Real kProximal = kUlp < Real(1e-10) ? Real(1e-5) : Real(1e-2);
 
@@ -157,8 +160,9 @@ class Newton {
     }
     largest = largest > 0 ? largest : Real(1);
     lane<Real>(gain_, l) = std::sqrt(largest);
-    lane<Real>(looseness_, l) = kLoose;
-    lane<Real>(proximal_, l) = control_[l].stage == Stage::render ? Real(0) : kProximal * largest;
+    const bool render = control_[l].stage == Stage::render;
+    lane<Real>(looseness_, l) = render ? kLoose : 8 * kUlp;
+    lane<Real>(proximal_, l) = render ? Real(0) : kProximal * largest;
   }
 
   // Tensions, residual and the matrix of the step at the current dual point.
@@ -262,22 +266,24 @@ class Newton {
       error = larger(error, magnitude(residual[k]));
       change = larger(change, magnitude(V(residual[k] - residual_[k])));
     }
+    // What rounding leaves of a wrench: the multiplier of an unreachable one grows with every step.
+    const V noise = 16 * kUlp * (size_ + gain_ * gain_ * largest);
+    root_ = kRoot * slope_ + noise * norm;
+    full_step_ = magnitude(slope) <= root_ ? one : zero;
+    converged_ = error <= kConverged * size_ ? one : zero;
+    // Nearest: the residual no longer changes, and no tension could still move along it.
+    const V gap = support - wrench_along_ + slope + curvature_;
+    settled_ = (change <= 16 * noise) & (gap <= 16 * noise * norm) ? full_step_ * centred_ : zero;
     error_ = error;
     full_slope_ = slope;
     full_bend_ = bend;
-    full_step_ = magnitude(slope) <= kRoot * slope_ ? one : zero;
-    converged_ = error <= kConverged * size_ ? one : zero;
-    // Nearest: the residual no longer changes, and no tension could still move along it. (The multiplier of an
-    // unreachable wrench grows with every step, and with it the rounding of t.)
-    const V still = kSettled * size_ + kNoise * gain_ * gain_ * largest;
-    const V gap = support - wrench_along_ + slope + curvature_;
-    settled_ = (change <= still) & (gap <= still * norm) ? full_step_ * centred_ : zero;
   }
 
-  // The root of the dual slope along p: bracket it, then Newton steps, which are exact once in its piece.
+  // The root of the dual slope along p, which is piecewise linear and falls: Newton steps inside a bracket, from
+  // breakpoint to breakpoint where they leave it.
   void search() {
     const V zero = V{}, one = zero + Real(1);
-    V low = zero, low_slope = slope_, high = zero - one, high_slope = zero, step = one;
+    V low = zero, low_slope = slope_, high = zero + kFar, high_slope = zero - one, step = one;
     V slope = full_slope_, bend = full_bend_;
     auto open = (slope_ > zero) & (full_step_ == zero);
     for (int round = 0; round < kSearchRounds && any(open); ++round) {
@@ -287,11 +293,11 @@ class Newton {
       high = left ? high : step;
       high_slope = left ? high_slope : slope;
       V next = step + slope / bend;
-      const auto unbounded = high < zero;
-      const V secant = (low * high_slope - high * low_slope) / (high_slope - low_slope);
-      const auto outside = (next <= low) | (next >= high);
-      next = unbounded ? smaller(next, V(kStretch * step)) : (outside ? secant : next);
-      step = open ? next : step;
+      const auto astray = (next <= low) | (next >= high);
+      if (any(open & astray)) next = astray ? next_breakpoint(low, low_slope, high, high_slope) : next;
+      const auto inside = (next > low) & (next < high);
+      step = open ? (inside ? next : low) : step;
+      open = open & inside;
       slope = wrench_along_ - curvature_ * step;
       bend = curvature_;
       for (int i = 0; i < m_; ++i) {
@@ -301,7 +307,7 @@ class Newton {
         const auto free = (wanted > lower_[i]) & (wanted < upper_[i]);
         bend += free ? V(along_[i] * along_[i]) : zero;
       }
-      open = open & (magnitude(slope) > kRoot * slope_);
+      open = open & (magnitude(slope) > root_);
     }
     const auto full = full_step_ > zero;
     for (int k = 0; k < N; ++k) {
@@ -314,40 +320,44 @@ class Newton {
     const V lower = smaller(proximal_, larger(V(kProximalFall * proximal_), least));
     proximal_ = full & (centred_ > zero) ? lower : proximal_;
     centred_ = full_step_;
+    looseness_ = smaller(looseness_, larger(V(zero + kTight), V(kTighten * looseness_)));
     looseness_ = full ? smaller(looseness_, V(zero + kTight)) : looseness_;
   }
 
-  static constexpr int kSearchRounds = 24;
-  static constexpr Real kRoot = Real(1e-3);
-  static constexpr Real kStretch = Real(1e3);
-
-  // Lane l holds a separating direction d: begin what the policy asks for.
-  void out_of_reach(int l, const Real* d) {
-    Control& control = control_[l];
-    if (policy_ == Policy::direction) {
-      control.stage = Stage::direction;
-      for (int k = 0; k < N; ++k) control.separation[k] = d[k];
-      const Real dw = dot(d, control.wrench);
-      const Real reach = support(l, d);
-      if (dw > 0 && reach >= 0 && reach < dw) control.scale = reach / dw;
-      restart(l, control.scale);
-      return;
+  // The first breakpoint inside the bracket; where there is none the slope is linear, and its root is known.
+  V next_breakpoint(const V& low, const V& low_slope, const V& high, const V& high_slope) const {
+    const V zero = V{};
+    V first = high;
+    for (int i = 0; i < m_; ++i) {
+      const V pace = Real(1) / (along_[i] == zero ? zero + Real(1) / kFar : along_[i]);
+      const V at_lower = (lower_[i] - wanted_[i]) * pace, at_upper = (upper_[i] - wanted_[i]) * pace;
+      first = (at_lower > low) & (at_lower < first) ? at_lower : first;
+      first = (at_upper > low) & (at_upper < first) ? at_upper : first;
     }
-    control.stage = Stage::nearest;
-    if (policy_ == Policy::tension) whiten(l);
-    restart(l, 1);
+    const V root = (low * high_slope - high * low_slope) / (high_slope - low_slope);
+    return first < high ? first : root;
   }
 
-  // Aim lane l at the nearest wrench to scale * w, from the multiplier zero.
-  void restart(int l, Real scale) {
+  static constexpr int kSearchRounds = 2 * M + 8;
+  static constexpr Real kRoot = kUlp < Real(1e-10) ? Real(1e-9) : Real(1e-4);
+  static constexpr Real kFar = Real(1e30);
+
+  // Seek the reachable wrench nearest to s w.
+  void approach(int l) {
+    if (policy_ == Policy::tension) whiten(l);
+    restart(l, Stage::nearest);
+  }
+
+  // Begin a stage at the multiplier zero.
+  void restart(int l, Stage stage) {
     Control& control = control_[l];
+    control.stage = stage;
+    control.in_stage = 0;
     for (int k = 0; k < N; ++k) {
-      if (policy_ != Policy::tension) lane<Real>(wrench_[k], l) = scale * control.wrench[k];
+      if (policy_ != Policy::tension) lane<Real>(wrench_[k], l) = control.scale * control.wrench[k];
       lane<Real>(dual_[k], l) = lane<Real>(centre_[k], l) = 0;
-      lane<Real>(residual_[k], l) = 0;
     }
     prepare(l);
-    lane<Real>(looseness_, l) = 8 * kUlp;
     lane<Real>(all_free_, l) = 1;
     lane<Real>(centred_, l) = 1;
   }
@@ -368,36 +378,28 @@ class Newton {
     }
   }
 
-  // Lane l has found the wrench nearest to s w. Returns true if that ends the direction policy.
-  bool cut(int l) {
+  // d separates s w from what can be rendered: take the next s. Returns false if s can fall no further.
+  bool cut(int l, const Real* d) {
     Control& control = control_[l];
-    if (lane<Real>(converged_, l) != 0) return true;  // s w itself is reached
-    Real d[N];
-    for (int k = 0; k < N; ++k) d[k] = lane<Real>(residual_[k], l);
     const Real dw = dot(d, control.wrench), reach = support(l, d);
-    if (control.iterations >= kIterationLimit) return true;
     if (reach < (dw < 0 ? dw : Real(0))) {
-      // d separates all of the segment from 0 to w: no scale keeps the direction.
+      // d separates all of the segment from 0 to w, and the nearest wrench to w is what remains.
       for (int k = 0; k < N; ++k) control.separation[k] = d[k];
-      control.stage = Stage::nearest;
-      restart(l, 1);
-      return false;
+      control.hopeless = true;
+      control.scale = 1;
+      approach(l);
+      return true;
     }
-    Real next = (control.below + control.above) / 2;
-    if (dw > 0) {
-      if (control.below < 0) next = reach / dw;
-      control.above = control.scale;
-    } else {
-      control.below = control.scale;  // no scale will do: look in between for a direction that proves it
-      next = (control.below + control.above) / 2;
-    }
-    if (!(next < control.above)) return true;  // no further in this precision
+    // Beyond reach / dw no scale will do. If s w is too short, none will: a direction in between proves it.
+    (dw > 0 ? control.above : control.below) = control.scale;
+    const Real next = control.below < 0 ? reach / dw : (control.below + control.above) / 2;
+    if (!(next < control.above)) return false;
     if (dw > 0) {
       for (int k = 0; k < N; ++k) control.separation[k] = d[k];
     }
     control.scale = next;
-    restart(l, control.scale);
-    return false;
+    restart(l, Stage::render);
+    return true;
   }
 
   Real support(int l, const Real* d) const {
@@ -424,7 +426,7 @@ class Newton {
   V wrench_[N], dual_[N], centre_[N], residual_[N], gradient_[N], direction_[N];
   V wanted_[M], along_[M];
   V matrix_[N][N], factor_[N][N];
-  V diagonal_[N], gain_, size_, looseness_, proximal_, slope_, curvature_, wrench_along_, full_slope_, full_bend_;
+  V diagonal_[N], gain_, size_, looseness_, proximal_, slope_, curvature_, wrench_along_, full_slope_, full_bend_, root_;
   V error_, converged_, settled_, separated_, full_step_, centred_, all_free_;
   Control control_[L];
 };
