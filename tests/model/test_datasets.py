@@ -105,12 +105,14 @@ def test_the_top_module_is_two_metres_above_the_sensor():
         ("spidar-g6x4", [0.138, 0.190, 0.138]),
         ("spidar-4wire", [0.12, 0.14, 0.12]),
         ("spidar-big", [0.625, 0.54, 0.55]),
-        ("seven-modules", [3.0, 2.4, 3.0]),
+        ("cube-8", [1.0, 1.0, 1.0]),
+        ("tetra-4", [1.0, 1.0, 1.0]),
     ],
 )
-def test_boxes_have_their_published_size(name, box):
+def test_anchors_stand_at_corners_of_the_published_box(name, box):
     rig, _ = home_matrix(name)
-    np.testing.assert_allclose(np.ptp(rig.anchors, axis=0), box)
+    np.testing.assert_allclose(np.abs(rig.anchors), np.broadcast_to(np.array(box) / 2, rig.anchors.shape))
+    assert len(np.unique(rig.anchors, axis=0)) == rig.m
 
 
 @pytest.mark.parametrize("name", ["spidar-4wire", "spidar-big", "tetra-4"])

@@ -54,6 +54,19 @@ def test_the_pose_comes_back_from_the_lengths(name, batch):
     assert np.all(found.iterations < 20)
 
 
+@pytest.mark.parametrize("name", ["bartels2026-validation", "kntu-planar", "ipanema-1"])
+def test_a_far_guess_is_no_trouble_where_the_pose_is_unique(name):
+    """Guesses up to two rig sizes outside the rig; undamped or unchecked steps diverge from many of them."""
+    rig = rig_of(name)
+    rng = np.random.default_rng(1)
+    low, high = rig.anchors.min(axis=0), rig.anchors.max(axis=0)
+    size = high - low
+    position = rng.uniform(low + 0.2 * size, high - 0.2 * size, size=(300, rig.dimension))
+    guess = rng.uniform(low - 2 * size, high + 2 * size, size=(300, rig.dimension))
+    found = rig.forward_kinematics(rig.lengths(position), guess)
+    np.testing.assert_allclose(found.position, position, atol=1e-7)
+
+
 def test_anchors_that_move_with_a_body():
     rig = load_rig(RIGS / "body-mounted.toml")
     rng = np.random.default_rng(3)
