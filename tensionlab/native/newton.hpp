@@ -267,13 +267,13 @@ class Newton {
       change = larger(change, magnitude(V(residual[k] - residual_[k])));
     }
     // What rounding leaves of a wrench: the multiplier of an unreachable one grows with every step.
-    const V noise = 16 * kUlp * (size_ + gain_ * gain_ * largest);
+    const V noise = 4 * kUlp * (size_ + gain_ * gain_ * largest);
     root_ = kRoot * slope_ + noise * norm;
     full_step_ = magnitude(slope) <= root_ ? one : zero;
     converged_ = error <= kConverged * size_ ? one : zero;
     // Nearest: the residual no longer changes, and no tension could still move along it.
     const V gap = support - wrench_along_ + slope + curvature_;
-    settled_ = (change <= 16 * noise) & (gap <= 16 * noise * norm) ? full_step_ * centred_ : zero;
+    settled_ = (change <= 4 * noise) & (gap <= 4 * noise * norm) ? full_step_ * centred_ : zero;
     error_ = error;
     full_slope_ = slope;
     full_bend_ = bend;
