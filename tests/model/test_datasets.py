@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, lsq_linear
 
-from tensionlab.model.files import load_rig
+from tensionlab.model.files import load_rig, rig_from_toml
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 STANCE = {"shoulder": ([-0.2, 1.4, 0.0], None), "hip": ([-0.15, 0.95, 0.0], None)}
@@ -41,6 +41,12 @@ def closes(W):
 
 def test_every_file_is_judged_here():
     assert {path.stem for path in RIGS.glob("*.toml")} == {*CLOSED, *OPEN}
+
+
+def test_the_example_of_the_format_is_a_rig():
+    text = (RIGS.parent / "README.md").read_text(encoding="utf-8")
+    rig = rig_from_toml(text.split("```toml\n")[1].split("```")[0], source="README.md")
+    assert rig.limits.upper.tolist() == [3.0]
 
 
 @pytest.mark.parametrize(("name", "m"), CLOSED.items())
