@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 
 #include "linear.hpp"
@@ -59,15 +60,13 @@ class Judge {
       finding.scale = 1;
       return finding;
     }
-    double proof[N];
     bool proved = false;
-    if (rule_ == Rule::force) proved = nearest_force(problem, error, finding.residual, tolerance, proof);
-    if (rule_ == Rule::tension) proved = nearest_tension(problem, tensions, error, proof);
-    if (rule_ == Rule::direction) {
-      for (int k = 0; k < n_; ++k) proof[k] = separation[k];
-      proved = longest(problem, rendered, error, tolerance, proof, &finding);
+    if (rule_ == Rule::force) proved = nearest_force(problem, error, finding.residual, tolerance, separation);
+    if (rule_ == Rule::tension) proved = nearest_tension(problem, error, separation);
+    if (rule_ == Rule::direction) proved = longest(problem, rendered, error, tolerance, separation, &finding);
+    if (!proved) {
+      for (int k = 0; k < n_; ++k) separation[k] = 0;
     }
-    for (int k = 0; k < n_; ++k) separation[k] = proved ? proof[k] : 0;
     if (proved) finding.status = Verdict::nearest;
     return finding;
   }
@@ -111,36 +110,37 @@ class Judge {
     return s;
   }
 
-  // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|; here d = Q r.
+  // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tried are the
+  // proposal and Q r, which is left in d if the proposal proves nothing.
   bool nearest_force(const Problem& problem, const double* error, double residual, double tolerance,
                      double* d) const {
-    for (int k = 0; k < n_; ++k) d[k] = weights_[k] * error[k];
-    const Side s = side(problem, d);
-    return s.separates() && residual - (s.wrench - s.support) / residual <= tolerance;
+    for (int attempt = 0; attempt < 2; ++attempt) {
+      const Side s = side(problem, d);
+      double square = 0;
+      for (int k = 0; k < n_; ++k) square += d[k] * d[k] / weights_[k];
+      if (s.separates() && residual - (s.wrench - s.support) / std::sqrt(square) <= tolerance) return true;
+      for (int k = 0; k < n_; ++k) d[k] = weights_[k] * error[k];
+    }
+    return false;
   }
 
-  // The same bound for B w and B W, whose rows are orthonormal.
-  bool nearest_tension(const Problem& problem, const double* tensions, const double* error, double* d) const {
+  // In the metric (W W')^+ the length of an error r in the range of W is |B r|, and the bound for a d in that
+  // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tried are the proposal and B'B r.
+  bool nearest_tension(const Problem& problem, const double* error, double* d) const {
     double columns[N * M];
     for (int i = 0; i < m_; ++i) {
       for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
     }
     const Whitening<double, N, M> whitening(columns, n_, m_, rank_tolerance_);
-    double outside[N], size = 0, asked = 0;
-    for (int k = 0; k < n_; ++k) {
-      d[k] = 0;
-      outside[k] = problem.wrench[k];
-    }
+    double own[N] = {}, proposal[N] = {}, outside[N], size = 0, asked = 0;
+    for (int k = 0; k < n_; ++k) outside[k] = problem.wrench[k];
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
-      double part = 0, wanted = 0, square = 0;
+      const double square = dot(row, row), part = dot(row, error), wanted = dot(row, problem.wrench);
+      const double along = dot(row, d) / square;
       for (int k = 0; k < n_; ++k) {
-        part += row[k] * error[k];
-        wanted += row[k] * problem.wrench[k];
-        square += row[k] * row[k];
-      }
-      for (int k = 0; k < n_; ++k) {
-        d[k] += row[k] * part;
+        own[k] += row[k] * part;
+        proposal[k] += row[k] * along;
         outside[k] -= row[k] * wanted / square;
       }
       size += part * part;
@@ -148,19 +148,28 @@ class Judge {
     }
     size = std::sqrt(size);
     const double tolerance = tolerance_ * larger_of(1, std::sqrt(asked));
-    if (size > tolerance) {
-      // h(d) - d'W t is the duality gap: a sum of terms that are not negative.
-      double gap = 0;
-      for (int i = 0; i < m_; ++i) {
-        double along = 0;
-        for (int k = 0; k < n_; ++k) along += d[k] * columns[i * n_ + k];
-        gap += along * ((along > 0 ? problem.upper[i] : problem.lower[i]) - tensions[i]);
-      }
-      return side(problem, d).separates() && gap / size <= tolerance;
+    if (size <= tolerance) {
+      // What W can render at all is rendered; the rest of w is outside its range.
+      for (int k = 0; k < n_; ++k) d[k] = outside[k];
+      return side(problem, d).separates();
     }
-    // What W can render at all is rendered; the rest of w is outside its range.
-    for (int k = 0; k < n_; ++k) d[k] = outside[k];
-    return side(problem, d).separates();
+    for (const double* candidate : {proposal, own}) {
+      double square = 0;
+      for (int i = 0; i < m_; ++i) {
+        const double along = dot(candidate, columns + i * n_);
+        square += along * along;
+      }
+      for (int k = 0; k < n_; ++k) d[k] = candidate[k];
+      const Side s = side(problem, d);
+      if (s.separates() && size - (s.wrench - s.support) / std::sqrt(square) <= tolerance) return true;
+    }
+    return false;
+  }
+
+  double dot(const double* x, const double* y) const {
+    double sum = 0;
+    for (int k = 0; k < n_; ++k) sum += x[k] * y[k];
+    return sum;
   }
 
   // s w is out of reach for every s > h(d) / d'w.
@@ -169,7 +178,7 @@ class Judge {
     const Side s = side(problem, d);
     if (!s.separates()) return false;
     if (s.support < smaller_of(0, s.wrench) - s.rounding) {
-      double force[N];
+      double force[N] = {};
       return nearest_force(problem, error, finding->residual, tolerance, force);
     }
     double along = 0, asked = 0, off = 0;

@@ -62,6 +62,7 @@ class Newton {
         lane<Real>(structure_[i][k], l) = weight_roots_[k] * problem.structure[k * m_ + i];
       }
       control.wrench[k] = weight_roots_[k] * problem.wrench[k];
+      control.basis[k][k] = weight_roots_[k];
       lane<Real>(wrench_[k], l) = control.wrench[k];
       lane<Real>(dual_[k], l) = lane<Real>(centre_[k], l) = 0;
     }
@@ -88,20 +89,22 @@ class Newton {
     ++control.iterations;
     ++control.in_stage;
     if (lane<Real>(converged_, l) != 0) return true;
+    const bool separated = lane<Real>(separated_, l) > 0;
     Real d[N];
+    for (int k = 0; k < N; ++k) d[k] = lane<Real>(direction_[k], l);
     if (control.stage == Stage::render) {
-      const bool separated = lane<Real>(separated_, l) > 0;
       if (!separated && control.in_stage < kRenderLimit) return false;
-      for (int k = 0; k < N; ++k) d[k] = lane<Real>(direction_[k], l);
       const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
       if (separated && first && policy_ == Policy::direction && cut(l, d)) return false;
       approach(l);
       return false;
     }
     if (lane<Real>(settled_, l) == 0 && control.in_stage < kNearestLimit) return false;
-    if (policy_ != Policy::direction || control.hopeless) return true;
-    for (int k = 0; k < N; ++k) d[k] = lane<Real>(residual_[k], l);
-    return control.iterations >= kIterationLimit || !cut(l, d);
+    if (policy_ == Policy::direction && !control.hopeless) {
+      return control.iterations >= kIterationLimit || !cut(l, d);
+    }
+    if (!control.hopeless) keep(l, d);
+    return true;
   }
 
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
@@ -111,7 +114,10 @@ class Newton {
       const Real wanted = read(wanted_[i], l) + read(along_[i], l);
       tensions[i] = smaller(larger(wanted, read(lower_[i], l)), read(upper_[i], l));
     }
-    for (int k = 0; k < N; ++k) separation[k] = weight_roots_[k] * control.separation[k];
+    for (int k = 0; k < N; ++k) {
+      separation[k] = 0;
+      for (int j = 0; j < N; ++j) separation[k] += control.basis[j][k] * control.separation[j];
+    }
     return control.iterations;
   }
 
@@ -126,11 +132,12 @@ class Newton {
   struct Control {
     Stage stage = Stage::render;
     int iterations = 0, in_stage = 0;
-    Real wrench[N] = {};      // as asked, weighted
-    Real separation[N] = {};  // the best direction found so far, weighted
+    Real wrench[N] = {};      // as asked
+    Real separation[N] = {};  // the best direction found so far
     Real scale = 1;           // s of the direction policy
     Real below = -1, above = 1;  // where s w was too short (if ever), and where it was still too long
     bool hopeless = false;       // no s keeps the direction
+    Real basis[N][N] = {};       // lane coordinates = basis * wrench coordinates
   };
 
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
@@ -354,7 +361,7 @@ class Newton {
     control.stage = stage;
     control.in_stage = 0;
     for (int k = 0; k < N; ++k) {
-      if (policy_ != Policy::tension) lane<Real>(wrench_[k], l) = control.scale * control.wrench[k];
+      lane<Real>(wrench_[k], l) = control.scale * control.wrench[k];
       lane<Real>(dual_[k], l) = lane<Real>(centre_[k], l) = 0;
     }
     prepare(l);
@@ -362,20 +369,26 @@ class Newton {
     lane<Real>(centred_, l) = 1;
   }
 
+  // Lane coordinates in which the rows of W are orthonormal.
   void whiten(int l) {
+    Control& control = control_[l];
     Real columns[M * N], w[N];
-    for (int i = 0; i < m_; ++i) {
-      for (int k = 0; k < N; ++k) columns[i * N + k] = lane<Real>(structure_[i][k], l) / weight_roots_[k];
+    for (int k = 0; k < N; ++k) {
+      for (int i = 0; i < m_; ++i) columns[i * N + k] = lane<Real>(structure_[i][k], l) / weight_roots_[k];
+      w[k] = control.wrench[k] / weight_roots_[k];
     }
-    for (int k = 0; k < N; ++k) w[k] = control_[l].wrench[k] / weight_roots_[k];
     const Whitening<Real, N, M> whitening(columns, N, m_, rank_tolerance_);
     for (int r = 0; r < N; ++r) {
-      const bool real = r < whitening.rank;
-      lane<Real>(wrench_[r], l) = real ? dot(whitening.rows[r], w) : Real(0);
-      for (int i = 0; i < m_; ++i) {
-        lane<Real>(structure_[i][r], l) = real ? dot(whitening.rows[r], columns + i * N) : Real(0);
-      }
+      for (int k = 0; k < N; ++k) control.basis[r][k] = r < whitening.rank ? whitening.rows[r][k] : Real(0);
+      control.wrench[r] = dot(control.basis[r], w);
+      for (int i = 0; i < m_; ++i) lane<Real>(structure_[i][r], l) = dot(control.basis[r], columns + i * N);
     }
+  }
+
+  // d, of unit length, is the best separating direction so far.
+  void keep(int l, const Real* d) {
+    const Real length = std::sqrt(dot(d, d));
+    for (int k = 0; k < N; ++k) control_[l].separation[k] = length > 0 ? d[k] / length : Real(0);
   }
 
   // d separates s w from what can be rendered: take the next s. Returns false if s can fall no further.
@@ -384,7 +397,7 @@ class Newton {
     const Real dw = dot(d, control.wrench), reach = support(l, d);
     if (reach < (dw < 0 ? dw : Real(0))) {
       // d separates all of the segment from 0 to w, and the nearest wrench to w is what remains.
-      for (int k = 0; k < N; ++k) control.separation[k] = d[k];
+      keep(l, d);
       control.hopeless = true;
       control.scale = 1;
       approach(l);
@@ -394,9 +407,7 @@ class Newton {
     (dw > 0 ? control.above : control.below) = control.scale;
     const Real next = control.below < 0 ? reach / dw : (control.below + control.above) / 2;
     if (!(next < control.above)) return false;
-    if (dw > 0) {
-      for (int k = 0; k < N; ++k) control.separation[k] = d[k];
-    }
+    if (dw > 0) keep(l, d);
     control.scale = next;
     restart(l, Stage::render);
     return true;
