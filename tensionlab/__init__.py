@@ -9,4 +9,51 @@ from tensionlab.errors import (
     UnknownSolver,
     Unreachable,
 )
-from tensionlab.solvers import SOLVERS, Status
+from tensionlab.model.files import load_rig, save_rig
+from tensionlab.model.forward import PoseEstimate
+from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
+from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import Module, Platform
+from tensionlab.model.pose import Frame
+from tensionlab.model.rig import Rig
+from tensionlab.solvers import SOLVERS, Solver, Status
+from tensionlab.solvers.closed_form import ClosedForm
+from tensionlab.solvers.convex import ConvexProgram
+from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.quadratic import QuadraticProgram
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "SOLVERS",
+    "Allocation",
+    "Allocator",
+    "ClosedForm",
+    "ConvexProgram",
+    "Dykstra",
+    "Frame",
+    "MissingDependency",
+    "Module",
+    "Newton",
+    "Platform",
+    "PoseEstimate",
+    "Pseudoinverse",
+    "QuadraticProgram",
+    "Rig",
+    "RigError",
+    "ShapeError",
+    "Solver",
+    "Status",
+    "TensionLimits",
+    "TensionlabError",
+    "UnknownSolver",
+    "Unreachable",
+    "allocate",
+    "alternate_corners",
+    "box_corners",
+    "load_rig",
+    "ring_plus_top",
+    "save_rig",
+]
