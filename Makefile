@@ -1,0 +1,50 @@
+# What a machine needs: Python 3.11 or later, make, and a C++17 compiler. Everything else goes into .venv.
+PYTHON ?= python3
+BIN := .venv/bin
+CXX ?= c++
+RIG := datasets/rigs/bartels2026-validation.toml
+NATIVE := $(wildcard tensionlab/native/*.hpp tensionlab/native/*.cpp)
+
+.PHONY: demo test check format bench clean
+
+demo: .venv/user.stamp
+	@mkdir -p out
+	@$(BIN)/tensionlab compare $(RIG) --plot out/compare.png
+
+test: .venv/dev.stamp
+	@$(BIN)/pytest
+
+check: .venv/dev.stamp
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+	@$(BIN)/clang-format --dry-run --Werror $(NATIVE)
+
+format: .venv/dev.stamp
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+	@$(BIN)/clang-format -i $(NATIVE)
+
+bench: .venv/dev.stamp
+	@$(BIN)/python benchmarks/against_daqp.py
+
+clean:
+	rm -rf .venv build out
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "tensionlab needs Python 3.11 or later; $(PYTHON) is older. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
+	@command -v $(CXX) >/dev/null || \
+	  { echo "No C++ compiler: '$(CXX)' was not found. Install one (Debian: apt install g++; macOS: xcode-select --install)."; exit 1; }
+	@$(PYTHON) -m venv .venv || \
+	  { echo "$(PYTHON) cannot make a virtual environment. Debian and Ubuntu: apt install python3-venv."; rm -rf .venv; exit 1; }
+
+.venv/user.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
+	@echo "Installing into .venv (a minute or two the first time) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[solvers]'
+	@touch $@
+
+.venv/dev.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
+	@echo "Installing into .venv (a minute or two the first time) ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@ .venv/user.stamp

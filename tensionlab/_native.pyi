@@ -1,0 +1,31 @@
+"""The compiled kernels: what `tensionlab/native/module.cpp` defines. Arrays are checked by the callers."""
+
+from numpy import float64, int8, int64
+from numpy.typing import NDArray
+
+MAX_COMPONENTS: int
+MAX_CABLES: int
+
+def newton(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    policy: int,
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
+def judge(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    weights: NDArray[float64],
+    tensions: NDArray[float64],
+    separation: NDArray[float64],
+    rule: int,
+    tolerance: float,
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[int8], NDArray[float64]]: ...
+def instruction_set() -> str: ...
