@@ -90,8 +90,9 @@ class _Blackboard:
     """
 
     def __init__(self, n: int, m: int) -> None:
-        import cvxpy as cp
+        import cvxpy
 
+        cp: Any = cvxpy
         self.W, self.w, self.held = cp.Parameter((n, m)), cp.Parameter(n), cp.Parameter(n)
         self.root_W, self.root_w = cp.Parameter((n, m)), cp.Parameter(n)
         self.lower, self.upper, self.reference = cp.Parameter(m), cp.Parameter(m), cp.Parameter(m)
@@ -109,13 +110,13 @@ class _Blackboard:
         )
         self.furthest = cp.Problem(
             cp.Maximize(s),
-            [W @ t + self.held == s * self.w, 0 <= s, s <= 1, *limits],
+            [W @ t + self.held == s * self.w, s >= 0, s <= 1, *limits],
         )
 
 
 @lru_cache(maxsize=32)
 def _blackboard(n: int, m: int, thread: int) -> _Blackboard:
-    """Which compiled programs serve this shape; one set a thread, because their parameters are set in place."""
+    """Which compiled programs serve this shape; a set for each thread, which writes its parameters there."""
     return _Blackboard(n, m)
 
 

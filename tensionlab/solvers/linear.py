@@ -34,8 +34,7 @@ def pseudoinverse(structure: Floats) -> Floats:
     -----
     Penrose, "A generalized inverse for matrices", 1955.
     """
-    inverse: Floats = np.linalg.pinv(structure, rcond=RANK_TOLERANCE)
-    return inverse
+    return np.asarray(np.linalg.pinv(structure, rcond=RANK_TOLERANCE), dtype=np.float64)
 
 
 def independent_rows(matrix: Floats) -> tuple[Floats, Floats]:
