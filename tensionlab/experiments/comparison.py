@@ -10,15 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.allocation import Allocation, allocate
+from tensionlab.allocation import Allocation, Allocator
+from tensionlab.errors import ShapeError
 from tensionlab.experiments import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import SOLVERS, make
 from tensionlab.solvers.contract import POLICIES, Floats, Nearest, Status
-from tensionlab.solvers.quadratic import BACKENDS, installed
+from tensionlab.solvers.quadratic import BACKENDS, installed_backends
 
 TIMED_CALLS = 200
 """At most so many vectors are timed one by one, evenly spread over the set."""
+
+TURN = 10
+"""Calls that one solver makes before the next one has its turn."""
 
 
 Run = tuple[str, Nearest | None]
@@ -45,9 +49,9 @@ class Row:
         Largest difference of a tension to the exact optimum of the same policy, in N. For a solver without a
         policy, over the vectors within reach only: out of reach it promises nothing to compare with.
     call_median_s, call_p99_s : float
-        Time of `allocate` for one vector, measuring and proving included: median and 99 % quantile.
+        Time of one `Allocator` call for one vector, measuring and proving included: median, 99 % quantile.
     batch_s : float
-        Time of `allocate` for all vectors at once, divided by their number.
+        Time of one `Allocator` call for all vectors, divided by their number.
     """
 
     solver: str
@@ -81,8 +85,6 @@ class Comparison:
         Structure matrix there.
     wrenches : (K, n) array
         Desired wrenches in N (and N·m).
-    dimension : int
-        How many components of a wrench, the first, are forces.
     rows : tuple of Row
         One a solver and policy.
     allocations : tuple of Allocation
@@ -95,7 +97,6 @@ class Comparison:
     position: Floats
     structure: Floats
     wrenches: Floats
-    dimension: int
     rows: tuple[Row, ...]
     allocations: tuple[Allocation, ...]
     missing: tuple[str, ...]
@@ -129,7 +130,7 @@ def plan(solvers: Sequence[str] | None = None, nearest: Nearest | None = None) -
         raise ValueError(f"nearest={nearest!r}: choose one of {', '.join(POLICIES)}")
     names, missing = list(solvers or ()), []
     if solvers is None:
-        there = installed()
+        there = installed_backends()
         for name in SOLVERS:
             if name == "qp":
                 names += [f"qp:{backend}" for backend in BACKENDS if backend in there]
@@ -147,7 +148,7 @@ def plan(solvers: Sequence[str] | None = None, nearest: Nearest | None = None) -
             runs.append((name, nearest))
         elif solvers is not None:
             can = f"it honours {', '.join(honoured)}" if honoured else "it honours no policy"
-            raise ValueError(f"solver {name} cannot answer nearest={nearest!r}; {can}")
+            raise ValueError(f"solver {name} cannot honour nearest={nearest!r}; {can}")
     return runs, missing
 
 
@@ -163,9 +164,9 @@ def compare(
 ) -> Comparison:
     """Which solver to trust on this rig: all of them on the same forces, measured alike.
 
-    Every row is the same `allocate`, so the same measure and the same proof. The exact optimum that `gap_max`
-    refers to is newton's answer for the same policy. Calls are timed interleaved, one vector through all
-    solvers before the next vector, so that a slow moment of the machine hits all of them.
+    Every row is the same `Allocator`, so the same measure and the same proof. The optimum that `gap_max`
+    refers to is newton's answer for the same policy. The solvers are timed in turns of a few calls, so that a
+    slow moment of the machine hits all of them.
 
     Parameters
     ----------
@@ -193,44 +194,48 @@ def compare(
     """
     runs, missing = plan(solvers, nearest)
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
-    structure = rig.structure_matrix(place)
-    dimension = len(place)
+    structure = rig.structure_matrix(place, frames=at_rest(rig))
     if directions is None:
-        directions = direction_sets.grid18() if dimension == 3 else direction_sets.circle()
+        directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
+    if not (np.isfinite(magnitude) and magnitude > 0):
+        raise ShapeError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
     forces = magnitude * np.asarray(directions, dtype=np.float64)
-    wrenches = direction_sets.forces(forces, rig.n, dimension)
+    wrenches = direction_sets.forces(forces, rig.n, rig.dimension)
+    allocators = [Allocator(rig.limits, make(name), nearest=policy) for name, policy in runs]
 
-    instances = {name: make(name) for name, _ in runs}
-
-    def solve(run: Run, wrench: Floats) -> tuple[Allocation, float]:
+    def seconds(allocator: Allocator, wrench: Floats) -> float:
         start = time.perf_counter()
-        answer = allocate(structure, wrench, rig.limits, solver=instances[run[0]], nearest=run[1])
-        return answer, time.perf_counter() - start
+        allocator(structure, wrench)
+        return time.perf_counter() - start
 
     chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), TIMED_CALLS)).astype(int))
     steps = len(runs) + len(chosen)
     allocations, batch = [], []
-    for done, run in enumerate(runs, start=1):
+    for done, allocator in enumerate(allocators, start=1):
         # The answers themselves are the warm-up: what is timed is always a repeated call.
-        allocations.append(solve(run, wrenches)[0])
-        batch.append(solve(run, wrenches)[1] / len(wrenches))
+        allocations.append(allocator(structure, wrenches))
+        batch.append(seconds(allocator, wrenches) / len(wrenches))
         if progress:
             progress(done / steps)
-    calls = np.full((len(chosen), len(runs)), np.nan)
-    for done, index in enumerate(chosen):
-        for column, run in enumerate(runs):
-            calls[done, column] = solve(run, wrenches[index])[1]
+    calls = np.empty((len(chosen), len(runs)))
+    for first in range(0, len(chosen), TURN):
+        for column, allocator in enumerate(allocators):
+            allocator(
+                structure, wrenches[chosen[first]]
+            )  # what the others left in the caches is not its fault
+            for call in range(first, min(first + TURN, len(chosen))):
+                calls[call, column] = seconds(allocator, wrenches[chosen[call]])
         if progress:
-            progress((len(runs) + done + 1) / steps)
+            progress((len(runs) + min(first + TURN, len(chosen))) / steps)
 
     optima = {
-        policy: allocate(structure, wrenches, rig.limits, solver="newton", nearest=policy)
+        policy: Allocator(rig.limits, "newton", nearest=policy)(structure, wrenches)
         for policy in {policy or POLICIES[0] for _, policy in runs}
     }
     rows = []
     for column, (name, policy) in enumerate(runs):
         found = allocations[column]
-        angle = angles(wrenches[:, :dimension], found.wrench[:, :dimension])
+        angle = angles(wrenches[:, : rig.dimension], found.wrench[:, : rig.dimension])
         optimum = optima[policy or POLICIES[0]]
         comparable = optimum.status == Status.EXACT if policy is None else np.full(len(wrenches), True)
         row = Row(
@@ -251,9 +256,12 @@ def compare(
             batch_s=batch[column],
         )
         rows.append(row)
-    return Comparison(
-        rig, place, structure, wrenches, dimension, tuple(rows), tuple(allocations), tuple(missing)
-    )
+    return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), tuple(missing))
+
+
+def at_rest(rig: Rig) -> dict[str, tuple[Floats, None]]:
+    """Where body frames are when nothing moves them: at the origin of the world, not turned."""
+    return {name: (np.zeros(rig.dimension), None) for name in rig.frames}
 
 
 def angles(desired: Floats, rendered: Floats) -> Floats:

@@ -79,8 +79,8 @@ def write_parquet(path: str | Path, rows: Sequence[Mapping[str, Any]], manifest:
         If pyarrow is not installed.
     """
     try:
-        import pyarrow as pa  # noqa: PLC0415 - slow to import, and only needed for a file
-        import pyarrow.parquet as pq  # noqa: PLC0415
+        import pyarrow as pa
+        import pyarrow.parquet as pq
     except ImportError as error:
         raise MissingDependency("writing Parquet needs pyarrow: pip install pyarrow") from error
     table = pa.Table.from_pylist([dict(row) for row in rows])

@@ -1,0 +1,309 @@
+"""Pictures of results, always to a file. The only importer of matplotlib; nothing is solved while drawing.
+
+Pictures are byte-stable: the same result makes the same file, without dates in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensionlab.errors import MissingDependency, ShapeError
+from tensionlab.solvers.contract import TOLERANCE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+    from tensionlab.experiments.comparison import Comparison, Row
+    from tensionlab.model.rig import Rig
+
+STYLE = Path(__file__).with_name("tensionlab.mplstyle")
+BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
+POLICY_LOOK = {
+    "force": (BLUE, "o", -0.25),
+    "tension": (ORANGE, "s", 0.0),
+    "direction": (GREEN, "^", 0.25),
+    None: (GREY, "D", 0.0),
+}
+"""Colour, marker and place within the solver's row."""
+
+STATUS_LOOK = [
+    ("exact", "exact", "#5A5A5A"),
+    ("nearest_count", "proved out of reach", "#BBBBBB"),
+    ("iteration_limit", "neither proved", RED),
+    ("failed", "failed", "#000000"),
+]
+METADATA: dict[str, dict[str, Any]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+"""By suffix, what must be left out for the same result to make the same file."""
+
+CABLE = "#C8C8C8"
+HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+FLOOR = 1e-12
+"""Errors below are drawn here, in N: rounding, not a difference between solvers."""
+
+
+def plot_comparison(comparison: Comparison, path: str | Path) -> None:
+    """Draw which forces a rig renders, and which solver gets there at what cost.
+
+    Left: desired forces (blue circles) and the error of what the first row's solver rendered (red lines),
+    between the directions of the cables. Right, a line per solver: statuses, largest error, largest angle
+    error, time of a call.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    path : path
+        The suffix chooses the format: png, pdf or svg.
+
+    Raises
+    ------
+    ShapeError
+        If the suffix is no such format.
+    """
+    rows, spatial = comparison.rows, comparison.rig.dimension == 3
+    names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]
+    lines = [names.index(row.solver) + POLICY_LOOK[row.nearest][2] for row in rows]
+    count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
+    with _figure(path, (14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
+        left, right = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
+        policy = f", nearest in {rows[0].nearest}" if rows[0].nearest else ""
+        left.suptitle(f"Rendered by {rows[0].solver}{policy}", fontweight="bold")
+        views = [(0, 1), (0, 2)] if spatial else [(0, 1)]
+        for axes, view in zip(np.atleast_1d(left.subplots(len(views), 1)), views, strict=True):
+            _draw_forces(axes, comparison, view)
+        _legend(left, 3, [
+            ("desired force", {"color": BLUE, "marker": "o", "fillstyle": "none", "ls": ""}),
+            ("error", {"color": RED}),
+            ("cable direction", {"color": CABLE, "linewidth": 1.6}),
+        ])  # fmt: skip
+
+        right.suptitle(
+            f"{comparison.rig.name}: {count} forces of {size:.3g} N, by solver and policy", fontweight="bold"
+        )
+        panels = right.subplots(1, 4, sharey=True)
+        panels[0].set_yticks(range(len(names)), names)
+        panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
+        _draw_statuses(panels[0], rows, lines)
+        panels[0].set(xlabel="forces", xlim=(0, count))
+        for line in range(len(names) - len(comparison.missing), len(names)):
+            panels[0].text(0.02 * count, line, "not installed", va="center", color=GREY, style="italic")
+        errors = [max(row.residual_max, FLOOR) for row in rows]
+        _draw_points(panels[1], rows, lines, errors)
+        panels[1].axvspan(FLOOR / 10, TOLERANCE, color="#F2F2F2", zorder=0)
+        panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
+        panels[1].set(
+            xscale="log", xlabel="largest error (N)", xlim=(FLOOR / 10, 10 * np.nanmax([1, *errors]))
+        )
+        _draw_points(panels[2], rows, lines, [row.angle_max_deg for row in rows])
+        # Linear below 1 degree: 0 and 180 degrees on one axis.
+        panels[2].set_xscale("symlog", linthresh=1.0)
+        panels[2].set(xlabel="largest angle error (°)", xlim=(-0.15, 260))
+        panels[2].set_xticks([0, 1, 10, 90], ["0", "1", "10", "90"])
+        microseconds = [1e6 * row.call_median_s for row in rows]
+        _draw_points(panels[3], rows, lines, microseconds)
+        for row, line, median in zip(rows, lines, microseconds, strict=True):
+            colour = POLICY_LOOK[row.nearest][0]
+            panels[3].plot([median, 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
+            panels[3].plot(
+                1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6
+            )
+        panels[3].set(xscale="log", xlabel="time of a call (µs)")
+        for axes in panels:
+            axes.tick_params(axis="y", length=0)
+            axes.spines["left"].set_visible(False)
+            axes.grid(axis="x")
+            for line in range(1, len(names)):
+                axes.axhline(line - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
+        _legend(right, 5, [
+            *(
+                (word, {"color": colour, "linewidth": 6})
+                for key, word, colour in STATUS_LOOK
+                if any(getattr(row, key) for row in rows)
+            ),
+            *(
+                (f"nearest in {name}" if name else "no policy", {"color": colour, "marker": marker, "ls": ""})
+                for name, (colour, marker, _) in POLICY_LOOK.items()
+                if any(row.nearest == name for row in rows)
+            ),
+            ("one call: median to 99 %", {"color": GREY, "marker": "o", "markevery": [0]}),
+            ("each in a batch", {"color": GREY, "marker": "|", "ls": "", "mew": 1.6}),
+        ])  # fmt: skip
+
+
+def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> None:
+    """Desired forces, errors and cable directions, seen along the third axis."""
+    rig = comparison.rig
+    wanted = comparison.wrenches[:, view]
+    got = comparison.allocations[0].wrench[:, view]
+    reach = float(np.linalg.norm(comparison.wrenches, axis=1).max())
+    labels: dict[tuple[int, int], list[str]] = {}
+    for module, direction in zip(rig.modules, comparison.structure[list(view)].T, strict=True):
+        length = float(np.linalg.norm(direction))
+        # A cable that runs along the line of sight is a point; any other runs out of the cloud of forces.
+        tip = direction * (1.25 * reach / length if length > 0.1 else 0.0)
+        axes.plot([0, tip[0]], [0, tip[1]], color=CABLE, linewidth=1.6, zorder=1)
+        x, y = (round(part) for part in 20 * tip / reach)
+        labels.setdefault((x, y), []).append(module.name)
+    for (x, y), together in labels.items():
+        axes.annotate(
+            ", ".join(together), (x * reach / 20, y * reach / 20), xytext=(0.2 * x, 0.2 * y or 9),
+            textcoords="offset points", va="center" if abs(y) < 20 else "bottom" if y > 0 else "top",
+            ha="center" if abs(x) < 8 else "left" if x > 0 else "right",
+            color="#444444", fontsize=8.5, zorder=5, bbox=HALO,
+        )  # fmt: skip
+    near = np.full(len(wanted), True)
+    if rig.dimension == 3:
+        near = comparison.wrenches[:, 3 - sum(view)] >= -1e-9 * reach
+        axes.set_title("from the front (along −z)" if view == (0, 1) else "from above (along −y)")
+    for half, alpha in ((~near, 0.4), (near, 1.0)):
+        axes.plot(
+            *wanted[half].T, linestyle="", marker="o", markersize=4.2, fillstyle="none", color=BLUE,
+            markeredgewidth=0.9, alpha=alpha, zorder=3,
+        )  # fmt: skip
+    missed = np.linalg.norm(got - wanted, axis=1) > TOLERANCE
+    for start, end in zip(wanted[missed], got[missed], strict=True):
+        axes.plot([start[0], end[0]], [start[1], end[1]], color=RED, linewidth=1.6, zorder=4)
+    axes.set(aspect="equal", xlim=(-1.75 * reach, 1.75 * reach), ylim=(-1.5 * reach, 1.5 * reach))
+    axes.set(xlabel=f"{'xyz'[view[0]]} (N)", ylabel=f"{'xyz'[view[1]]} (N)")
+    axes.grid()
+    if view == (0, 2):
+        axes.invert_yaxis()  # seen from above, x points right and z towards the viewer's feet
+
+
+def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> None:
+    """Draw how the forces of each row ended, as a bar."""
+    for row, line in zip(rows, lines, strict=True):
+        start = 0
+        for key, _, colour in STATUS_LOOK:
+            axes.barh(line, getattr(row, key), left=start, height=0.2, color=colour)
+            start += getattr(row, key)
+
+
+def _draw_points(axes: Axes, rows: Sequence[Row], lines: Sequence[float], values: Sequence[float]) -> None:
+    """Draw one marker a row."""
+    for row, line, value in zip(rows, lines, values, strict=True):
+        colour, marker, _ = POLICY_LOOK[row.nearest]
+        axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
+
+
+def plot_rig(rig: Rig, path: str | Path) -> None:
+    """Draw where a rig's modules stand and how its cables run at home, to scale.
+
+    The y axis points up, as in the data of the haptic rigs; z does where the description says "Z is up".
+    Body frames are drawn at the origin of the world, and a planar rig in its plane.
+
+    Parameters
+    ----------
+    rig : Rig
+    path : path
+        The suffix chooses the format: png, pdf or svg.
+
+    Raises
+    ------
+    ShapeError
+        If the suffix is no such format.
+    """
+    spatial = rig.dimension == 3
+    ends = rig.home + rig.attachments
+    with _figure(path, (7.5, 7.0)) as figure:
+        axes = figure.add_subplot(projection="3d" if spatial else None)
+        everything = np.concatenate([rig.anchors, ends])
+        low, high = everything.min(axis=0), everything.max(axis=0)
+        # Room for the names between the anchors and the axes.
+        margin = np.full(rig.dimension, (0.2 if spatial else 0.1) * float((high - low).max()))
+        if spatial:
+            up = 2 if "z is up" in rig.description.lower() else 1
+            margin[up] /= 4
+        for name, lowest, highest in zip("xyz", low - margin, high + margin, strict=False):
+            axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})
+        if spatial:
+            axes.view_init(
+                elev=18, azim=-62, vertical_axis="xyz"[up]
+            )  # before the aspect, which depends on it
+            axes.set_box_aspect(high - low + 2 * margin, zoom=0.85)
+            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+                axis.set_pane_color("white")
+                axis.labelpad = 10
+                axes.locator_params(nbins=4)
+            for anchor in rig.anchors:  # a thread to the floor shows where an anchor is
+                foot = anchor.copy()
+                foot[up] = low[up] - margin[up]
+                axes.plot(*zip(anchor, foot, strict=True), color="#BBBBBB", linewidth=0.8, linestyle=":")
+        else:
+            axes.set_aspect("equal")
+            axes.grid()
+        for anchor, end in zip(rig.anchors, ends, strict=True):
+            axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=1.1)
+            axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
+        riding = np.array([module.frame in rig.frames for module in rig.modules])
+        axes.plot(*rig.anchors[~riding].T, linestyle="", marker="s", markersize=6, color=BLUE)
+        axes.plot(*rig.anchors[riding].T, linestyle="", marker="s", markersize=6, color=ORANGE)
+        axes.plot(*([part] for part in rig.home), linestyle="", marker="o", markersize=6, color=RED)
+        _label_anchors(axes, rig)
+        figure.suptitle(rig.name, fontweight="bold")
+        _legend(figure, 4, [
+            ("module", {"color": BLUE, "marker": "s", "ls": ""}),
+            *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if riding.any() else []),
+            ("cable", {"color": GREY, "linewidth": 1.1}),
+            ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
+        ])  # fmt: skip
+
+
+def _label_anchors(axes: Any, rig: Rig) -> None:
+    """Write the modules' names beside their anchors, one label where they nearly coincide."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    points = np.vstack([rig.anchors, rig.home])
+    if rig.dimension == 3:
+        x, y, _ = proj3d.proj_transform(*points.T, axes.get_proj())
+        points = np.column_stack([x, y])
+    points, home = points[:-1], points[-1]
+    near = 0.05 * float(np.ptp(points, axis=0).max())
+    left = list(range(rig.m))
+    while left:
+        together = [index for index in left if np.linalg.norm(points[index] - points[left[0]]) <= near]
+        left = [index for index in left if index not in together]
+        place = points[together].mean(axis=0)
+        outward = (place - home) / (np.linalg.norm(place - home) + 1e-12)
+        axes.annotate(
+            ", ".join(rig.modules[index].name for index in together), place, xytext=10 * outward,
+            textcoords="offset points", color="#222222", zorder=10, bbox=HALO,
+            ha="center" if abs(outward[0]) < 0.5 else "left" if outward[0] > 0 else "right",
+            va="center" if abs(outward[1]) < 0.5 else "bottom" if outward[1] > 0 else "top",
+        )  # fmt: skip
+
+
+def _legend(figure: SubFigure, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
+    """Put a legend below the pictures."""
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+
+
+@contextmanager
+def _figure(path: str | Path, size: tuple[float, float]) -> Iterator[Figure]:
+    """Make a figure in the house's style, written without dates or versions when the block ends."""
+    metadata = METADATA.get(Path(path).suffix.lower())
+    if metadata is None:
+        raise ShapeError(f"{path}: pictures end in {', '.join(METADATA)}")
+    try:
+        from matplotlib import style
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingDependency("pictures need matplotlib: pip install matplotlib") from error
+    with style.context(STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        figure.savefig(path, metadata=metadata)
