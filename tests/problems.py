@@ -102,10 +102,10 @@ def _bent_structure(draw: Any, rng: np.random.Generator, n: int, m: int) -> Floa
 
 
 @st.composite
-def cases(draw: Any, n: int | None = None, m: int | None = None) -> Case:
+def cases(draw: Any, n: int | None = None, m: int | None = None, largest: int = 12) -> Case:
     """Draw one problem: any rank, any share of cables without room to move, in reach or not."""
     n = draw(st.sampled_from([2, 3, 6])) if n is None else n
-    m = draw(st.integers(1, 12)) if m is None else m
+    m = draw(st.integers(1, largest)) if m is None else m
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     W = _grid_structure(draw, n, m) if draw(st.booleans()) else _bent_structure(draw, rng, n, m)
     lower = np.array(draw(st.lists(st.sampled_from([0.0, 0.5, 1.0]), min_size=m, max_size=m)))

@@ -1,0 +1,112 @@
+"""Who may import whom, read off the imports; and that `import tensionlab` stays light."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "tensionlab"
+
+# Rooms that each room may enter, besides itself and `errors`.
+ALLOWED = {
+    "errors": set(),
+    "model": set(),
+    "solvers": {"_native"},
+    "allocation": {"solvers", "_native"},
+    "workspace": {"model", "allocation", "solvers", "_native"},
+    "hardware": {"model", "allocation", "_native"},
+    "haptics": {"model"},
+    "experiments": {"model", "solvers", "allocation", "workspace", "hardware", "haptics"},
+    "plots": {"model", "solvers", "allocation", "workspace", "experiments"},
+    "cli": {"model", "solvers", "allocation", "workspace", "hardware", "haptics", "experiments", "plots"},
+    "__init__": {"model", "solvers", "allocation", "workspace", "hardware", "haptics"},
+    "__main__": {"cli"},
+}
+# One door for each third party, by file or folder of the package.
+DOORS = {
+    "qpsolvers": {"solvers/quadratic.py"},
+    "osqp": {"solvers/quadratic.py"},
+    "clarabel": {"solvers/quadratic.py"},
+    "cvxpy": {"solvers/convex.py"},
+    "serial": {"hardware/link.py"},
+    "matplotlib": {"plots.py"},
+    "mpl_toolkits": {"plots.py"},
+}
+NATIVE = {"solvers/newton.py", "allocation.py", "workspace/wrench_set.py", "hardware/simulated.py"}
+HEAVY = (
+    "cvxpy",
+    "matplotlib",
+    "xarray",
+    "qpsolvers",
+    "osqp",
+    "clarabel",
+    "pyarrow",
+    "scipy.optimize",
+    "pydantic",
+)
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+NAMES = [path.relative_to(PACKAGE).as_posix() for path in FILES]
+
+
+def imported(tree: ast.Module) -> Iterator[str]:
+    """Full names of all modules that a file imports at run time, wherever in the file."""
+    typing_only = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+        for statement in node.body
+        for inner in ast.walk(statement)
+    }
+    for node in ast.walk(tree):
+        if id(node) in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "relative import"
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def imports_of(name: str) -> list[str]:
+    return list(imported(ast.parse((PACKAGE / name).read_text())))
+
+
+def room(name: str) -> str:
+    return name.partition("/")[0].removesuffix(".py")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rooms(name: str) -> None:
+    allowed = ALLOWED[room(name)] | {room(name), "errors"}
+    for module in imports_of(name):
+        package, _, rest = module.partition(".")
+        if package == "tensionlab":
+            assert rest.partition(".")[0] in allowed, f"{name} imports {module}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_third_parties_have_one_door(name: str) -> None:
+    for module in imports_of(name):
+        doors = DOORS.get(module.split(".")[0])
+        assert doors is None or name in doors, f"{name} imports {module}"
+        if module.startswith("tensionlab._native"):
+            assert name in NATIVE, f"{name} imports {module}"
+
+
+def test_the_rules_see_the_package() -> None:
+    assert {"allocation.py", "errors.py", "solvers/newton.py", "model/rig.py"} <= set(NAMES)
+    assert "qpsolvers" in imports_of("solvers/quadratic.py")
+    assert "tensionlab._native" in imports_of("solvers/newton.py")
+
+
+@pytest.mark.parametrize("statement", ["import tensionlab", "import tensionlab.cli"])
+def test_import_stays_light(statement: str) -> None:
+    script = f"import sys; {statement}; print([name for name in {HEAVY!r} if name in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"

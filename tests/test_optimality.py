@@ -1,0 +1,117 @@
+"""Is newton exactly right: 2,000 random problems, three policies, against the independent judge."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from oracle import Truth, UnsureError, enumerated, solve, support
+from problems import Case, cases, one, random_case, random_cases
+
+import tensionlab as tl
+from tensionlab.solvers.contract import POLICIES
+
+SHAPES = [
+    *((2, m) for m in (2, 3, 4, 6)),
+    *((3, m) for m in (2, 3, 4, 5, 6, 7, 8, 12)),
+    *((6, m) for m in (4, 6, 7, 8, 9, 10, 11, 12)),
+]
+COUNT = 100
+PRECISION = 1e-7  # N
+
+
+def judged(case: Case, nearest: str) -> Truth | None:
+    try:
+        return solve(case, nearest)
+    except UnsureError:
+        return None
+
+
+@pytest.mark.parametrize("nearest", POLICIES)
+@pytest.mark.parametrize(("n", "m"), SHAPES)
+def test_newton_is_exact(n: int, m: int, nearest: str) -> None:
+    batch = random_cases(1000 * n + m, n, m, COUNT)
+    if m % 2:  # every other shape weighs all components alike
+        batch = replace(batch, weights=np.ones(n))
+    found = tl.allocate(
+        batch.structure,
+        batch.wrench,
+        batch.limits,
+        reference=batch.reference,
+        nearest=nearest,
+        wrench_weights=batch.weights,
+    )
+    truths = [judged(one(batch, i), nearest) for i in range(COUNT)]
+    known = np.array([truth is not None for truth in truths])
+    assert known.sum() >= 0.98 * COUNT
+    sure = [truth for truth in truths if truth is not None]
+
+    assert np.abs(found.tensions[known] - [t.tensions for t in sure]).max() <= PRECISION
+    assert np.abs(found.wrench[known] - [t.wrench for t in sure]).max() <= PRECISION
+    np.testing.assert_allclose(found.scale[known], [t.scale for t in sure], rtol=0, atol=PRECISION)
+    expected = [tl.Status.EXACT if t.reachable else tl.Status.NEAREST for t in sure]
+    np.testing.assert_array_equal(found.status[known], expected)
+
+
+def test_the_problems_are_of_every_kind() -> None:
+    # A sample without unreachable wrenches, or without scales between, would prove nothing.
+    truths = [judged(one(random_cases(7, 3, 6, 200), i), "direction") for i in range(200)]
+    sure = [t for t in truths if t is not None]
+    assert sum(t.reachable for t in sure) > 50
+    assert sum(0.01 < t.scale < 0.99 for t in sure) > 30
+    assert sum(np.isnan(t.scale) for t in sure) > 10
+
+
+def agree(case: Case, nearest: str) -> bool:
+    """Whether both judges are sure; fails if they are and differ, or if a direction does not separate."""
+    try:
+        first, second = enumerated(case, nearest), solve(case, nearest)
+    except UnsureError:
+        return False
+    assert first.reachable == second.reachable
+    assert np.abs(first.tensions - second.tensions).max() <= 1e-9
+    np.testing.assert_allclose(first.scale, second.scale, rtol=0, atol=1e-9)
+    for truth in (first, second):
+        d = truth.separation
+        if not truth.reachable:
+            assert d @ case.wrench > support(case.structure, d, case.lower, case.upper)
+    return True
+
+
+@pytest.mark.parametrize("nearest", POLICIES)
+def test_the_two_judges_agree(nearest: str) -> None:
+    rng = np.random.default_rng(3)
+    shapes = [(n, m) for n in (2, 3, 6) for m in range(1, 7) for _ in range(10)]
+    sure = sum(agree(random_case(rng, n, m), nearest) for n, m in shapes)
+    assert sure >= 0.97 * len(shapes)
+
+
+@settings(max_examples=60)
+@given(case=cases(largest=6))
+def test_the_two_judges_agree_on_awkward_problems(case: Case) -> None:
+    for nearest in POLICIES:
+        agree(case, nearest)
+
+
+@settings(max_examples=400)
+@given(case=cases())
+def test_newton_is_exact_on_awkward_problems(case: Case) -> None:
+    # Parallel and absent cables, cables without play, singular and nearly singular matrices, n > m.
+    for nearest in POLICIES:
+        truth = judged(case, nearest)
+        found = tl.allocate(
+            case.structure,
+            case.wrench,
+            case.limits,
+            reference=case.reference,
+            nearest=nearest,
+            wrench_weights=case.weights,
+        )
+        assert found.status in (tl.Status.EXACT, tl.Status.NEAREST)
+        if truth is not None:
+            assert (found.status == tl.Status.EXACT) == truth.reachable
+            assert np.abs(found.wrench - truth.wrench).max() <= PRECISION
+            assert np.abs(found.tensions - truth.tensions).max() <= 10 * PRECISION
+            np.testing.assert_allclose(found.scale, truth.scale, rtol=0, atol=PRECISION)
