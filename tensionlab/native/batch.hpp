@@ -19,7 +19,9 @@ struct Rows {
 #if defined(__GNUC__)
   __attribute__((always_inline))  // see TENSIONLAB_BUILD in lanes.hpp
 #endif
-  const double* operator[](std::size_t row) const { return data + static_cast<std::ptrdiff_t>(row) * stride; }
+  const double* operator[](std::size_t row) const {
+    return data + static_cast<std::ptrdiff_t>(row) * stride;
+  }
 };
 
 struct Batch {

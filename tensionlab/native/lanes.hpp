@@ -38,10 +38,14 @@ inline V magnitude(const V& a) {
   return larger(a, V(-a));
 }
 
-// Lane l of a value or of a mask, to read or to write.
+// Lane l of a value, to write or to read.
 template <class Real, class V>
 inline Real& lane(V& v, int l) {
   return reinterpret_cast<Real*>(&v)[l];
+}
+template <class Real, class V>
+inline Real read(const V& v, int l) {
+  return reinterpret_cast<const Real*>(&v)[l];
 }
 
 inline bool any(bool mask) { return mask; }

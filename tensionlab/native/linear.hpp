@@ -16,7 +16,8 @@ struct Whitening {
   Real rows[N][N];
   int rank;
 
-  // columns: m <= M columns of n <= N numbers, each column contiguous. Hestenes (1958): rotate pairs of rows until all are orthogonal.
+  // columns: m <= M columns of n <= N numbers, each column contiguous. Hestenes (1958): rotate pairs of rows until
+  // all are orthogonal.
   Whitening(const Real* columns, int n, int m, Real rank_tolerance) {
     Real a[N][M];
     Real u[N][N];

@@ -47,8 +47,14 @@ Rows rows_of(const Array& array) {
 
 Batch batch_of(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
                const In<2>& reference, const In<1>& weights) {
-  Batch batch{structure.shape(0), static_cast<int>(structure.shape(1)), static_cast<int>(structure.shape(2)),
-              rows_of(structure), rows_of(wrench), rows_of(lower), rows_of(upper), rows_of(reference),
+  Batch batch{structure.shape(0),
+              static_cast<int>(structure.shape(1)),
+              static_cast<int>(structure.shape(2)),
+              rows_of(structure),
+              rows_of(wrench),
+              rows_of(lower),
+              rows_of(upper),
+              rows_of(reference),
               weights.data()};
   if (batch.n < 1 || batch.n > kMaxComponents || batch.m < 1 || batch.m > kMaxCables) {
     throw std::invalid_argument("at most 6 wrench components and 32 cables");

@@ -5,7 +5,7 @@
 namespace tensionlab {
 
 void newton_avx2(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
-                   const NewtonAnswer& answer) {
+                 const NewtonAnswer& answer) {
   newton_lanes<4>(batch, policy, rank_tolerance, begin, end, answer);
 }
 

@@ -5,7 +5,7 @@
 namespace tensionlab {
 
 void newton_baseline(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
-                   const NewtonAnswer& answer) {
+                     const NewtonAnswer& answer) {
   newton_lanes<2>(batch, policy, rank_tolerance, begin, end, answer);
 }
 

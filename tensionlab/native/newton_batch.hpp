@@ -48,8 +48,7 @@ void newton_range(const Batch& batch, Policy policy, double rank_tolerance, std:
     block.step();
     for (int l = 0; l < L; ++l) {
       if (row[l] == end || !block.finished(l)) continue;
-      answer.iterations[row[l]] =
-          block.store(l, answer.tensions + row[l] * m, answer.separation + row[l] * N);
+      answer.iterations[row[l]] = block.store(l, answer.tensions + row[l] * m, answer.separation + row[l] * N);
       if (next < end) {
         load(l);
       } else {
