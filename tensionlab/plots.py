@@ -17,7 +17,7 @@ from tensionlab.solvers.contract import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.figure import Figure, FigureBase
 
     from tensionlab.experiments.comparison import Comparison, Row
     from tensionlab.model.rig import Rig
@@ -74,7 +74,8 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
     lines = [names.index(row.solver) + POLICY_LOOK[row.nearest][2] for row in rows]
     count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
     with _figure(path, (14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
-        left, right = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
+        parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
+        left, right = parts
         policy = f", nearest in {rows[0].nearest}" if rows[0].nearest else ""
         left.suptitle(f"Rendered by {rows[0].solver}{policy}", fontweight="bold")
         views = [(0, 1), (0, 2)] if spatial else [(0, 1)]
@@ -94,8 +95,10 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
         _draw_statuses(panels[0], rows, lines)
         panels[0].set(xlabel="forces", xlim=(0, count))
-        for line in range(len(names) - len(comparison.missing), len(names)):
-            panels[0].text(0.02 * count, line, "not installed", va="center", color=GREY, style="italic")
+        for name in comparison.missing:
+            panels[0].text(
+                0.02 * count, names.index(name), "not installed", va="center", color=GREY, style="italic"
+            )
         errors = [max(row.residual_max, FLOOR) for row in rows]
         _draw_points(panels[1], rows, lines, errors)
         panels[1].axvspan(FLOOR / 10, TOLERANCE, color="#F2F2F2", zorder=0)
@@ -121,8 +124,8 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
             axes.tick_params(axis="y", length=0)
             axes.spines["left"].set_visible(False)
             axes.grid(axis="x")
-            for line in range(1, len(names)):
-                axes.axhline(line - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
+            for border in range(1, len(names)):
+                axes.axhline(border - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
         _legend(right, 5, [
             *(
                 (word, {"color": colour, "linewidth": 6})
@@ -215,7 +218,7 @@ def plot_rig(rig: Rig, path: str | Path) -> None:
     spatial = rig.dimension == 3
     ends = rig.home + rig.attachments
     with _figure(path, (7.5, 7.0)) as figure:
-        axes = figure.add_subplot(projection="3d" if spatial else None)
+        axes: Any = figure.add_subplot(projection="3d" if spatial else None)
         everything = np.concatenate([rig.anchors, ends])
         low, high = everything.min(axis=0), everything.max(axis=0)
         # Room for the names between the anchors and the axes.
@@ -260,7 +263,7 @@ def plot_rig(rig: Rig, path: str | Path) -> None:
 
 def _label_anchors(axes: Any, rig: Rig) -> None:
     """Write the modules' names beside their anchors, one label where they nearly coincide."""
-    from mpl_toolkits.mplot3d import proj3d
+    from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
 
     points = np.vstack([rig.anchors, rig.home])
     if rig.dimension == 3:
@@ -282,7 +285,7 @@ def _label_anchors(axes: Any, rig: Rig) -> None:
         )  # fmt: skip
 
 
-def _legend(figure: SubFigure, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
+def _legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
     """Put a legend below the pictures."""
     from matplotlib.lines import Line2D
 

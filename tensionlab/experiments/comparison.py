@@ -13,20 +13,16 @@ from numpy.typing import ArrayLike
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.errors import ShapeError
 from tensionlab.experiments import directions as direction_sets
+from tensionlab.experiments.lineup import lineup
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers import make
 from tensionlab.solvers.contract import POLICIES, Floats, Nearest, Status
-from tensionlab.solvers.quadratic import BACKENDS, installed_backends
 
 TIMED_CALLS = 200
 """At most so many vectors are timed one by one, evenly spread over the set."""
 
 TURN = 10
 """Calls that one solver makes before the next one has its turn."""
-
-
-Run = tuple[str, Nearest | None]
-"""A solver's name and its policy; None if it honours none."""
 
 
 @dataclass(frozen=True)
@@ -102,56 +98,6 @@ class Comparison:
     missing: tuple[str, ...]
 
 
-def plan(solvers: Sequence[str] | None = None, nearest: Nearest | None = None) -> tuple[list[Run], list[str]]:
-    """Which solvers run with which policies, and which are missing.
-
-    Parameters
-    ----------
-    solvers : sequence of str, optional
-        Names as in `SOLVERS`, with or without ``:choice``; None for all, ``qp`` with each backend.
-    nearest : str, optional
-        Only this policy, and only solvers that honour it; None for all policies of each solver.
-
-    Returns
-    -------
-    runs : list of (str, str or None)
-        Solver and policy of each row.
-    missing : list of str
-        Solvers whose library is not installed. Only where `solvers` is None; a name asked for must be there.
-
-    Raises
-    ------
-    ValueError
-        If the policy does not exist, or a solver asked for does not honour it.
-    UnknownSolver, MissingDependency
-        If a solver asked for does not exist, or is not installed.
-    """
-    if nearest is not None and nearest not in POLICIES:
-        raise ValueError(f"nearest={nearest!r}: choose one of {', '.join(POLICIES)}")
-    names, missing = list(solvers or ()), []
-    if solvers is None:
-        there = installed_backends()
-        for name in SOLVERS:
-            if name == "qp":
-                names += [f"qp:{backend}" for backend in BACKENDS if backend in there]
-                missing = [f"qp:{backend}" for backend in BACKENDS if backend not in there]
-            elif name == "pseudoinverse":
-                names += ["pseudoinverse:reference", "pseudoinverse:middle"]
-            else:
-                names.append(name)
-    runs: list[Run] = []
-    for name in dict.fromkeys(names):
-        honoured = make(name).policies
-        if nearest is None:
-            runs += [(name, policy) for policy in honoured] or [(name, None)]
-        elif nearest in honoured:
-            runs.append((name, nearest))
-        elif solvers is not None:
-            can = f"it honours {', '.join(honoured)}" if honoured else "it honours no policy"
-            raise ValueError(f"solver {name} cannot honour nearest={nearest!r}; {can}")
-    return runs, missing
-
-
 def compare(
     rig: Rig,
     *,
@@ -179,7 +125,7 @@ def compare(
     magnitude : float
         Size of each force in N. 1.5 N is the published validation's.
     solvers, nearest
-        As in `plan`.
+        As in `lineup`.
     progress : callable, optional
         Told the share of the work that is done, from 0 to 1.
 
@@ -190,9 +136,9 @@ def compare(
     Raises
     ------
     ValueError, UnknownSolver, MissingDependency
-        As `plan`; ShapeError if position or directions do not fit the rig.
+        As `lineup`; ShapeError if position or directions do not fit the rig.
     """
-    runs, missing = plan(solvers, nearest)
+    runs, missing = lineup(solvers, nearest)
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
     structure = rig.structure_matrix(place, frames=at_rest(rig))
     if directions is None:

@@ -12,10 +12,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from tensionlab import __version__
 from tensionlab.errors import MissingDependency
 
 LIBRARIES = [
-    "tensionlab",
     "numpy",
     "scipy",
     "qpsolvers",
@@ -49,7 +49,7 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
         files differ from it; None outside a repository), ``processor``, ``platform``, ``python`` and
         ``versions`` (by distribution; only those installed).
     """
-    versions = {}
+    versions = {"tensionlab": __version__}
     for name in LIBRARIES:
         try:
             versions[name] = importlib.metadata.version(name)

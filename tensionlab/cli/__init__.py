@@ -1,0 +1,81 @@
+"""The command ``tensionlab``: one verb per job.
+
+Exit status 0: done. 1: the answer is no. 2: bad input, with one line on stderr that says what to do.
+Everything slow to import is imported by the verb that needs it, so that ``--help`` stays quick.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from tensionlab import __version__
+from tensionlab.cli.allocate import allocate
+from tensionlab.cli.compare import compare
+from tensionlab.cli.rig import rig
+from tensionlab.cli.solvers import solvers
+from tensionlab.errors import TensionlabError
+
+NUMBER_OPTIONS = ("--at", "--wrench", "--reference")
+NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
+
+app = typer.Typer(
+    help="Tension allocation for modular cable systems: every solver, one interface, answers proved.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(compare)
+app.command()(allocate)
+app.command()(solvers)
+app.add_typer(rig, name="rig")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"tensionlab {__version__}")
+        raise typer.Exit()
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and stop.")
+    ] = False,
+) -> None:
+    """Options that come before the verb."""
+
+
+def join_numbers(words: Sequence[str]) -> list[str]:
+    """Which words to parse, with the numbers after ``--at`` and the like joined to one word.
+
+    ``--at 0 -0.1 0.3`` becomes ``--at 0,-0.1,0.3``: the parser knows neither how many components a rig has
+    nor that ``-0.1`` is a number and not an option.
+    """
+    joined: list[str] = []
+    start: int | None = None
+    for word in words:
+        name, equals, _ = word.partition("=")
+        if name in NUMBER_OPTIONS:
+            joined.append(word)
+            start = len(joined) - bool(equals)
+        elif start is not None and NUMBERS.fullmatch(word):
+            joined[start:] = [",".join([*joined[start:], word])]
+        else:
+            joined.append(word)
+            start = None
+    return joined
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; leaves through `SystemExit`, as a program does."""
+    words = sys.argv[1:] if arguments is None else arguments
+    try:
+        app(join_numbers(words), prog_name="tensionlab")
+    except TensionlabError as error:
+        print(f"tensionlab: {error}", file=sys.stderr)
+        raise SystemExit(2) from None

@@ -1,0 +1,130 @@
+"""``tensionlab allocate``: the tensions for one wrench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tensionlab.cli import output
+
+if TYPE_CHECKING:
+    from tensionlab.allocation import Allocation
+    from tensionlab.model.rig import Rig
+    from tensionlab.solvers.contract import Status
+
+if TYPE_CHECKING:
+    pass
+
+WORDS = {
+    "EXACT": "exact: all limits kept, the wrench rendered",
+    "NEAREST": "nearest: the wrench is proved out of reach, this is the best substitute",
+    "ITERATION_LIMIT": "iteration limit: neither exact nor proved out of reach; try --solver newton",
+    "FAILED": "failed: the solver broke",
+}
+
+
+def allocate(
+    rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
+    wrench: Annotated[
+        str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).", show_default=False)
+    ],
+    at: Annotated[
+        str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")
+    ] = None,
+    solver: Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")] = "newton",
+    nearest: Annotated[
+        str | None, typer.Option(help="force, tension or direction; the solver's own if left out.")
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(metavar="T1 T2 ...", help="Tensions in N to stay close to, or: lower, middle. Else 0."),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+) -> None:
+    """Choose the cable tensions that render one wrench. Exit status 1 where they do not render it exactly.
+
+    Body frames stay at rest, at the origin of the world.
+    """
+    from tensionlab.allocation import allocate as choose
+    from tensionlab.experiments.comparison import at_rest
+    from tensionlab.experiments.lineup import lineup
+    from tensionlab.model.files import load_rig
+    from tensionlab.solvers.contract import Status
+
+    loaded = load_rig(rig)
+    try:
+        lineup([solver], nearest)  # refuses a policy that the solver does not honour
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    asked = output.numbers(wrench)
+    if len(asked) != loaded.n:
+        names = output.components(loaded)
+        raise typer.BadParameter(
+            f"--wrench has {len(asked)} components; {loaded.name} needs {loaded.n}: {', '.join(names)}"
+        )
+    position = loaded.home if at is None else output.numbers(at)
+    result = choose(
+        loaded.structure_matrix(position, frames=at_rest(loaded)),
+        asked,
+        loaded.limits,
+        solver=solver,
+        nearest=nearest,  # type: ignore[arg-type]  # checked above
+        reference=reference if reference in (None, "lower", "middle") else output.numbers(reference),
+    )
+    status = Status(int(result.status))
+    if json:
+        output.print_json(
+            {
+                "rig": loaded.name,
+                "position": position,
+                "solver": solver,
+                "nearest": nearest,
+                "status": status.name,
+                "modules": [module.name for module in loaded.modules],
+                "tensions": result.tensions,
+                "wrench_desired": asked,
+                "wrench_rendered": result.wrench,
+                "residual": result.residual,
+                "scale": result.scale,
+                "iterations": result.iterations,
+                "separation": result.separation,
+                "failure": result.failures.get(0),
+            }
+        )
+    else:
+        _print(loaded, position, asked, result, status)
+    raise typer.Exit(0 if status is Status.EXACT else 1)
+
+
+def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, status: Status) -> None:
+    """The tensions beside their limits, then the wrench, then the verdict."""
+    console = output.console()
+    grid = output.table(f"{rig.name} at {output.vector(position)} m")
+    for heading in ("module", "tension N", "lower N", "upper N", ""):
+        grid.add_column(heading, justify="left" if heading in ("module", "") else "right", no_wrap=True)
+    for module, tension in zip(rig.modules, result.tensions, strict=True):
+        at = (
+            "at its lower limit"
+            if tension <= module.lower
+            else "at its upper limit"
+            if tension >= module.upper
+            else ""
+        )
+        grid.add_row(module.name, f"{tension:.4f}", f"{module.lower:g}", f"{module.upper:g}", at)
+    console.print(grid)
+    console.print()
+    components = output.table()
+    for heading in ("wrench", "desired", "rendered", "difference"):
+        components.add_column(heading, justify="left" if heading == "wrench" else "right", no_wrap=True)
+    for name, wanted, got in zip(output.components(rig), asked, result.wrench, strict=True):
+        components.add_row(name, f"{wanted:.4f}", f"{got:.4f}", output.short(wanted - got))
+    console.print(components)
+    console.print()
+    unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
+    console.print(
+        f"error {output.short(float(result.residual))} {unit}, {WORDS[status.name]}", soft_wrap=True
+    )
+    if reason := result.failures.get(0):
+        console.print(reason, soft_wrap=True, markup=False)

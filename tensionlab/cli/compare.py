@@ -1,0 +1,143 @@
+"""``tensionlab compare``: every solver on the same forces."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli import output
+
+if TYPE_CHECKING:
+    from tensionlab.experiments.comparison import Comparison, Row
+
+COLUMNS: list[tuple[str, Callable[[Row], str], bool]] = [
+    ("solver", lambda row: row.solver, True),
+    ("nearest", lambda row: row.nearest or "–", True),
+    ("exact", lambda row: str(row.exact), True),
+    ("near", lambda row: str(row.nearest_count), True),
+    ("limit", lambda row: str(row.iteration_limit), True),
+    ("fail", lambda row: str(row.failed), False),
+    ("error\nmean N", lambda row: output.short(row.residual_mean), False),
+    ("error\nmax N", lambda row: output.short(row.residual_max), True),
+    ("angle\nmean °", lambda row: output.short(row.angle_mean_deg), False),
+    ("angle\nmax °", lambda row: output.short(row.angle_max_deg), True),
+    ("mean t²\nN²", lambda row: output.short(row.tension_sq_mean), False),
+    ("gap\nmax N", lambda row: output.short(row.gap_max), False),
+    ("call\nmedian", lambda row: output.duration(row.call_median_s), True),
+    ("call\np99", lambda row: output.duration(row.call_p99_s), False),
+    ("batch\neach", lambda row: output.duration(row.batch_s), True),
+]
+"""Heading, how to write it, and whether a narrow terminal shows it too."""
+
+FULL_WIDTH = 116
+"""Narrower terminals get the short table."""
+
+LEGEND = """\
+exact: limits kept, wrench rendered   near: proved out of reach, the policy's best substitute found
+limit: neither proved   fail: the solver broke   error: desired minus rendered   angle: between the two forces
+gap: largest difference of a tension to the exact optimum (newton's); without a policy, where reachable only
+call: one force, measured and proved   batch: all forces in one call, time for each"""
+
+
+def compare(
+    rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
+    at: Annotated[
+        str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")
+    ] = None,
+    magnitude: Annotated[float, typer.Option(help="Size of each force in N.")] = 1.5,
+    directions: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SET",
+            help="grid18, fibonacci:N, FILE.csv; planar: circle:N. Left out: grid18 or circle:72.",
+        ),
+    ] = None,
+    solvers: Annotated[
+        str | None, typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp; all if left out.")
+    ] = None,
+    nearest: Annotated[
+        str | None, typer.Option(help="Only this policy: force, tension or direction; all if left out.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=output.output_file, help="Draw to this file (png, pdf, svg).")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(callback=output.output_file, help="Write the rows to this Parquet file.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+) -> None:
+    """Compare every solver on one set of forces: what it renders, how far off it is, what it costs.
+
+    The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
+    count, the grid is inferred). Body frames stay at rest, at the origin of the world.
+    """
+    from tensionlab.experiments import comparison, records
+    from tensionlab.experiments import directions as direction_sets
+    from tensionlab.experiments.lineup import lineup
+    from tensionlab.model.files import load_rig
+
+    loaded = load_rig(rig)
+    names = None if solvers is None else [name.strip() for name in solvers.split(",") if name.strip()]
+    try:
+        lineup(names, nearest)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    with output.progress(f"Comparing on {loaded.name}") as progress:
+        result = comparison.compare(
+            loaded,
+            position=None if at is None else output.numbers(at),
+            directions=None if directions is None else direction_sets.parse(directions),
+            magnitude=magnitude,
+            solvers=names,
+            nearest=nearest,  # type: ignore[arg-type]  # checked by lineup
+            progress=progress,
+        )
+    rows = [dataclasses.asdict(row) for row in result.rows]
+    manifest = records.manifest(["tensionlab", *sys.argv[1:]])
+    if out:
+        records.write_parquet(out, rows, manifest)
+    if plot:
+        from tensionlab.plots import plot_comparison
+
+        plot_comparison(result, plot)
+    if json:
+        output.print_json(
+            {
+                "rig": loaded.name,
+                "position": result.position,
+                "vectors": len(result.wrenches),
+                "magnitude": magnitude,
+                "rows": rows,
+                "not_installed": result.missing,
+                "manifest": manifest,
+            }
+        )
+    else:
+        _print(result, magnitude, [("plot", plot), ("rows", out)])
+
+
+def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | None]]) -> None:
+    """The table, what its words mean, and where the files are."""
+    console = output.console()
+    narrow = console.width < FULL_WIDTH
+    columns = [column for column in COLUMNS if column[2] or not narrow]
+    title = f"{result.rig.name}, {result.rig.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
+    grid = output.table(f"{title} at {output.vector(result.position)} m")
+    for index, (heading, _, _) in enumerate(columns):
+        grid.add_column(heading, justify="left" if index < 2 else "right", no_wrap=True)
+    for row in result.rows:
+        grid.add_row(*(write(row) for _, write, _ in columns))
+    for name in result.missing:
+        grid.add_row(name, "not installed", style="dim")
+    console.print(grid)
+    console.print(LEGEND, style="dim")
+    if narrow:
+        console.print(f"A terminal of {FULL_WIDTH} columns shows more of them; --json has all.", style="dim")
+    for name, path in files:
+        if path:
+            console.print(f"{name}: {path}", soft_wrap=True)
