@@ -1,0 +1,187 @@
+"""Dykstra's projections: the limit, the iterates, and when they stop."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from tensionlab.solvers.contract import TOLERANCE, Problem
+from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.linear import pseudoinverse, times
+
+ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
+CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
+
+
+def problem(W, w, lower, upper, reference=0.0):
+    """A batch: one structure matrix and limits for all wrenches."""
+    W = np.asarray(W, dtype=float)
+    w = np.atleast_2d(np.asarray(w, dtype=float))
+    size, (n, m) = len(w), W.shape
+    lower, upper, reference = (
+        np.broadcast_to(np.asarray(a, float), (size, m)) for a in (lower, upper, reference)
+    )
+    return Problem(np.broadcast_to(W, (size, n, m)), w, lower, upper, reference, np.ones(n), "tension")
+
+
+def published_rig(side):
+    """Three anchors on the floor, one 2 m above the tool, which is 0.3 m above the floor's centre."""
+    angles = np.radians([90, 210, 330])
+    floor = side / np.sqrt(3) * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=1)
+    anchors = np.vstack([floor, [0, 2.3, 0]]) - [0, 0.3, 0]
+    return (anchors / np.linalg.norm(anchors, axis=1, keepdims=True)).T
+
+
+def grid18():
+    """182 directions on an 18-degree grid with its poles on Y."""
+    polar, azimuth = np.meshgrid(np.radians(18) * np.arange(1, 10), np.radians(18) * np.arange(20))
+    x, y, z = np.sin(polar) * np.cos(azimuth), np.cos(polar), np.sin(polar) * np.sin(azimuth)
+    ring = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    return np.vstack([[0, 1, 0], ring, [0, -1, 0]])
+
+
+def missed(given, answer):
+    """Norm of the wrench that each answer misses."""
+    return np.linalg.norm(given.wrench - times(given.structure, answer.tensions), axis=1)
+
+
+def optimality_gap(W, t, lower, upper, reference):
+    """How far t is from clip(reference + W' l) for the best l: zero exactly at the optimum for W t."""
+    m, n = len(t), len(W)
+    rows, bounds = [], []
+    for i in range(m):
+        if t[i] > lower[i]:  # reference + W' l >= t - gap
+            rows.append(np.append(-W[:, i], -1.0))
+            bounds.append(reference[i] - t[i])
+        if t[i] < upper[i]:
+            rows.append(np.append(W[:, i], -1.0))
+            bounds.append(t[i] - reference[i])
+    if not rows:
+        return 0.0
+    return linprog(np.eye(n + 1)[-1], rows, bounds, bounds=[(None, None)] * n + [(0, None)]).fun
+
+
+@pytest.mark.parametrize("key", ["zero", "fmin", "mid"])
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_known_answers(case, key):
+    lower, upper = np.array(case["fmin"]), np.array(case["fmax"])
+    reference = {"zero": 0.0, "fmin": lower, "mid": (lower + upper) / 2}[key]
+    answer = Dykstra().solve(problem(case["W"], case["wrench_to_produce"], lower, upper, reference))
+    np.testing.assert_allclose(answer.tensions[0], case[f"min2_from_{key}"], rtol=0, atol=1e-6)
+
+
+def test_published_rig_renders_all_182_forces_with_the_least_tension():
+    given = problem(published_rig(1.0), 1.5 * grid18(), 0.5, 6.0)
+    assert len(given) == 182
+    answer = Dykstra().solve(given)
+    assert (missed(given, answer) < 0.1 * TOLERANCE).all()
+    # Four cables, three components: of t = t_p + l N with N > 0 the one with the least l >= all lower limits
+    # has the least tensions, as long as l is above the optimum without limits.
+    least = times(pseudoinverse(given.structure), given.wrench)
+    null = np.linalg.svd(given.structure[0])[2][-1]
+    null = null * np.sign(null[0])
+    assert (null > 0).all()
+    best = least + ((0.5 - least) / null).max(axis=1)[:, None] * null
+    np.testing.assert_allclose(answer.tensions, best, rtol=0, atol=1e-5)
+
+
+def test_smaller_rig_renders_153_and_proves_the_others_nearest():
+    given = problem(published_rig(0.3), 1.5 * grid18(), 0.5, 6.0)
+    answer = Dykstra().solve(given)
+    error = missed(given, answer)
+    out = error > TOLERANCE * 1.5
+    assert out.sum() == 29
+    assert error.max() == pytest.approx(0.32, abs=0.005)
+    # No point within the limits is closer to equilibrium than the projection bounds from below.
+    step = times(pseudoinverse(given.structure), given.wrench - times(given.structure, answer.tensions))[out]
+    beyond = np.maximum(step * (0.5 - answer.tensions[out]), step * (6.0 - answer.tensions[out])).sum(axis=1)
+    assert (beyond / np.linalg.norm(step, axis=1) < 0.1 * TOLERANCE).all()
+    assert answer.iterations.max() < 1000
+    cosine = np.sum(times(given.structure, answer.tensions) * grid18(), axis=1)
+    cosine /= np.linalg.norm(times(given.structure, answer.tensions), axis=1)
+    assert np.degrees(np.arccos(cosine.min())) == pytest.approx(10.7, abs=0.05)
+
+
+@pytest.mark.parametrize("reach", [1.0, 3.0])
+def test_every_iterate_is_the_optimum_for_its_own_wrench(reach):
+    rng = np.random.default_rng(3)
+    W = rng.normal(size=(3, 6))
+    lower, upper, reference = np.full(6, 0.5), np.full(6, 6.0), rng.uniform(0, 3, 6)
+    given = problem(W, reach * (W @ rng.uniform(0.5, 6.0, 6)), lower, upper, reference)
+    for limit in range(1, 40):
+        z = Dykstra(iteration_limit=limit).solve(given).tensions[0]
+        assert ((z >= lower) & (z <= upper)).all()
+        assert optimality_gap(W, z, lower, upper, reference) < 1e-9
+
+
+def test_random_problems_are_solved_to_the_optimum():
+    rng = np.random.default_rng(4)
+    for n, m in [(2, 4), (3, 8), (6, 8)]:
+        W = rng.normal(size=(n, m))
+        W /= np.linalg.norm(W, axis=0)
+        given = problem(W, rng.uniform(0.5, 6.0, (30, m)) @ W.T, 0.5, 6.0)
+        answer = Dykstra().solve(given)
+        assert (missed(given, answer) <= 1e-9 * np.maximum(1, np.linalg.norm(given.wrench, axis=1))).all()
+        for t in answer.tensions:
+            assert optimality_gap(W, t, np.full(m, 0.5), np.full(m, 6.0), np.zeros(m)) < 1e-9
+
+
+def test_a_start_at_zero_is_the_start_at_the_pseudoinverse_solution():
+    W, w = published_rig(0.3), 1.5 * grid18()
+    least = times(pseudoinverse(W), w)
+    for limit in (1, 2, 5, 20):
+        solver = Dykstra(iteration_limit=limit)
+        from_zero = solver.solve(problem(W, w, 0.5, 6.0)).tensions
+        from_least = solver.solve(problem(W, w, 0.5, 6.0, least)).tensions
+        np.testing.assert_allclose(from_zero, from_least, atol=1e-12)
+
+
+def test_out_of_reach_the_tensions_closest_to_equilibrium():
+    answer = Dykstra().solve(problem([[1, -0.6, -0.6], [0, 0.8, -0.8]], [12, 6], 1.0, 10.0))
+    np.testing.assert_allclose(answer.tensions, [[10, 575 / 122, 1]], atol=1e-6)
+
+
+def test_of_equally_near_tensions_the_closest_to_the_reference():
+    # Both cables render the same; what is out of reach is the second component.
+    given = problem([[1, 1, 0], [0, 0, 1]], [4, 9], 0.0, [5, 5, 5], [3, 2, 0])
+    np.testing.assert_allclose(Dykstra().solve(given).tensions, [[2.5, 1.5, 5]], atol=1e-8)
+
+
+def test_leaves_out_of_account_what_no_tension_can_render():
+    given = problem([[1, -1], [0, 0]], [1, 7], 1.0, 5.0)
+    answer = Dykstra().solve(given)
+    np.testing.assert_allclose(answer.tensions, [[2, 1]], atol=1e-8)
+    assert answer.iterations[0] < 1000
+    zero = Dykstra().solve(problem(np.zeros((2, 2)), [1, 7], 1.0, 5.0))
+    np.testing.assert_array_equal(zero.tensions, [[1, 1]])
+
+
+def test_cables_without_play_keep_their_tensions():
+    given = problem([[1, 1, 1]], [9], [2, 0, 0], [2, 5, 5])
+    np.testing.assert_allclose(Dykstra().solve(given).tensions, [[2, 3.5, 3.5]], atol=1e-8)
+    every = Dykstra().solve(problem([[1, 1]], [9], [2, 3], [2, 3]))
+    np.testing.assert_array_equal(every.tensions, [[2, 3]])
+
+
+def test_converged_problems_leave_the_batch_unharmed():
+    W, w = published_rig(0.3), 1.5 * grid18()
+    together = Dykstra().solve(problem(W, w, 0.5, 6.0))
+    assert len(np.unique(together.iterations)) > 5
+    for i in range(0, 182, 13):
+        alone = Dykstra().solve(problem(W, w[i], 0.5, 6.0))
+        np.testing.assert_allclose(alone.tensions[0], together.tensions[i], atol=1e-9)
+        assert alone.iterations[0] == together.iterations[i]
+
+
+def test_stops_at_its_iteration_limit_and_says_so():
+    answer = Dykstra(tolerance=0.0, iteration_limit=50).solve(
+        problem(published_rig(1.0), [1, 0, 1], 0.5, 6.0)
+    )
+    assert answer.iterations[0] == 50
+    assert np.isfinite(answer.tensions).all()
+
+
+def test_an_empty_batch_is_fine():
+    assert Dykstra().solve(problem(published_rig(1.0), np.zeros((0, 3)), 0.5, 6.0)).tensions.shape == (0, 4)
