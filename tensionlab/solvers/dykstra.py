@@ -74,7 +74,7 @@ class Dykstra:
             if iteration % CHECK_EVERY != 1 and iteration != self.iteration_limit:
                 continue
             done = np.linalg.norm(missing, axis=1) <= accepted
-            done |= _proved_nearest(times(inverse, missing), z, lower, upper, accepted)
+            done |= _proved(times(inverse, missing), z, lower, upper, accepted)
             if iteration == self.iteration_limit:
                 tensions[rows] = z
             if done.any():
@@ -88,14 +88,12 @@ class Dykstra:
         return Answer(tensions=tensions, iterations=iterations)
 
 
-def _proved_nearest(step: Floats, z: Floats, lower: Floats, upper: Floats, accepted: Floats) -> Floats:
-    """Which z are proved out of reach, and proved as close to the equilibrium space as the limits allow.
+def _proved(step: Floats, z: Floats, lower: Floats, upper: Floats, accepted: Floats) -> Floats:
+    """Which z are proved to be as close to the equilibrium space as the limits allow.
 
     ``step = W⁺ (w - W z)`` leads from z to the equilibrium space, so its norm is the distance. No point
     inside the limits is closer than that norm minus the gap: how far the limits extend beyond z along step.
     """
-    distance = np.linalg.norm(step, axis=1)
-    reach = np.maximum(step * (lower - z), step * (upper - z)).sum(axis=1)
-    # reach / distance is the gap; multiplied out, because a distance of zero proves nothing.
-    proved: Floats = (reach <= accepted * distance) & (reach < distance**2)
+    beyond = np.maximum(step * (lower - z), step * (upper - z)).sum(axis=1)
+    proved: Floats = beyond <= accepted * np.linalg.norm(step, axis=1)
     return proved

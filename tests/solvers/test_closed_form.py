@@ -85,4 +85,6 @@ def test_rank_deficient_rigs_have_a_step_more():
 
 def test_a_wrench_far_out_of_reach_ends_at_the_limits():
     given = problem([[1, 1]], [99], [1, 1], [3, 10])
-    np.testing.assert_allclose(ClosedForm().solve(given).tensions, [[3, 10]])
+    answer = ClosedForm().solve(given)
+    np.testing.assert_allclose(answer.tensions, [[3, 10]])
+    assert answer.iterations[0] == 1
