@@ -151,7 +151,7 @@ class Judge {
     if (size <= tolerance) {
       // What W can render at all is rendered; the rest of w is outside its range.
       for (int k = 0; k < n_; ++k) d[k] = outside[k];
-      return side(problem, d).separates();
+      if (side(problem, d).separates()) return true;
     }
     for (const double* candidate : {proposal, own}) {
       double square = 0;

@@ -15,6 +15,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include "dual_step.hpp"
 #include "linear.hpp"
@@ -87,7 +88,10 @@ class Newton {
     if (policy_ == Policy::direction && !control.hopeless) {
       return control.iterations >= kIterationLimit || !cut(l, d);
     }
-    if (!control.hopeless) keep(l, d);
+    if (!control.hopeless) {
+      normalise(d);
+      copy(d, control.separation);
+    }
     return true;
   }
 
@@ -117,8 +121,9 @@ class Newton {
     Real basis[N][N] = {};       // lane coordinates = basis * wrench coordinates
     Real wrench[N] = {};         // as asked, in lane coordinates
     Real separation[N] = {};     // the best separating direction so far, in lane coordinates
+    Real from_below[N] = {};     // one that excludes all s < below
     Real scale = 1;              // s of the direction policy
-    Real below = -1, above = 1;  // where s w was too short (if ever), and where it was still too long
+    Real below = -1, above = 1;  // s w is too short, if ever; s w is too long
     bool hopeless = false;       // no s keeps the direction
   };
 
@@ -153,42 +158,70 @@ class Newton {
     }
   }
 
-  // d, of unit length, is the best separating direction so far.
-  void keep(int l, const Real* d) {
-    const Real length = std::sqrt(dot(d, d));
-    for (int k = 0; k < N; ++k) control_[l].separation[k] = length > 0 ? d[k] / length : Real(0);
-  }
-
   // d separates s w from what can be rendered: take the next s. Returns false if s can fall no further.
-  bool cut(int l, const Real* d) {
+  bool cut(int l, Real* d) {
     Control& control = control_[l];
-    const Real dw = dot(d, control.wrench), reach = support(l, d);
-    if (reach < (dw < 0 ? dw : Real(0))) {
-      // d separates all of the segment from 0 to w, and the nearest wrench to w is what remains.
-      keep(l, d);
-      control.hopeless = true;
-      control.scale = 1;
-      approach(l);
-      return true;
+    normalise(d);
+    Real rounding;
+    const Real dw = dot(d, control.wrench), reach = support(l, d, &rounding);
+    if (reach + rounding < (dw < 0 ? dw : Real(0))) return give_up(l, d);  // true of all s from 0 to 1
+    const Real bound = reach / dw > 0 ? reach / dw : Real(0);
+    if (dw > 0) {
+      // No scale above the bound will do.
+      if (!(bound < control.scale)) return false;
+      control.above = bound;
+      copy(d, control.separation);
+    } else {
+      // No scale below the bound will do: s w is too short already.
+      control.below = bound;
+      copy(d, control.from_below);
     }
-    // Beyond reach / dw no scale will do. If s w is too short, none will: a direction in between proves it.
-    (dw > 0 ? control.above : control.below) = control.scale;
-    const Real next = control.below < 0 ? reach / dw : (control.below + control.above) / 2;
-    if (!(next < control.above)) return false;
-    if (dw > 0) keep(l, d);
-    control.scale = next;
+    if (control.below > control.above) {
+      // Nothing is left in between. The mean of both directions that is normal to w proves it for all s.
+      const Real* other = dw > 0 ? control.from_below : control.separation;
+      const Real other_dw = dot(other, control.wrench);
+      for (int k = 0; k < N; ++k) d[k] = std::abs(other_dw) * d[k] + std::abs(dw) * other[k];
+      normalise(d);
+      return give_up(l, d);
+    }
+    control.scale = control.below < 0 ? control.above : (control.below + control.above) / 2;
     begin(l, Stage::render);
     return true;
   }
 
-  Real support(int l, const Real* d) const {
-    Real sum = 0;
+  // No scale keeps the direction, as d proves: the nearest wrench to w is what remains.
+  bool give_up(int l, const Real* d) {
+    Control& control = control_[l];
+    copy(d, control.separation);
+    control.hopeless = true;
+    control.scale = 1;
+    approach(l);
+    return true;
+  }
+
+  // h(d), and the rounding error that it may carry.
+  Real support(int l, const Real* d, Real* rounding) const {
+    Real sum = 0, size = 0;
     for (int i = 0; i < m_; ++i) {
       Real along = 0;
       for (int k = 0; k < N; ++k) along += d[k] * read<Real>(steps_.structure[i][k], l);
-      sum += along * (along > 0 ? read<Real>(steps_.upper[i], l) : read<Real>(steps_.lower[i], l));
+      const Real lower = read<Real>(steps_.lower[i], l), upper = read<Real>(steps_.upper[i], l);
+      sum += along * (along > 0 ? upper : lower);
+      for (int k = 0; k < N; ++k) {
+        size += std::abs(d[k] * read<Real>(steps_.structure[i][k], l)) * larger(std::abs(lower), std::abs(upper));
+      }
     }
+    *rounding = 16 * std::numeric_limits<Real>::epsilon() * size;
     return sum;
+  }
+
+  static void normalise(Real* d) {
+    const Real length = std::sqrt(dot(d, d));
+    for (int k = 0; k < N; ++k) d[k] = length > 0 ? d[k] / length : Real(0);
+  }
+
+  static void copy(const Real* from, Real* to) {
+    for (int k = 0; k < N; ++k) to[k] = from[k];
   }
 
   static Real dot(const Real* x, const Real* y) {

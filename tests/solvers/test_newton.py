@@ -1,0 +1,152 @@
+"""The compiled exact solver against a short statement of the same mathematics, and against itself."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+
+LOWER, UPPER = 0.5, 6.0
+
+
+def random_problems(rng, count, n, m, stretch):
+    """Structure matrices of unit cables (and torques for n = 6) with wrenches that stretch * reachable ones."""
+    u = rng.normal(size=(count, min(n, 3), m))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    arms = rng.normal(scale=0.3, size=(count, 3, m))
+    structure = np.concatenate([u, np.cross(arms, u, axis=1)], axis=1) if n == 6 else u
+    tensions = rng.uniform(LOWER, UPPER, size=(count, m))
+    return structure, stretch * np.einsum("bnm,bm->bn", structure, tensions)
+
+
+def dual_newton(structure, wrench, reference, eps=1e-6, rounds=6):
+    """The method in NumPy: maximise the dual by proximal Newton steps, halving a step until the dual grows.
+
+    g(y) = w·y - sum_i max over t_i in the limits of (W_i·y t_i - (t_i - t0_i)²/2); its gradient is w - W t(y).
+    """
+    y = centre = np.zeros(len(wrench))
+
+    def tensions(y):
+        return np.clip(reference + structure.T @ y, LOWER, UPPER)
+
+    def dual(y):
+        t = tensions(y)
+        return (
+            wrench @ y
+            - structure.T @ y @ t
+            + (t - reference) @ (t - reference) / 2
+            - eps / 2 * ((y - centre) @ (y - centre))
+        )
+
+    for _ in range(rounds):
+        for _ in range(50):
+            t = tensions(y)
+            gradient = wrench - structure @ t - eps * (y - centre)
+            free = (reference + structure.T @ y > LOWER) & (reference + structure.T @ y < UPPER)
+            hessian = structure[:, free] @ structure[:, free].T + eps * np.eye(len(wrench))
+            step = np.linalg.solve(hessian, gradient)
+            size = 1.0
+            while dual(y + size * step) < dual(y) + 1e-4 * size * gradient @ step and size > 1e-9:
+                size /= 2
+            y = y + size * step
+            if np.abs(gradient).max() < 1e-10:
+                break
+        centre = y
+    return tensions(y)
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+@pytest.mark.parametrize("stretch", [1.0, 1.5])
+def test_agrees_with_its_statement_in_numpy(n, stretch):
+    rng = np.random.default_rng(n)
+    structure, wrench = random_problems(rng, 12, n, 7, stretch)
+    reference = rng.uniform(0, 3, size=(12, 7))
+    result = tl.allocate(structure, wrench, (LOWER, UPPER), reference=reference, nearest="force")
+    for row in range(12):
+        stated = dual_newton(structure[row], wrench[row], reference[row])
+        np.testing.assert_allclose(structure[row] @ stated, result.wrench[row], atol=1e-7)
+        if result.status[row] == tl.Status.EXACT:
+            np.testing.assert_allclose(stated, result.tensions[row], atol=1e-7)
+
+
+@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize("cables", [1, 3, 6, 8, 32])
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_proves_every_answer(n, cables, nearest):
+    rng = np.random.default_rng(10 * n + cables)
+    for stretch in (1.0, 1.1, 3.0):
+        structure, wrench = random_problems(rng, 4000, n, cables, stretch)
+        if n == 1:
+            structure, wrench = structure[:, :1], wrench[:, :1]
+        result = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+        counts = result.counts()
+        assert counts[tl.Status.EXACT] + counts[tl.Status.NEAREST] == 4000
+        if stretch == 1.0:
+            assert counts[tl.Status.EXACT] == 4000
+
+
+@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+def test_the_share_of_lanes_and_threads_does_not_change_an_answer(nearest, monkeypatch):
+    structure, wrench = random_problems(np.random.default_rng(0), 5000, 3, 6, 1.4)
+    monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "1")
+    one = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+    monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "3")
+    three = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
+    backwards = tl.allocate(structure[::-1], wrench[::-1], (LOWER, UPPER), nearest=nearest)
+    np.testing.assert_array_equal(one.tensions, three.tensions)
+    np.testing.assert_array_equal(one.tensions, backwards.tensions[::-1])
+
+
+INSTRUCTION_SETS = """
+import sys, numpy as np, tensionlab as tl
+from tensionlab import _native
+data = np.load(sys.argv[1])
+print(_native.instruction_set())
+answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), nearest=p).tensions for p in ("force", "tension", "direction")]
+np.save(sys.argv[2], np.array(answers))
+"""
+
+
+def test_every_instruction_set_gives_the_same_answers(tmp_path):
+    structure, wrench = random_problems(np.random.default_rng(1), 3000, 3, 8, 1.4)
+    np.savez(tmp_path / "problems.npz", W=structure, w=wrench)
+    answers = {}
+    for wish in ("baseline", "avx2", "avx512"):
+        script = [sys.executable, "-c", INSTRUCTION_SETS, tmp_path / "problems.npz", tmp_path / "answers.npy"]
+        environment = {**os.environ, "TENSIONLAB_ISA": wish}
+        taken = subprocess.run(
+            script, env=environment, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        answers[taken] = np.load(tmp_path / "answers.npy")
+    assert "baseline" in answers
+    for answer in answers.values():
+        np.testing.assert_allclose(answer, answers["baseline"], atol=1e-8)
+
+
+def test_the_first_solve_loads_nothing():
+    script = (
+        "import sys, tensionlab as tl; before = set(sys.modules); "
+        "tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0)); print(sorted(set(sys.modules) - before))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert loaded.strip() == "[]"
+
+
+def test_least_squares_of_three_equal_cables_is_an_equal_share():
+    result = tl.allocate([[1.0, 1.0, 1.0]], [6.0], (LOWER, UPPER))
+    np.testing.assert_allclose(result.tensions, [2.0, 2.0, 2.0], atol=1e-12)
+
+
+def test_more_components_than_cables():
+    result = tl.allocate([[1.0], [1.0], [0.0]], [3.0, 1.0, 5.0], (LOWER, UPPER))
+    np.testing.assert_allclose(result.tensions, [2.0], atol=1e-9)  # projection of (3, 1, 5) on (1, 1, 0)
+    assert result.status == tl.Status.NEAREST
+
+
+def test_limits_that_leave_no_choice():
+    result = tl.allocate([[1.0, -1.0], [0.0, 1.0]], [2.0, 1.0], ([3.0, 1.0], [3.0, 1.0]))
+    np.testing.assert_array_equal(result.tensions, [3.0, 1.0])
+    assert result.status == tl.Status.EXACT
