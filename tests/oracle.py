@@ -99,6 +99,9 @@ def _judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Tr
     W, w = case.structure, case.wrench
     sizes = [float(np.abs(x).max()) for x in (w, case.lower, case.upper, case.reference)]
     box = Box(case.lower, case.upper, case.reference, max(1.0, *sizes) * max(1.0, float(np.abs(W).max())))
+    sigma = np.linalg.svd(W, compute_uv=False) / max(float(np.linalg.norm(W, 2)), np.finfo(float).tiny)
+    if np.any((sigma > ZERO) & (sigma < CLEAR)):
+        raise UnsureError("the rank of the structure matrix")
     force = np.diag(np.sqrt(case.weights))
     t = closest(force @ W, force @ w, box)
     r = force @ (w - W @ t)
@@ -137,8 +140,6 @@ def _tension_metric(W: Floats) -> Floats:
     """Root of (W W')^+, such that root @ W has orthonormal rows."""
     U, sigma, _ = np.linalg.svd(W, full_matrices=False)
     keep = sigma > RANK * max(float(sigma[0]), np.finfo(float).tiny)
-    if np.any((sigma > 0.01 * RANK * sigma[0]) & (sigma < 100 * RANK * sigma[0])):
-        raise UnsureError("the rank of the structure matrix")
     return np.asarray(U[:, keep].T / sigma[keep, None])
 
 

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import tensionlab as tl
+from tensionlab.solvers import Nearest
 
 ROOT = Path(__file__).parents[1]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
@@ -60,7 +61,7 @@ def angle(wanted: NDArray[np.float64], rendered: NDArray[np.float64]) -> NDArray
     ],
 )
 def test_three_ways_to_be_nearest(
-    nearest: str, tensions: tuple[float, ...], degrees: float, scale: float, solver: str
+    nearest: Nearest, tensions: tuple[float, ...], degrees: float, scale: float, solver: str
 ) -> None:
     if solver == "dykstra" and nearest != "tension":
         pytest.skip("Dykstra's limit is the tension-nearest answer")
@@ -103,7 +104,7 @@ def test_published_rig_renders_all_vectors(solver: str, vectors: NDArray[np.floa
     [("tension", 10.7, 0.32), ("force", 1.6, 0.20), ("direction", 0, 0.20)],
 )
 def test_small_rig_proves_29_out_of_reach(
-    nearest: str, degrees: float, residual: float, solver: str, vectors: NDArray[np.float64]
+    nearest: Nearest, degrees: float, residual: float, solver: str, vectors: NDArray[np.float64]
 ) -> None:
     if solver == "dykstra" and nearest != "tension":
         pytest.skip("Dykstra's limit is the tension-nearest answer")

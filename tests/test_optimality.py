@@ -11,7 +11,7 @@ from oracle import Truth, UnsureError, enumerated, solve, support
 from problems import Case, cases, one, random_case, random_cases
 
 import tensionlab as tl
-from tensionlab.solvers.contract import POLICIES
+from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, Nearest
 
 SHAPES = [
     *((2, m) for m in (2, 3, 4, 6)),
@@ -22,7 +22,7 @@ COUNT = 100
 PRECISION = 1e-7  # N
 
 
-def judged(case: Case, nearest: str) -> Truth | None:
+def judged(case: Case, nearest: Nearest) -> Truth | None:
     try:
         return solve(case, nearest)
     except UnsureError:
@@ -31,7 +31,7 @@ def judged(case: Case, nearest: str) -> Truth | None:
 
 @pytest.mark.parametrize("nearest", POLICIES)
 @pytest.mark.parametrize(("n", "m"), SHAPES)
-def test_newton_is_exact(n: int, m: int, nearest: str) -> None:
+def test_newton_is_exact(n: int, m: int, nearest: Nearest) -> None:
     batch = random_cases(1000 * n + m, n, m, COUNT)
     if m % 2:  # every other shape weighs all components alike
         batch = replace(batch, weights=np.ones(n))
@@ -64,7 +64,7 @@ def test_the_problems_are_of_every_kind() -> None:
     assert sum(np.isnan(t.scale) for t in sure) > 10
 
 
-def agree(case: Case, nearest: str) -> bool:
+def agree(case: Case, nearest: Nearest) -> bool:
     """Whether both judges are sure; fails if they are and differ, or if a direction does not separate."""
     try:
         first, second = enumerated(case, nearest), solve(case, nearest)
@@ -81,7 +81,7 @@ def agree(case: Case, nearest: str) -> bool:
 
 
 @pytest.mark.parametrize("nearest", POLICIES)
-def test_the_two_judges_agree(nearest: str) -> None:
+def test_the_two_judges_agree(nearest: Nearest) -> None:
     rng = np.random.default_rng(3)
     shapes = [(n, m) for n in (2, 3, 6) for m in range(1, 7) for _ in range(10)]
     sure = sum(agree(random_case(rng, n, m), nearest) for n, m in shapes)
@@ -93,6 +93,14 @@ def test_the_two_judges_agree(nearest: str) -> None:
 def test_the_two_judges_agree_on_awkward_problems(case: Case) -> None:
     for nearest in POLICIES:
         agree(case, nearest)
+
+
+def weakly_fixed(case: Case) -> float:
+    """How exact can tensions be, N: where W is nearly singular, a wrench right to 1e-10 leaves them loose."""
+    sigma = np.linalg.svd(case.structure, compute_uv=False)
+    counted = sigma[sigma > RANK_TOLERANCE * sigma[0]]
+    condition = counted[0] / counted[-1] if counted.size else 1.0
+    return max(PRECISION, 1e-10 * condition * max(1.0, float(np.abs(case.wrench).max())))
 
 
 @settings(max_examples=400)
@@ -113,5 +121,5 @@ def test_newton_is_exact_on_awkward_problems(case: Case) -> None:
         if truth is not None:
             assert (found.status == tl.Status.EXACT) == truth.reachable
             assert np.abs(found.wrench - truth.wrench).max() <= PRECISION
-            assert np.abs(found.tensions - truth.tensions).max() <= 10 * PRECISION
+            assert np.abs(found.tensions - truth.tensions).max() <= weakly_fixed(case)
             np.testing.assert_allclose(found.scale, truth.scale, rtol=0, atol=PRECISION)

@@ -1,0 +1,279 @@
+"""The interface itself: what it accepts, refuses, measures and believes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.solvers.contract import Answer, Floats, Nearest, Problem
+
+PLANAR = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]])
+LIMITS = ([1.0, 1.0, 1.0], [10.0, 10.0, 10.0])
+REACHABLE, FAR = np.array([2.0, 1.0]), np.array([12.0, 6.0])
+
+
+def test_result_of_one_problem_has_no_leading_axes() -> None:
+    found = tl.allocate(PLANAR, REACHABLE, LIMITS)
+    assert found.tensions.shape == (3,)
+    assert found.wrench.shape == found.separation.shape == (2,)
+    assert found.residual.shape == found.status.shape == found.scale.shape == found.iterations.shape == ()
+    assert found.status == tl.Status.EXACT
+    assert found.scale == 1
+    assert not found.failures
+    np.testing.assert_allclose(PLANAR @ found.tensions, REACHABLE, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reference", "start"),
+    [
+        (None, [0.0, 0.0, 0.0]),
+        ("lower", [1.0, 1.0, 1.0]),
+        ("middle", [5.5, 5.5, 5.5]),
+        ([2.0, 9.0, 4.0], [2.0, 9.0, 4.0]),
+    ],
+)
+def test_answers_are_closest_to_the_reference(reference: Any, start: list[float]) -> None:
+    # (1.2, 1, 1) spans the null space of PLANAR: a step along it either leaves the limits or goes away.
+    found = tl.allocate(PLANAR, REACHABLE, LIMITS, reference=reference)
+    null = np.array([1.2, 1.0, 1.0])
+    for step in (-1e-3, 1e-3):
+        other = found.tensions + step * null
+        if np.all(other >= 1.0) and np.all(other <= 10.0):
+            assert np.linalg.norm(other - start) > np.linalg.norm(found.tensions - start)
+    np.testing.assert_allclose(PLANAR @ found.tensions, REACHABLE, rtol=0, atol=1e-9)
+
+
+def test_limits_may_be_an_object_a_pair_or_numbers() -> None:
+    @dataclass(frozen=True)
+    class Limits:
+        lower: Floats
+        upper: Floats
+
+    pair = tl.allocate(PLANAR, REACHABLE, LIMITS)
+    named = tl.allocate(PLANAR, REACHABLE, Limits(*map(np.array, LIMITS)))
+    numbers = tl.allocate(PLANAR, REACHABLE, (1, 10))
+    np.testing.assert_array_equal(pair.tensions, named.tensions)
+    np.testing.assert_array_equal(pair.tensions, numbers.tensions)
+
+
+def test_limits_and_references_broadcast_too() -> None:
+    lower = np.ones((4, 1, 3)) * np.arange(1, 5)[:, None, None]
+    reference = np.random.default_rng(0).uniform(1, 9, (5, 3))
+    found = tl.allocate(PLANAR, REACHABLE, (lower, 10.0), reference=reference)
+    assert found.tensions.shape == (4, 5, 3)
+    for i, j in np.ndindex(4, 5):
+        alone = tl.allocate(PLANAR, REACHABLE, (lower[i, 0], 10.0), reference=reference[j])
+        np.testing.assert_allclose(found.tensions[i, j], alone.tensions, rtol=0, atol=1e-10)
+
+
+def test_weights_choose_the_nearest_wrench() -> None:
+    light, heavy = (
+        tl.allocate(PLANAR, FAR, LIMITS, nearest="force", wrench_weights=[1, weight])
+        for weight in (1e-3, 1e3)
+    )
+    error_light, error_heavy = FAR - light.wrench, FAR - heavy.wrench
+    assert abs(error_heavy[1]) < 0.01
+    assert abs(error_light[1]) > 0.1
+    assert light.residual == pytest.approx(np.sqrt(error_light @ np.diag([1, 1e-3]) @ error_light))
+    assert heavy.residual == pytest.approx(np.sqrt(error_heavy @ np.diag([1, 1e3]) @ error_heavy))
+
+
+def test_scale_tells_how_much_of_the_wrench_is_rendered() -> None:
+    along = tl.allocate(PLANAR, np.stack([REACHABLE, FAR, 2 * FAR]), LIMITS, nearest="direction")
+    np.testing.assert_allclose(along.scale, [1, 8 / 15, 4 / 15], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(along.wrench, along.scale[:, None] * [REACHABLE, FAR, 2 * FAR], atol=1e-8)
+    # Three parallel cables that must pull: nothing points up, not even zero.
+    stuck = tl.allocate([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]], [0.0, 5.0], LIMITS, nearest="direction")
+    assert stuck.status == tl.Status.NEAREST
+    assert np.isnan(stuck.scale)
+    np.testing.assert_allclose(stuck.tensions, [1, 1, 1], rtol=0, atol=1e-9)
+    for policy in ("force", "tension"):
+        assert np.isnan(tl.allocate(PLANAR, FAR, LIMITS, nearest=policy).scale)
+
+
+def test_allocator_equals_allocate() -> None:
+    prepared = tl.Allocator(LIMITS, "newton", "middle", "direction", [1.0, 2.0])
+    for wrench in (REACHABLE, FAR):
+        now = prepared(PLANAR, wrench)
+        then = tl.allocate(PLANAR, wrench, LIMITS, "newton", "middle", "direction", [1.0, 2.0])
+        np.testing.assert_array_equal(now.tensions, then.tensions)
+        np.testing.assert_array_equal(now.scale, then.scale)
+        assert now.status == then.status
+
+
+def test_inputs_are_left_alone() -> None:
+    arrays = [
+        PLANAR.copy(),
+        FAR.copy(),
+        np.array(LIMITS[0]),
+        np.array(LIMITS[1]),
+        np.array([20.0, -5.0, 3.0]),
+    ]
+    for array in arrays:
+        array.setflags(write=False)
+    structure, wrench, lower, upper, reference = arrays
+    for name in ("newton", "dykstra", "pseudoinverse", "closed-form", "qp"):
+        tl.allocate(structure, wrench, (lower, upper), name, reference)
+
+
+def test_raise_for_status() -> None:
+    fine = tl.allocate(PLANAR, REACHABLE, LIMITS)
+    assert fine.raise_for_status() is fine
+    mixed = tl.allocate(PLANAR, np.stack([REACHABLE, FAR]), LIMITS)
+    with pytest.raises(tl.Unreachable, match="1 of 2") as caught:
+        mixed.raise_for_status()
+    assert caught.value.allocation is mixed
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("name", ["structure", "wrench", "lower", "upper", "reference", "wrench_weights"])
+def test_what_is_not_finite_is_refused_by_name_and_index(name: str, bad: float) -> None:
+    arrays = {
+        "structure": PLANAR.copy(),
+        "wrench": REACHABLE.copy(),
+        "lower": np.ones(3),
+        "upper": np.full(3, 9.0),
+        "reference": np.ones(3),
+        "wrench_weights": np.ones(2),
+    }
+    index = (1, 2) if name == "structure" else (1,)
+    arrays[name][index] = bad
+    place = ", ".join(map(str, index))
+    with pytest.raises(tl.ShapeError, match=rf"{name}\[{place}\]"):
+        tl.allocate(
+            arrays["structure"],
+            arrays["wrench"],
+            (arrays["lower"], arrays["upper"]),
+            reference=arrays["reference"],
+            wrench_weights=arrays["wrench_weights"],
+        )
+
+
+def test_crossed_limits_are_refused_by_cable() -> None:
+    with pytest.raises(tl.ShapeError, match=r"lower.*\b2\b.*7 N.*upper.*6 N"):
+        tl.allocate(PLANAR, REACHABLE, ([1, 1, 7], [9, 9, 6]))
+
+
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [
+        ({"wrench": np.zeros(3)}, ("wrench", "structure")),
+        ({"wrench": np.zeros(())}, ("wrench",)),
+        ({"structure": np.zeros(3)}, ("structure",)),
+        ({"structure": np.zeros((2, 0))}, ("structure", "0 cables")),
+        ({"structure": np.zeros((7, 3)), "wrench": np.zeros(7)}, ("structure", "7")),
+        ({"structure": np.zeros((2, 33))}, ("structure", "33")),
+        ({"limits": (np.zeros(4), 9.0)}, ("lower", "4")),
+        ({"limits": (0.0, np.ones((2, 4)))}, ("upper", "4")),
+        ({"reference": np.zeros(2)}, ("reference", "2")),
+        ({"wrench_weights": np.ones(3)}, ("wrench_weights", "3")),
+        ({"wrench_weights": [1.0, 0.0]}, ("wrench_weights", "positive")),
+        ({"structure": np.zeros((4, 2, 3)), "wrench": np.zeros((5, 2))}, ("structure", "wrench")),
+        ({"wrench": "up"}, ("wrench",)),
+    ],
+)
+def test_shapes_that_cannot_form_a_problem_are_refused(
+    change: dict[str, Any], names: tuple[str, ...]
+) -> None:
+    arguments: dict[str, Any] = {"structure": PLANAR, "wrench": REACHABLE, "limits": LIMITS} | change
+    with pytest.raises(tl.ShapeError) as caught:
+        tl.allocate(**arguments)
+    for name in names:
+        assert name in str(caught.value)
+
+
+def test_unknown_names_are_refused_with_a_suggestion() -> None:
+    with pytest.raises(tl.UnknownSolver, match=r"newtn.*newton"):
+        tl.allocate(PLANAR, REACHABLE, LIMITS, "newtn")
+    with pytest.raises(tl.UnknownSolver, match=r"clarabell.*clarabel"):
+        tl.allocate(PLANAR, REACHABLE, LIMITS, "qp:clarabell")
+    with pytest.raises(ValueError, match=r"top.*lower.*middle"):
+        tl.allocate(PLANAR, REACHABLE, LIMITS, reference="top")  # type: ignore[arg-type]
+
+
+def test_a_policy_that_is_not_honoured_names_those_that_are() -> None:
+    with pytest.raises(ValueError, match=r"Dykstra.*'force'.*'tension'"):
+        tl.allocate(PLANAR, REACHABLE, LIMITS, "dykstra", nearest="force")
+    with pytest.raises(ValueError, match=r"Pseudoinverse.*'force'"):
+        tl.allocate(PLANAR, REACHABLE, LIMITS, "pseudoinverse", nearest="force")
+    with pytest.raises(ValueError, match=r"sideways.*'force', 'tension', 'direction'"):
+        tl.allocate(PLANAR, REACHABLE, LIMITS, nearest="sideways")  # type: ignore[arg-type]
+
+
+def test_a_solver_may_be_an_instance() -> None:
+    found = tl.allocate(PLANAR, REACHABLE, LIMITS, tl.Dykstra(tolerance=1e-12))
+    exact = tl.allocate(PLANAR, REACHABLE, LIMITS)
+    np.testing.assert_allclose(found.tensions, exact.tensions, rtol=0, atol=1e-9)
+
+
+@dataclass(frozen=True)
+class Stranger:
+    """A solver from elsewhere that answers and claims what the test tells it."""
+
+    tensions: tuple[float, ...]
+    separation: tuple[float, ...] | None = None
+    reason: str | None = None
+
+    objective: ClassVar[str] = "none"
+    policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
+
+    def solve(self, problem: Problem) -> Answer:
+        size = len(problem)
+        return Answer(
+            np.tile(self.tensions, (size, 1)).astype(float),
+            np.full(size, 7),
+            None if self.separation is None else np.tile(self.separation, (size, 1)).astype(float),
+            {} if self.reason is None else dict.fromkeys(range(size), self.reason),
+        )
+
+
+NAN = (np.nan, np.nan, np.nan)
+
+
+def test_a_stranger_who_is_right_is_believed_after_measuring() -> None:
+    for policy in Stranger.policies:
+        truth = tl.allocate(PLANAR, FAR, LIMITS, nearest=policy)
+        found = tl.allocate(PLANAR, FAR, LIMITS, Stranger(tuple(truth.tensions)), nearest=policy)
+        assert found.status == tl.Status.NEAREST
+        assert found.iterations == 7
+        np.testing.assert_allclose(found.scale, truth.scale, rtol=0, atol=1e-9)
+        d = found.separation
+        assert d @ FAR > np.maximum(d @ PLANAR, 10 * d @ PLANAR).sum()
+
+
+@pytest.mark.parametrize("policy", Stranger.policies)
+@pytest.mark.parametrize("claim", [(1.0, 0.5), (-1.0, -0.5), (1e300, 1e300), (np.nan, np.inf), (0.0, 0.0)])
+def test_a_liar_is_not_believed(policy: Nearest, claim: tuple[float, float]) -> None:
+    # Reachable, but not by these tensions: no claimed direction makes that NEAREST.
+    lie = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger((5.0, 1.0, 9.0), claim), nearest=policy)
+    assert lie.status == tl.Status.ITERATION_LIMIT
+    assert not lie.separation.any()
+    # Out of reach, but these tensions are not the best: nor is that NEAREST.
+    lazy = tl.allocate(PLANAR, FAR, LIMITS, Stranger((5.0, 1.0, 9.0), claim), nearest=policy)
+    assert lazy.status == tl.Status.ITERATION_LIMIT
+
+
+def test_tensions_outside_the_limits_are_clipped_before_they_are_measured() -> None:
+    least_norm = np.linalg.pinv(PLANAR) @ REACHABLE
+    assert least_norm.min() < 1
+    found = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger(tuple(least_norm)))
+    assert found.tensions.min() >= 1
+    np.testing.assert_allclose(found.wrench, PLANAR @ found.tensions, rtol=0, atol=1e-12)
+    assert found.status == tl.Status.ITERATION_LIMIT
+
+
+def test_a_broken_backend_fails_with_its_reason() -> None:
+    found = tl.allocate(PLANAR, np.stack([REACHABLE, FAR]), LIMITS, Stranger(NAN, reason="no licence"))
+    assert np.all(found.status == tl.Status.FAILED)
+    assert np.isnan(found.tensions).all()
+    assert np.isnan(found.scale).all()
+    assert dict(found.failures) == {0: "no licence", 1: "no licence"}
+    with pytest.raises(tl.Unreachable, match="no licence"):
+        found.raise_for_status()
+    unexplained = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger(NAN))
+    assert unexplained.status == tl.Status.FAILED
+    assert unexplained.failures[0]

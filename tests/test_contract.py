@@ -1,0 +1,261 @@
+"""What every solver must keep, whatever it minimises: one suite over the whole table and all policies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from oracle import Truth, UnsureError, solve, support
+from problems import Case, batches, one, random_cases
+
+import tensionlab as tl
+from tensionlab.solvers import make
+from tensionlab.solvers.contract import TOLERANCE
+from tensionlab.solvers.linear import whitener
+from tensionlab.solvers.quadratic import installed_backends
+
+CLOSEST = ("newton", "dykstra", "qp", "cvxpy")
+"""Families that minimise the distance to the reference, and find an answer wherever there is one."""
+MAY_GIVE_UP = {"qp:osqp": 0.05, "qp:quadprog": 0.05, "qp:highs": 0.05}
+"""Share of ordinary problems that a backend may leave at ITERATION_LIMIT. None may give a wrong verdict."""
+EXAMPLES = {"newton": 60, "pseudoinverse": 60, "closed-form": 60, "dykstra": 15, "qp": 5, "cvxpy": 3}
+
+VARIANTS = [
+    *(name for name in tl.SOLVERS if name not in ("qp", "pseudoinverse")),
+    *(f"qp:{backend}" for backend in installed_backends()),
+    "pseudoinverse:reference",
+    "pseudoinverse:middle",
+]
+PAIRS = [(name, nearest) for name in VARIANTS for nearest in make(name).policies or (None,)]
+every_solver = pytest.mark.parametrize("name", VARIANTS)
+every_policy = pytest.mark.parametrize(("name", "nearest"), PAIRS)
+drawn_shapes = st.tuples(st.sampled_from([2, 3, 6]), st.integers(1, 9), st.integers(0, 2**32 - 1))
+
+
+def family(name: str) -> str:
+    return name.partition(":")[0]
+
+
+def run(case: Case, name: str, nearest: Any) -> tl.Allocation:
+    return tl.allocate(
+        case.structure, case.wrench, case.limits, name, case.reference, nearest, wrench_weights=case.weights
+    )
+
+
+def same(
+    first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float64], scale: float = 1.0
+) -> None:
+    """Equal statuses, and tensions equal to ``tensions`` times scale wherever something is proved."""
+    np.testing.assert_array_equal(first.status, second.status)
+    np.testing.assert_allclose(first.tensions, scale * tensions, rtol=0, atol=2e-6 * scale)
+
+
+def judged(case: Case, nearest: str) -> Truth | None:
+    try:
+        return solve(case, nearest)
+    except UnsureError:
+        return None
+
+
+def check(case: Case, found: tl.Allocation, i: int, nearest: Any) -> None:
+    """Hold one answer of a batch against what can be measured here."""
+    t, status = found.tensions[i], found.status[i]
+    assert status in (tl.Status.EXACT, tl.Status.NEAREST, tl.Status.ITERATION_LIMIT)
+    assert np.all(t >= case.lower)
+    assert np.all(t <= case.upper)
+    np.testing.assert_allclose(found.wrench[i], case.structure @ t, rtol=0, atol=1e-11)
+    error = case.wrench - case.structure @ t
+    residual = np.sqrt(np.sum(case.weights * error**2))
+    tolerance = TOLERANCE * max(1.0, np.sqrt(np.sum(case.weights * case.wrench**2)))
+    assert found.residual[i] == pytest.approx(residual, abs=1e-11)
+    assert (status == tl.Status.EXACT) == (found.residual[i] <= tolerance)
+
+    d = found.separation[i]
+    if status == tl.Status.NEAREST:
+        assert nearest is not None
+        assert d @ case.wrench > support(case.structure, d, case.lower, case.upper)
+        truth = judged(case, nearest)
+        if truth is not None:
+            assert not truth.reachable
+            check_nearest(case, error, found.scale[i], truth, nearest)
+    else:
+        assert not d.any()
+        np.testing.assert_equal(found.scale[i], 1.0 if status == tl.Status.EXACT else np.nan)
+    force = judged(case, "force")
+    if status == tl.Status.EXACT and force is not None:
+        assert force.error <= tolerance
+
+
+def check_nearest(case: Case, error: NDArray[np.float64], scale: float, truth: Truth, nearest: str) -> None:
+    """Is the error of a NEAREST answer, in the metric of its policy, as small as the judge's."""
+    size = TOLERANCE * max(1.0, np.sqrt(np.sum(case.weights * case.wrench**2)))
+    if nearest == "direction" and not np.isnan(truth.scale):
+        assert scale == pytest.approx(truth.scale, abs=size)
+        off = case.wrench * (1 - scale) - error
+        assert np.sqrt(np.sum(case.weights * off**2)) <= 2 * size
+        return
+    assert np.isnan(scale)
+    if nearest == "tension":
+        root = whitener(case.structure)
+        size = TOLERANCE * max(1.0, float(np.linalg.norm(root @ case.wrench)))
+        assert np.linalg.norm(root @ error) <= truth.error + 1.01 * size
+    else:
+        assert np.sqrt(np.sum(case.weights * error**2)) <= truth.error + 1.01 * size
+
+
+@every_policy
+def test_answers_are_what_they_claim(name: str, nearest: Any) -> None:
+    @settings(max_examples=2 * EXAMPLES[family(name)])
+    @given(case=batches())
+    def holds(case: Case) -> None:
+        found = run(case, name, nearest)
+        assert not found.failures
+        for i in range(len(case.wrench)):
+            check(one(case, i), found, i, nearest)
+
+    holds()
+
+
+@pytest.mark.parametrize(("name", "nearest"), [p for p in PAIRS if family(p[0]) in CLOSEST])
+def test_reachable_is_exact_and_unreachable_nearest(name: str, nearest: Any) -> None:
+    count, given_up = 3 * EXAMPLES[family(name)], 0
+    shapes = ((2, 4), (3, 4), (3, 8), (6, 8))
+    for n, m in shapes:
+        batch = random_cases(17 * n + m, n, m, count)
+        found = run(batch, name, nearest)
+        for i in range(count):
+            truth = judged(one(batch, i), nearest)
+            if name in MAY_GIVE_UP and found.status[i] == tl.Status.ITERATION_LIMIT:
+                given_up += 1
+            elif truth is not None:
+                expected = tl.Status.EXACT if truth.reachable else tl.Status.NEAREST
+                assert found.status[i] == expected, (n, m, i)
+                np.testing.assert_allclose(found.tensions[i], truth.tensions, rtol=0, atol=1e-5)
+    assert given_up <= MAY_GIVE_UP.get(name, 0) * count * len(shapes)
+
+
+@every_policy
+def test_batch_equals_loop(name: str, nearest: Any) -> None:
+    @settings(max_examples=EXAMPLES[family(name)])
+    @given(drawn=drawn_shapes)
+    def holds(drawn: tuple[int, int, int]) -> None:
+        n, m, seed = drawn
+        batch = random_cases(seed, n, m, 4)
+        together = run(batch, name, nearest)
+        for i in range(4):
+            alone = run(one(batch, i), name, nearest)
+            assert alone.status == together.status[i]
+            np.testing.assert_allclose(together.tensions[i], alone.tensions, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(together.scale[i], alone.scale, rtol=0, atol=1e-9)
+
+    holds()
+
+
+@every_policy
+def test_permuting_cables_permutes_the_answer(name: str, nearest: Any) -> None:
+    @settings(max_examples=EXAMPLES[family(name)])
+    @given(drawn=drawn_shapes, data=st.data())
+    def holds(drawn: tuple[int, int, int], data: st.DataObject) -> None:
+        n, m, seed = drawn
+        batch = random_cases(seed, n, m, 3)
+        order = data.draw(st.permutations(range(m)))
+        turned = Case(
+            batch.structure[:, :, order],
+            batch.wrench,
+            batch.lower[:, order],
+            batch.upper[:, order],
+            batch.reference[:, order],
+            batch.weights,
+        )
+        first, second = run(batch, name, nearest), run(turned, name, nearest)
+        same(second, first, first.tensions[:, order])
+
+    holds()
+
+
+@every_policy
+def test_a_stronger_rig_gives_stronger_answers(name: str, nearest: Any) -> None:
+    @settings(max_examples=EXAMPLES[family(name)])
+    @given(drawn=drawn_shapes)
+    def holds(drawn: tuple[int, int, int]) -> None:
+        n, m, seed = drawn
+        c = random_cases(seed, n, m, 3)
+        strong = replace(
+            c,
+            wrench=1000 * c.wrench,
+            lower=1000 * c.lower,
+            upper=1000 * c.upper,
+            reference=1000 * c.reference,
+        )
+        first, second = run(c, name, nearest), run(strong, name, nearest)
+        same(second, first, first.tensions, 1000.0)
+
+    holds()
+
+
+@every_policy
+def test_leading_axes_broadcast(name: str, nearest: Any) -> None:
+    structures, wrenches = random_cases(5, 3, 5, 2), random_cases(6, 3, 5, 3)
+    lower, upper = structures.lower[0], structures.upper[0]
+    found = tl.allocate(
+        structures.structure[:, None], wrenches.wrench, (lower, upper), name, "middle", nearest
+    )
+    assert found.tensions.shape == (2, 3, 5)
+    assert found.wrench.shape == found.separation.shape == (2, 3, 3)
+    for field in (found.residual, found.status, found.scale, found.iterations):
+        assert field.shape == (2, 3)
+    for p in range(2):
+        for k in range(3):
+            alone = tl.allocate(
+                structures.structure[p], wrenches.wrench[k], (lower, upper), name, "middle", nearest
+            )
+            np.testing.assert_allclose(found.tensions[p, k], alone.tensions, rtol=0, atol=1e-9)
+            assert found.status[p, k] == alone.status
+
+
+@every_policy
+def test_an_empty_batch_is_fine(name: str, nearest: Any) -> None:
+    found = tl.allocate(np.zeros((0, 3, 5)), np.zeros(3), (0.0, 1.0), name, None, nearest)
+    assert found.tensions.shape == (0, 5)
+    assert found.wrench.shape == (0, 3)
+    assert found.status.shape == (0,)
+    assert found.raise_for_status() is found
+
+
+RANK_DEFICIENT = {
+    "zero": np.zeros((3, 4)),
+    "no pull": np.zeros((2, 1)),
+    "one cable": np.array([[0.6], [0.0], [0.8]]),
+    "more components than cables": np.eye(6)[:, :4],
+    "parallel": np.outer([0.6, 0.8], [1.0, -1.0, 2.0]),
+    "in a plane": np.array([[1.0, -0.5, -0.5, 0.0], [0.0, 0.8, -0.8, 0.3], [0.0, 0.0, 0.0, 0.0]]),
+}
+
+
+@every_policy
+@pytest.mark.parametrize("W", RANK_DEFICIENT.values(), ids=RANK_DEFICIENT)
+def test_rank_deficient_rigs_are_rigs(W: NDArray[np.float64], name: str, nearest: Any) -> None:
+    n, m = W.shape
+    t = np.linspace(1.0, 2.0, m)
+    wrenches = np.stack([W @ t, np.zeros(n), W @ t + np.linspace(3.0, 5.0, n), 9 * W @ t])
+    ones, threes, middle = np.ones(m), 3 * np.ones(m), 2 * np.ones(m)
+    found = tl.allocate(W, wrenches, (ones, threes), name, middle, nearest)
+    assert not found.failures
+    for i, w in enumerate(wrenches):
+        check(Case(W, w, ones, threes, middle, np.ones(n)), found, i, nearest)
+    if family(name) in CLOSEST:
+        assert found.status[0] == tl.Status.EXACT
+        assert np.all(found.status[2:3] == tl.Status.NEAREST)
+
+
+@every_solver
+def test_nan_is_refused(name: str) -> None:
+    structure, wrench = np.ones((4, 2, 3)), np.ones((4, 2))
+    structure[2, 1, 0] = np.nan
+    with pytest.raises(tl.ShapeError, match=r"structure\[2, 1, 0\]"):
+        tl.allocate(structure, wrench, (0.0, 1.0), name)
