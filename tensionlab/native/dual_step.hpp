@@ -23,8 +23,8 @@ class DualStep {
 
   explicit DualStep(int m) : m_(m) {}
 
-  // The problem of each lane: set these, then begin() the lane.
-  V structure[M][N] = {}, wrench[N] = {}, lower[M] = {}, upper[M] = {}, reference[M] = {};
+  // The problem of each lane: set these, then begin() the lane. asked: what size of wrench errors are relative to.
+  V structure[M][N] = {}, wrench[N] = {}, lower[M] = {}, upper[M] = {}, reference[M] = {}, asked = {};
 
   // What step() found. Flags are 1 or 0; separated is positive where direction separates w from all W t.
   V direction[N] = {}, converged = {}, settled = {}, separated = {};
@@ -91,7 +91,7 @@ class DualStep {
       for (int k = 0; k < N; ++k) wanted += column[k] * dual_[k];
       const V tension = smaller(larger(wanted, lower[i]), upper[i]);
       wanted_[i] = wanted;
-      largest = larger(largest, magnitude(tension));
+      largest = larger(largest, larger(magnitude(tension), magnitude(reference[i])));
       const auto free = start | ((wanted > lower[i]) & (wanted < upper[i]));
       for (int k = 0; k < N; ++k) {
         residual[k] -= column[k] * tension;
@@ -99,14 +99,12 @@ class DualStep {
         for (int j = 0; j <= k; ++j) matrix_[k][j] += part * column[j];
       }
     }
-    V size = gain_ * largest;
+    size_ = larger(V(gain_ * largest), asked);
     for (int k = 0; k < N; ++k) {
-      size = larger(size, magnitude(wrench[k]));
       residual_[k] = residual[k];
       gradient_[k] = residual[k] - proximal_ * (dual_[k] - centre_[k]);
       matrix_[k][k] += proximal_;
     }
-    size_ = size;
     all_free_ = zero;
   }
 

@@ -132,7 +132,12 @@ class Newton {
     Control& control = control_[l];
     control.stage = stage;
     control.in_stage = 0;
-    for (int k = 0; k < N; ++k) lane<Real>(steps_.wrench[k], l) = control.scale * control.wrench[k];
+    Real& asked = lane<Real>(steps_.asked, l);
+    asked = 0;
+    for (int k = 0; k < N; ++k) {
+      asked = larger(asked, magnitude(control.wrench[k]));
+      lane<Real>(steps_.wrench[k], l) = control.scale * control.wrench[k];
+    }
     steps_.begin(l, stage == Stage::nearest);
   }
 
