@@ -26,7 +26,7 @@ format: .venv/dev.stamp
 	@$(BIN)/clang-format -i $(NATIVE)
 
 bench: .venv/dev.stamp
-	@$(BIN)/python benchmarks/against_daqp.py
+	@TENSIONLAB_NUM_THREADS=1 $(BIN)/python -m tensionlab.experiments.benchmark
 
 clean:
 	rm -rf .venv build out

@@ -97,7 +97,9 @@ class Allocation:
             return self
         worst = int(flawed[np.argmax(np.nan_to_num(self.residual.ravel()[flawed], nan=np.inf))])
         counts = ", ".join(
-            f"{count} {status.name}" for status, count in self.counts().items() if count and status is not Status.EXACT
+            f"{count} {status.name}"
+            for status, count in self.counts().items()
+            if count and status is not Status.EXACT
         )
         where = "" if self.status.ndim == 0 else f" at index {np.unravel_index(worst, self.status.shape)}"
         where = where.replace("np.int64(", "").replace("),", ",").replace("))", ")")
@@ -129,12 +131,19 @@ class Allocator:
         pair = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
         if len(pair) != 2:
             raise ShapeError(f"limits must be (lower, upper), got {len(pair)} entries")
-        self.lower, self.upper = (_finite(name, array, 0) for name, array in zip(("lower", "upper"), pair, strict=True))
+        self.lower, self.upper = (
+            _finite(name, array, 0) for name, array in zip(("lower", "upper"), pair, strict=True)
+        )
         crossed = np.argwhere(self.lower > self.upper)
         if crossed.size:
             index = tuple(int(i) for i in crossed[0])
-            low, high = (np.broadcast_to(a, np.broadcast(self.lower, self.upper).shape) for a in (self.lower, self.upper))
-            raise ShapeError(f"lower[{index}] = {low[index]:g} N exceeds upper[{index}] = {high[index]:g} N; swap them")
+            low, high = (
+                np.broadcast_to(a, np.broadcast(self.lower, self.upper).shape)
+                for a in (self.lower, self.upper)
+            )
+            raise ShapeError(
+                f"lower[{index}] = {low[index]:g} N exceeds upper[{index}] = {high[index]:g} N; swap them"
+            )
         self.reference = self._reference(reference)
         self.weights = None if wrench_weights is None else _finite("wrench_weights", wrench_weights, 1)
         if self.weights is not None and not (self.weights.ndim == 1 and (self.weights > 0).all()):
@@ -164,7 +173,9 @@ class Allocator:
                 f"and 1 to {_native.MAX_CABLES}"
             )
         if wrench.shape[-1] != n:
-            raise ShapeError(f"wrench has {wrench.shape[-1]} components where structure {structure.shape} has {n} rows")
+            raise ShapeError(
+                f"wrench has {wrench.shape[-1]} components where structure {structure.shape} has {n} rows"
+            )
         weights = np.ones(n) if self.weights is None else self.weights
         if weights.shape != (n,):
             raise ShapeError(f"wrench_weights has {weights.size} entries where structure has {n} rows")

@@ -69,7 +69,7 @@ class Problem:
     nearest: Nearest | None
 
     def __len__(self) -> int:
-        return self.structure.shape[0]
+        return len(self.structure)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy import sparse
 
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.contract import TOLERANCE, Answer, Floats, Nearest, Problem
@@ -150,6 +149,8 @@ class _Engine:
     ) -> Floats | None:
         """Which x inside the limits the backend gives for the program of this module, or None."""
         import qpsolvers
+
+        from scipy import sparse
 
         matrix: Any = sparse.csc_matrix if self.name in SPARSE else np.asarray
         lower, upper = limits
