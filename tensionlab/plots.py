@@ -47,6 +47,9 @@ METADATA: dict[str, dict[str, Any]] = {
 
 CABLE = "#C8C8C8"
 HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+DRAWN_FORCES = 200
+"""Of a larger set, so many forces are drawn, evenly spread."""
+
 FLOOR = 1e-12
 """Errors below are drawn here, in N: rounding, not a difference between solvers."""
 
@@ -71,7 +74,11 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
     """
     rows, spatial = comparison.rows, comparison.rig.dimension == 3
     names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]
-    lines = [names.index(row.solver) + POLICY_LOOK[row.nearest][2] for row in rows]
+    alone = [sum(other.solver == row.solver for other in rows) == 1 for row in rows]
+    lines = [
+        names.index(row.solver) + (0.0 if single else POLICY_LOOK[row.nearest][2])
+        for row, single in zip(rows, alone, strict=True)
+    ]
     count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
     with _figure(path, (14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
@@ -145,9 +152,11 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
 def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> None:
     """Desired forces, errors and cable directions, seen along the third axis."""
     rig = comparison.rig
-    wanted = comparison.wrenches[:, view]
-    got = comparison.allocations[0].wrench[:, view]
-    reach = float(np.linalg.norm(comparison.wrenches, axis=1).max())
+    count = len(comparison.wrenches)
+    shown = np.unique(np.linspace(0, count - 1, min(count, DRAWN_FORCES)).astype(int))
+    wrenches = comparison.wrenches[shown]
+    wanted, got = wrenches[:, view], comparison.allocations[0].wrench[shown][:, view]
+    reach = float(np.linalg.norm(wrenches, axis=1).max())
     labels: dict[tuple[int, int], list[str]] = {}
     for module, direction in zip(rig.modules, comparison.structure[list(view)].T, strict=True):
         length = float(np.linalg.norm(direction))
@@ -165,7 +174,7 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
         )  # fmt: skip
     near = np.full(len(wanted), True)
     if rig.dimension == 3:
-        near = comparison.wrenches[:, 3 - sum(view)] >= -1e-9 * reach
+        near = wrenches[:, 3 - sum(view)] >= -1e-9 * reach
         axes.set_title("from the front (along −z)" if view == (0, 1) else "from above (along −y)")
     for half, alpha in ((~near, 0.4), (near, 1.0)):
         axes.plot(
@@ -174,7 +183,7 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
         )  # fmt: skip
     missed = np.linalg.norm(got - wanted, axis=1) > TOLERANCE
     for start, end in zip(wanted[missed], got[missed], strict=True):
-        axes.plot([start[0], end[0]], [start[1], end[1]], color=RED, linewidth=1.6, zorder=4)
+        axes.plot([start[0], end[0]], [start[1], end[1]], color=RED, linewidth=1.3, zorder=4)
     axes.set(aspect="equal", xlim=(-1.75 * reach, 1.75 * reach), ylim=(-1.5 * reach, 1.5 * reach))
     axes.set(xlabel=f"{'xyz'[view[0]]} (N)", ylabel=f"{'xyz'[view[1]]} (N)")
     axes.grid()
@@ -309,4 +318,9 @@ def _figure(path: str | Path, size: tuple[float, float]) -> Iterator[Figure]:
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
+        # The layout's solver leaves different last digits from run to run; the picture must not.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        for axes in figure.axes:
+            axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
         figure.savefig(path, metadata=metadata)

@@ -34,9 +34,6 @@ COLUMNS: list[tuple[str, Callable[[Row], str], bool]] = [
 ]
 """Heading, how to write it, and whether a narrow terminal shows it too."""
 
-FULL_WIDTH = 116
-"""Narrower terminals get the short table."""
-
 LEGEND = """\
 exact: limits kept, wrench rendered   near: proved out of reach, the policy's best substitute found
 limit: neither proved   fail: the solver broke   error: desired minus rendered   angle: between the two forces
@@ -64,7 +61,7 @@ def compare(
         str | None, typer.Option(help="Only this policy: force, tension or direction; all if left out.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(callback=output.output_file, help="Draw to this file (png, pdf, svg).")
+        Path | None, typer.Option(callback=output.picture_file, help="Draw to this file (png, pdf, svg).")
     ] = None,
     out: Annotated[
         Path | None, typer.Option(callback=output.output_file, help="Write the rows to this Parquet file.")
@@ -124,10 +121,10 @@ def compare(
 def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | None]]) -> None:
     """The table, what its words mean, and where the files are."""
     console = output.console()
-    narrow = console.width < FULL_WIDTH
+    narrow = console.width < output.WIDTH
     columns = [column for column in COLUMNS if column[2] or not narrow]
     title = f"{result.rig.name}, {result.rig.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
-    grid = output.table(f"{title} at {output.vector(result.position)} m")
+    grid = output.table(f"{title} at {output.vector(result.position)} m", gap=1)
     for index, (heading, _, _) in enumerate(columns):
         grid.add_column(heading, justify="left" if index < 2 else "right", no_wrap=True)
     for row in result.rows:
@@ -135,9 +132,12 @@ def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | N
     for name in result.missing:
         grid.add_row(name, "not installed", style="dim")
     console.print(grid)
+    console.print()
     console.print(LEGEND, style="dim")
     if narrow:
-        console.print(f"A terminal of {FULL_WIDTH} columns shows more of them; --json has all.", style="dim")
+        console.print(
+            f"A terminal of {output.WIDTH} columns shows more of them; --json has all.", style="dim"
+        )
     for name, path in files:
         if path:
             console.print(f"{name}: {path}", soft_wrap=True)

@@ -53,6 +53,21 @@ def output_file(path: Path | None) -> Path | None:
     return path
 
 
+def picture_file(path: Path | None) -> Path | None:
+    """Whether a picture can be written there; asked before the work, as a callback of the option.
+
+    Raises
+    ------
+    BadParameter
+        If the folder does not exist, or the suffix is that of no picture.
+    """
+    from tensionlab.plots import METADATA
+
+    if path is not None and path.suffix.lower() not in METADATA:
+        raise typer.BadParameter(f"{path} is no picture; it must end in {', '.join(METADATA)}")
+    return output_file(path)
+
+
 def short(value: float) -> str:
     """Two significant digits in at most six characters; a dash for NaN."""
     if math.isnan(value):
@@ -95,8 +110,8 @@ def console() -> Console:
     return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
 
 
-def table(title: str = "") -> Table:
-    """An empty table in the house's style."""
+def table(title: str = "", gap: int = 2) -> Table:
+    """Make an empty table in the house's style, with so many spaces between columns."""
     from rich import box
     from rich.table import Table
 
@@ -105,7 +120,7 @@ def table(title: str = "") -> Table:
         title_justify="left",
         title_style="bold",
         box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
+        padding=(0, gap - 1, 0, 0),
         pad_edge=False,
         show_edge=False,
     )

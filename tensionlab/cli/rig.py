@@ -12,10 +12,10 @@ from tensionlab.cli import output
 if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
 
-rig = typer.Typer(help="Show a rig, or check that it can work.", no_args_is_help=True)
+rig = typer.Typer(help="Show a rig, or check that it can work.", no_args_is_help=True, rich_markup_mode=None)
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
 Plot = Annotated[
-    Path | None, typer.Option(callback=output.output_file, help="Draw to this file (png, pdf, svg).")
+    Path | None, typer.Option(callback=output.picture_file, help="Draw to this file (png, pdf, svg).")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")]
 
