@@ -149,7 +149,6 @@ class _Engine:
     ) -> Floats | None:
         """Which x inside the limits the backend gives for the program of this module, or None."""
         import qpsolvers
-
         from scipy import sparse
 
         matrix: Any = sparse.csc_matrix if self.name in SPARSE else np.asarray
