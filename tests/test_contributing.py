@@ -1,0 +1,77 @@
+"""The guide in CONTRIBUTING.md works: its solver runs, keeps the style, and gives the right answers."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.experiments.directions import grid18
+
+ROOT = Path(__file__).parents[1]
+GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+SOLVER, TESTS = re.findall(r"^```python\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
+FILE = "tensionlab/solvers/dual_ascent.py"
+
+
+@pytest.fixture
+def dual_ascent(monkeypatch: pytest.MonkeyPatch) -> type[Any]:
+    """The guide followed: the solver is a module of the package and stands in the table."""
+    module = ModuleType(FILE.removesuffix(".py").replace("/", "."))
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(SOLVER, FILE, "exec"), module.__dict__)
+    solver: type[Any] = module.__dict__["DualAscent"]
+    monkeypatch.setitem(tl.SOLVERS, "dual-ascent", solver)
+    return solver
+
+
+def test_the_guide_names_what_the_tests_use() -> None:
+    assert f"`{FILE}`" in GUIDE
+    assert '`"dual-ascent": DualAscent,`' in GUIDE
+
+
+@pytest.mark.usefixtures("dual_ascent")
+def test_its_own_tests_pass() -> None:
+    names: dict[str, Any] = {}
+    exec(compile(TESTS, "tests/solvers/test_dual_ascent.py", "exec"), names)
+    tests = [value for name, value in names.items() if name.startswith("test_")]
+    assert len(tests) == 2
+    for test in tests:
+        test()
+
+
+@pytest.mark.usefixtures("dual_ascent")
+@pytest.mark.parametrize(
+    ("rig", "nearest_count"), [("bartels2026-validation", 0), ("bartels2026-validation-0.3m", 29)]
+)
+def test_it_agrees_with_the_exact_solver(rig: str, nearest_count: int) -> None:
+    loaded = tl.load_rig(ROOT / "datasets" / "rigs" / f"{rig}.toml")
+    structure, forces = loaded.structure_matrix(loaded.home), 1.5 * grid18()
+    found = tl.allocate(structure, forces, loaded.limits, "dual-ascent", "middle", "force")
+    exact = tl.allocate(structure, forces, loaded.limits, "newton", "middle", "force")
+    assert found.counts()[tl.Status.EXACT] == 182 - nearest_count
+    assert found.counts()[tl.Status.NEAREST] == nearest_count
+    np.testing.assert_allclose(found.tensions, exact.tensions, rtol=0, atol=1e-6)
+
+
+def test_it_refuses_what_it_cannot_do(dual_ascent: type[Any]) -> None:
+    with pytest.raises(ValueError, match="honours 'force'"):
+        tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dual-ascent", nearest="direction")
+    with pytest.raises(ValueError, match="iteration_limit=0"):
+        dual_ascent(iteration_limit=0)
+
+
+@pytest.mark.parametrize("text", [SOLVER, TESTS], ids=["solver", "tests"])
+def test_it_keeps_the_style_of_the_house(text: str) -> None:
+    name = FILE if text == SOLVER else "tests/solvers/test_dual_ascent.py"
+    for command in (["check"], ["format", "--diff"]):
+        ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", name, "-"]
+        run = subprocess.run(ruff, cwd=ROOT, input=text, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stdout + run.stderr
