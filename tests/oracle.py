@@ -1,20 +1,18 @@
 """An independent judge: the exact answer of one problem, by methods that share nothing with the package.
 
-`enumerated` tries every way of putting each cable at its lower limit, at its upper limit or between
-(3^m patterns) and keeps the best: no iteration, no multiplier, no solver. `solve` uses an active-set
-least-squares routine, a simplex code and DAQP, then solves the identified equations again in NumPy. Both
-answers are held against the optimality conditions, whose multipliers are found afterwards by non-negative
-least squares; where those leave a doubt (a gradient or an error that is neither zero nor clearly not) the
-judge says so by raising `UnsureError` rather than guess.
+An active-set least-squares routine, a simplex code and DAQP find which cables are at their limits; the
+equations that remain are then solved again in NumPy. The answer is held against the optimality conditions,
+whose multipliers are found afterwards by non-negative least squares; where those leave a doubt (a gradient or
+an error that is neither zero nor clearly not) the judge says so by raising `UnsureError` rather than guess.
+`test_optimality` holds a second judge against this one, which tries every pattern of limits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations, product
 
-import daqp  # type: ignore[import-not-found]
+import daqp
 import numpy as np
 from numpy.typing import NDArray
 from problems import Case
@@ -67,7 +65,7 @@ Furthest = Callable[[Floats, Floats, Box], float]
 """Largest s in [0, 1] with ``W t = s w`` in the box, given that there is one: ``f(W, w, box)``."""
 
 
-def _with_scale(box: Box) -> Box:
+def with_scale(box: Box) -> Box:
     """The box of (t, s) for ``W t = s w``, s in [0, 1]."""
     lower, upper, reference = (
         np.append(x, s) for x, s in ((box.lower, 0.0), (box.upper, 1.0), (box.reference, 1.0))
@@ -81,20 +79,15 @@ def support(W: Floats, d: Floats, lower: Floats, upper: Floats) -> float:
     return float(np.maximum(gain * lower, gain * upper).sum())
 
 
-def enumerated(case: Case, nearest: str) -> Truth:
-    """Which tensions are best, by trying every pattern of limits; for up to about eight cables."""
-    return _judge(case, nearest, _nearest_by_patterns, _furthest_by_patterns)
-
-
 def solve(case: Case, nearest: str) -> Truth:
     """Which tensions are best, by numerical solvers and a polish; for any number of cables.
 
     Raises `UnsureError` where that can't be known to 1e-9 N.
     """
-    return _judge(case, nearest, _nearest_by_solvers, _furthest_by_simplex)
+    return judge(case, nearest, _nearest_by_solvers, _furthest_by_simplex)
 
 
-def _judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Truth:
+def judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Truth:
     """Assemble and verify the answer of a policy from the two steps that a method provides."""
     W, w = case.structure, case.wrench
     sizes = [float(np.abs(x).max()) for x in (w, case.lower, case.upper, case.reference)]
@@ -110,7 +103,7 @@ def _judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Tr
         return Truth(t, W @ t, 1.0, 0.0, np.zeros_like(w), reachable=True)
     if nearest == "direction":
         on_ray = np.column_stack([W, -w])
-        if _is_zero(float(np.linalg.norm(on_ray @ closest(on_ray, np.zeros_like(w), _with_scale(box)))), box):
+        if _is_zero(float(np.linalg.norm(on_ray @ closest(on_ray, np.zeros_like(w), with_scale(box)))), box):
             return _judge_direction(W, w, box, closest, furthest)
     root = force if nearest != "tension" else _tension_metric(W)
     if nearest == "tension":
@@ -195,45 +188,7 @@ def _check_closest(V: Floats, v: Floats, t: Floats, box: Box) -> None:
     _multiplier(V.T, t - box.reference, _sides(t, box), box.size)
 
 
-# --- First method: every pattern of limits ----------------------------------------------------------------
-
-
-def _candidates(V: Floats, y: Floats, box: Box) -> Iterator[tuple[Floats, Floats]]:
-    """Every pattern of limits: tensions (K, m) in the box, and errors (K, n) of each.
-
-    Free cables take the least-squares solution that is closest to the reference.
-    """
-    m = V.shape[1]
-    for count in range(m + 1):
-        bounds = np.array(list(product((0.0, 1.0), repeat=m - count)))
-        for subset in combinations(range(m), count):
-            free, held = np.array(subset, dtype=int), np.setdiff1d(np.arange(m), subset)
-            t = np.tile(box.reference, (len(bounds), 1))
-            t[:, held] = np.where(bounds > 0, box.upper[held], box.lower[held])
-            if count:
-                t[:, free] += (y - t @ V.T) @ np.linalg.pinv(V[:, free], rcond=1e-13).T
-            inside = np.clip(t, box.lower, box.upper)
-            t = inside[np.all(np.abs(inside - t) <= 1e-12 * box.size, axis=1)]
-            if len(t):
-                yield t, y - t @ V.T
-
-
-def _nearest_by_patterns(V: Floats, y: Floats, box: Box) -> Floats:
-    tensions, errors = (np.concatenate(parts) for parts in zip(*_candidates(V, y, box), strict=True))
-    best = errors[np.argmin(np.sum(errors**2, axis=1))]
-    tied = tensions[np.max(np.abs(errors - best), axis=1, initial=0.0) <= 1e-12 * box.size]
-    return np.asarray(tied[np.argmin(np.sum((tied - box.reference) ** 2, axis=1))])
-
-
-def _furthest_by_patterns(W: Floats, w: Floats, box: Box) -> float:
-    best = -np.inf
-    for tensions, errors in _candidates(np.column_stack([W, -w]), np.zeros_like(w), _with_scale(box)):
-        exact = np.max(np.abs(errors), axis=1) <= 1e-12 * box.size
-        best = max(best, float(tensions[exact, -1].max(initial=-np.inf)))
-    return best
-
-
-# --- Second method: numerical solvers, then the identified equations --------------------------------------
+# --- The method: numerical solvers, then the identified equations ------------------------------------------
 
 
 def _nearest_by_solvers(V: Floats, y: Floats, box: Box) -> Floats:
@@ -283,7 +238,7 @@ def _project(rows: Floats, target: Floats, box: Box) -> Floats:
 
 
 def _furthest_by_simplex(W: Floats, w: Floats, box: Box) -> float:
-    ray, matrix = _with_scale(box), np.column_stack([W, -w])
+    ray, matrix = with_scale(box), np.column_stack([W, -w])
     limits = list(zip(ray.lower, ray.upper, strict=True))
     gain = np.append(np.zeros(len(box.lower)), 1.0)
     found = linprog(-gain, A_eq=matrix, b_eq=np.zeros_like(w), bounds=limits)

@@ -192,7 +192,7 @@ def test_unknown_names_are_refused_with_a_suggestion() -> None:
     with pytest.raises(tl.UnknownSolver, match=r"clarabell.*clarabel"):
         tl.allocate(PLANAR, REACHABLE, LIMITS, "qp:clarabell")
     with pytest.raises(ValueError, match=r"top.*lower.*middle"):
-        tl.allocate(PLANAR, REACHABLE, LIMITS, reference="top")  # type: ignore[arg-type]
+        tl.allocate(PLANAR, REACHABLE, LIMITS, reference="top")
 
 
 def test_a_policy_that_is_not_honoured_names_those_that_are() -> None:
