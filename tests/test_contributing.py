@@ -14,6 +14,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.experiments.directions import grid18
+from tensionlab.experiments.lineup import lineup
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -35,6 +36,11 @@ def dual_ascent(monkeypatch: pytest.MonkeyPatch) -> type[Any]:
 def test_the_guide_names_what_the_tests_use() -> None:
     assert f"`{FILE}`" in GUIDE
     assert '`"dual-ascent": DualAscent,`' in GUIDE
+
+
+@pytest.mark.usefixtures("dual_ascent")
+def test_the_comparison_knows_it() -> None:
+    assert ("dual-ascent", "force") in lineup()[0]
 
 
 @pytest.mark.usefixtures("dual_ascent")
