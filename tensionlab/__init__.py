@@ -1,6 +1,6 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
-from tensionlab.allocation import Allocation, Allocator, allocate
+from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
     MissingDependency,
     RigError,
@@ -9,6 +9,7 @@ from tensionlab.errors import (
     UnknownSolver,
     Unreachable,
 )
+from tensionlab.measure import Allocation
 from tensionlab.model.files import load_rig, save_rig
 from tensionlab.model.forward import PoseEstimate
 from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top

@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tensionlab.allocation import Allocation
+    from tensionlab.measure import Allocation
 
 
 class TensionlabError(Exception):

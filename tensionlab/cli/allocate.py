@@ -10,7 +10,7 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
-    from tensionlab.allocation import Allocation
+    from tensionlab.measure import Allocation
     from tensionlab.model.rig import Rig
     from tensionlab.solvers.contract import Status
 

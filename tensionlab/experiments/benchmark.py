@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ LOWER, UPPER = 0.5, 6.0
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """Seconds a problem, proof included, beside the C time (set-up plus solve) that DAQP reports for itself."""
+    """Seconds a problem, proof included, beside the C time (set-up plus solve) that DAQP reports."""
 
     components: int
     cables: int
@@ -33,7 +34,7 @@ class SpeedRow:
 
 
 def random_problems(components: int, cables: int, count: int, seed: int) -> tuple[Floats, Floats]:
-    """Random structure matrices (count, n, m) of unit cables, and wrenches (count, n) that they can render."""
+    """Random structure matrices (count, n, m) of unit cables, and wrenches (count, n) they can render."""
     rng = np.random.default_rng(seed)
     pulls = rng.normal(size=(count, 3, cables))
     pulls /= np.linalg.norm(pulls, axis=1, keepdims=True)
@@ -43,12 +44,14 @@ def random_problems(components: int, cables: int, count: int, seed: int) -> tupl
     return structure, np.einsum("bnm,bm->bn", structure, tensions)
 
 
-def against_daqp(components: int, cables: int, count: int = 100_000, rounds: int = 7, seed: int = 0) -> SpeedRow:
+def against_daqp(
+    components: int, cables: int, count: int = 100_000, rounds: int = 7, seed: int = 0
+) -> SpeedRow:
     """How long does a problem take in one large batch, and in DAQP's C code?
 
-    Both are timed in turn, ``rounds`` times, and the medians compared. DAQP solves a new 1,000 of the problems in
-    each round, one call each, and reports the time that its set-up and its solve took in C; its Python wrapper does
-    not count. Ours is the wall time of one `allocate` call over all problems, proof included.
+    Both are timed in turn, ``rounds`` times, and the medians compared. DAQP solves a new 1,000 of the problems
+    in each round, one call each, and reports the time that its set-up and its solve took in C; its Python
+    wrapper does not count. Ours is the wall time of one `allocate` call over all problems, proof included.
 
     Raises
     ------
@@ -81,13 +84,16 @@ def against_daqp(components: int, cables: int, count: int = 100_000, rounds: int
 
 def main() -> None:
     """Print the table of README's section on speed."""
-    print(f"Instruction set: {_native.instruction_set()}. Set TENSIONLAB_NUM_THREADS=1 to compare one core with one.")
+    threads = os.environ.get(
+        "TENSIONLAB_NUM_THREADS", "as many as the machine has; set it to 1 for a fair race"
+    )
+    print(f"Instruction set: {_native.instruction_set()}; TENSIONLAB_NUM_THREADS: {threads}")
     print("  n   m   batch, µs   DAQP in C, µs   ratio   largest difference, N")
     for components, cables in ((3, 4), (3, 8), (3, 12), (6, 8)):
         row = against_daqp(components, cables)
         print(
-            f"{components:3d} {cables:3d} {1e6 * row.batch_s:11.3f} {1e6 * row.daqp_s:15.3f} {row.ratio:7.3f} "
-            f"{row.gap_max:23.1e}"
+            f"{components:3d} {cables:3d} {1e6 * row.batch_s:11.3f} {1e6 * row.daqp_s:15.3f} "
+            f"{row.ratio:7.3f} {row.gap_max:23.1e}"
         )
 
 

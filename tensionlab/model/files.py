@@ -50,7 +50,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
     RigError
         As `load_rig`.
     """
-    from tensionlab.model import schema  # noqa: PLC0415 - pydantic is slow to import
+    from tensionlab.model import schema
 
     try:
         document = tomllib.loads(text)
@@ -87,7 +87,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
 
 def rig_to_toml(rig: Rig) -> str:
     """How is a rig written in TOML? Values that all modules share go into ``[limits]``."""
-    import tomli_w  # noqa: PLC0415 - only needed to write
+    import tomli_w
 
     document: dict[str, Any] = {"name": rig.name, "kind": rig.kind}
     for key in ("description", "source"):

@@ -44,7 +44,9 @@ inline unsigned thread_count() {
 template <class Work>
 void share_out(std::size_t size, const Work& work) {
   constexpr std::size_t kWorthAThread = 1024;
-  const std::size_t threads = std::min<std::size_t>(thread_count(), size / kWorthAThread);
+  // Counting the processors costs more than a problem does, so ask only when it matters.
+  const std::size_t worth = size / kWorthAThread;
+  const std::size_t threads = worth < 2 ? 1 : std::min<std::size_t>(thread_count(), worth);
   if (threads < 2) {
     work(std::size_t{0}, size);
     return;

@@ -60,6 +60,9 @@ class Judge {
       finding.scale = 1;
       return finding;
     }
+    for (int k = 0; k < n_; ++k) {
+      if (!std::isfinite(separation[k])) separation[k] = 0;
+    }
     bool proved = false;
     if (rule_ == Rule::force) proved = nearest_force(problem, error, finding.residual, tolerance, separation);
     if (rule_ == Rule::tension) proved = nearest_tension(problem, error, separation);

@@ -4,6 +4,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
 
+#include <atomic>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -89,6 +90,7 @@ nb::tuple judge(const In<3>& structure, const In<2>& wrench, const In<2>& lower,
   double* residual = allocate<double>(batch.size);
   double* scale = allocate<double>(batch.size);
   std::int8_t* status = allocate<std::int8_t>(batch.size);
+  std::atomic<bool> flawed{false};
   {
     nb::gil_scoped_release unlocked;
     const Judge<kMaxComponents, kMaxCables> judge(batch.n, batch.m, batch.weights, static_cast<Rule>(rule),
@@ -101,11 +103,12 @@ nb::tuple judge(const In<3>& structure, const In<2>& wrench, const In<2>& lower,
         status[row] = static_cast<std::int8_t>(finding.status);
         residual[row] = finding.residual;
         scale[row] = finding.scale;
+        if (finding.status == Verdict::iteration_limit || finding.status == Verdict::failed) flawed = true;
       }
     });
   }
   return nb::make_tuple(table_of(rendered, batch.size, n), vector_of(residual, batch.size),
-                        vector_of(status, batch.size), vector_of(scale, batch.size));
+                        vector_of(status, batch.size), vector_of(scale, batch.size), flawed.load());
 }
 
 }  // namespace

@@ -13,18 +13,18 @@ from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, Answer, Neares
 class Newton:
     """Which tensions within limits render the wrench and are closest to the reference, exactly?
 
-    Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, which
-    has one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, with y
-    such that ``W t(y) = w``. Semismooth Newton steps with an exact line search along a piecewise quadratic dual
-    end after finitely many. Where the wrench is out of reach, a separating direction shows up as a dual ray, and
-    the policy's own problem is solved to the same precision. The whole batch is one call to
-    `tensionlab/native/newton.hpp`, which states the method; threads: ``TENSIONLAB_NUM_THREADS``.
+    Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with
+    one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where y
+    is such that ``W t(y) = w``. Semismooth Newton steps with an exact line search along the piecewise quadratic
+    dual end after finitely many. Where the wrench is out of reach, a separating direction shows up as a ray of
+    the dual, and the policy's own problem is solved to the same precision. The whole batch is one call to
+    `tensionlab/native/newton.hpp`, which states the method; ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     References
     ----------
-    Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible active
-    set method for quadratic problems with simple bounds"; Chiche and Gilbert (2016), "How the augmented Lagrangian
-    algorithm can deal with an infeasible convex quadratic optimization problem".
+    Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
+    active set method for quadratic problems with simple bounds"; Chiche and Gilbert (2016), "How the
+    augmented Lagrangian algorithm can deal with an infeasible convex quadratic optimization problem".
     """
 
     objective: ClassVar[str] = "least |t - reference|²"

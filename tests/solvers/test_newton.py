@@ -13,7 +13,7 @@ LOWER, UPPER = 0.5, 6.0
 
 
 def random_problems(rng, count, n, m, stretch):
-    """Structure matrices of unit cables (and torques for n = 6) with wrenches that stretch * reachable ones."""
+    """Structure matrices of unit cables (n = 6: with torques), and reachable wrenches times stretch."""
     u = rng.normal(size=(count, min(n, 3), m))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     arms = rng.normal(scale=0.3, size=(count, 3, m))
@@ -25,7 +25,7 @@ def random_problems(rng, count, n, m, stretch):
 def dual_newton(structure, wrench, reference, eps=1e-6, rounds=6):
     """The method in NumPy: maximise the dual by proximal Newton steps, halving a step until the dual grows.
 
-    g(y) = w·y - sum_i max over t_i in the limits of (W_i·y t_i - (t_i - t0_i)²/2); its gradient is w - W t(y).
+    g(y) = w·y - sum_i max over t_i in the limits of (W_i·y t_i - (t_i - t0_i)²/2), with gradient w - W t(y).
     """
     y = centre = np.zeros(len(wrench))
 
@@ -105,7 +105,8 @@ import sys, numpy as np, tensionlab as tl
 from tensionlab import _native
 data = np.load(sys.argv[1])
 print(_native.instruction_set())
-answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), nearest=p).tensions for p in ("force", "tension", "direction")]
+policies = ("force", "tension", "direction")
+answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), nearest=p).tensions for p in policies]
 np.save(sys.argv[2], np.array(answers))
 """
 

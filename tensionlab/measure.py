@@ -1,0 +1,170 @@
+"""What was chosen and what is proved about it: the measure behind every status.
+
+Whoever chose the tensions, they are clipped into their limits, the wrench is recomputed, and a verdict needs
+a certificate that anyone can check (`tensionlab/native/judge.hpp`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab import _native
+from tensionlab.errors import ShapeError, Unreachable
+from tensionlab.solvers.contract import (
+    POLICIES,
+    RANK_TOLERANCE,
+    TOLERANCE,
+    Answer,
+    Floats,
+    Integers,
+    Problem,
+    Status,
+)
+from tensionlab.solvers.newton import Newton
+
+
+@dataclass(frozen=True)
+class Allocation:
+    """Which tensions were chosen, and what is proved about them?
+
+    Leading axes are those that structure, wrench, limits and reference broadcast to.
+
+    Attributes
+    ----------
+    tensions : (..., m) array
+        In N, always inside the limits; NaN where the status is FAILED.
+    wrench : (..., n) array
+        What those tensions render: ``structure @ tensions``.
+    residual : (...,) array
+        ``sqrt(sum(weights * (asked - wrench)**2))``.
+    status : (...,) array of `Status`
+        Measured, never the backend's claim.
+    scale : (...,) array
+        1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere.
+    iterations : (...,) array
+        As the solver counts them.
+    separation : (..., n) array
+        Where NEAREST, a direction d that proves the wrench out of reach: ``d·w`` exceeds the largest
+        ``d·W t`` of all tensions inside the limits. Zeros elsewhere.
+    failures : mapping
+        Reason by flat index, where FAILED.
+    """
+
+    tensions: Floats
+    wrench: Floats
+    residual: Floats
+    status: NDArray[np.int8]
+    scale: Floats
+    iterations: Integers
+    separation: Floats
+    failures: Mapping[int, str] = field(default_factory=dict)
+
+    def counts(self) -> dict[Status, int]:
+        """How many answers have each status?"""
+        return {status: int(np.count_nonzero(self.status == status)) for status in Status}
+
+    def raise_for_status(self) -> Allocation:
+        """Return the allocation if every wrench is rendered exactly, or raise.
+
+        Raises
+        ------
+        Unreachable
+            If any status is not EXACT. The error carries this allocation.
+        """
+        flawed = np.flatnonzero(self.status != Status.EXACT)
+        if not flawed.size:
+            return self
+        worst = int(flawed[np.argmax(np.nan_to_num(self.residual.ravel()[flawed], nan=np.inf))])
+        counts = ", ".join(
+            f"{count} {status.name}"
+            for status, count in self.counts().items()
+            if count and status is not Status.EXACT
+        )
+        where = "" if self.status.ndim == 0 else f" at index {np.unravel_index(worst, self.status.shape)}"
+        where = where.replace("np.int64(", "").replace("),", ",").replace("))", ")")
+        reason = self.failures.get(worst)
+        raise Unreachable(
+            f"{flawed.size} of {self.status.size} wrenches are not rendered exactly ({counts}); the largest error "
+            f"is {self.residual.ravel()[worst]:.6g}{where}" + (f": {reason}" if reason else ""),
+            self,
+        )
+
+
+def measure(problem: Problem, answer: Answer, shape: tuple[int, ...]) -> Allocation:
+    """What is proved about a solver's answer?
+
+    Parameters
+    ----------
+    problem : Problem
+        A batch of B problems.
+    answer : Answer
+        What a solver returned for it; nothing in it is believed.
+    shape : tuple of int
+        Leading axes of the result, B entries in all.
+    """
+    size, n, m = problem.structure.shape
+    tensions = _own(answer.tensions)
+    if tensions.shape != (size, m):
+        raise ShapeError(f"the solver returned tensions of shape {tensions.shape}, not {(size, m)}")
+    proposed = answer.separation is not None
+    separation = _own(answer.separation) if answer.separation is not None else np.zeros((size, n))
+    wrench, residual, status, scale, flawed = _judge(problem, tensions, separation)
+    failures: dict[int, str] = {}
+    if flawed:
+        unproved = np.flatnonzero(status == Status.ITERATION_LIMIT)
+        if problem.nearest == "direction" and not proposed and unproved.size:
+            # That proof needs a direction that no error vector supplies: ask the exact solver for one.
+            part, found = _take(problem, unproved), tensions[unproved]
+            proof = _own(Newton().solve(part).separation)
+            _, _, status[unproved], scale[unproved], _ = _judge(part, found, proof)
+            separation[unproved] = proof
+        failed = map(int, np.flatnonzero(status == Status.FAILED))
+        failures = {row: answer.failures.get(row, "the solver returned NaN") for row in failed}
+    return Allocation(
+        tensions=tensions.reshape(*shape, m),
+        wrench=wrench.reshape(*shape, n),
+        residual=residual.reshape(shape),
+        status=status.reshape(shape),
+        scale=scale.reshape(shape),
+        iterations=np.asarray(answer.iterations, dtype=np.int64).reshape(shape),
+        separation=separation.reshape(*shape, n),
+        failures=failures,
+    )
+
+
+def _own(array: Floats | None) -> Floats:
+    """An array that the judge may write to: the solver's own, or a copy of one that is not writable."""
+    return np.require(array, np.float64, ("C_CONTIGUOUS", "WRITEABLE"))
+
+
+def _judge(
+    problem: Problem, tensions: Floats, separation: Floats
+) -> tuple[Floats, Floats, NDArray[np.int8], Floats, bool]:
+    """Clip the tensions in place, measure them, and leave in ``separation`` the proof (native/judge.hpp)."""
+    return _native.judge(
+        problem.structure,
+        problem.wrench,
+        problem.lower,
+        problem.upper,
+        problem.weights,
+        tensions,
+        separation,
+        0 if problem.nearest is None else 1 + POLICIES.index(problem.nearest),
+        TOLERANCE,
+        RANK_TOLERANCE,
+    )
+
+
+def _take(problem: Problem, rows: NDArray[np.intp]) -> Problem:
+    return replace(
+        problem,
+        structure=problem.structure[rows],
+        wrench=problem.wrench[rows],
+        lower=problem.lower[rows],
+        upper=problem.upper[rows],
+        reference=problem.reference[rows],
+    )
