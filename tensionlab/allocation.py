@@ -46,28 +46,17 @@ class Allocator:
         nearest: Nearest | None = None,
         wrench_weights: ArrayLike | None = None,
     ) -> None:
+        if isinstance(solver, type):
+            raise TypeError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
         self.solver: Solver = make(solver) if isinstance(solver, str) else solver
         self.nearest = _policy(self.solver, nearest)
-        pair = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
-        if len(pair) != 2:
-            raise ShapeError(f"limits must be (lower, upper), got {len(pair)} entries")
-        self.lower, self.upper = (
-            _finite(name, array, 0) for name, array in zip(("lower", "upper"), pair, strict=True)
-        )
-        crossed = np.argwhere(self.lower > self.upper)
-        if crossed.size:
-            index = tuple(int(i) for i in crossed[0])
-            low, high = (
-                np.broadcast_to(a, np.broadcast(self.lower, self.upper).shape)
-                for a in (self.lower, self.upper)
-            )
-            raise ShapeError(
-                f"lower[{index}] = {low[index]:g} N exceeds upper[{index}] = {high[index]:g} N; swap them"
-            )
+        self.lower, self.upper = _limits(limits)
         self.reference = self._resolve(reference)
         self.weights = np.ones(1) if wrench_weights is None else _finite("wrench_weights", wrench_weights, 1)
         if self.weights.ndim != 1 or not (self.weights > 0).all():
-            raise ShapeError("wrench_weights must be positive numbers, one for each wrench component")
+            raise ShapeError(
+                f"wrench_weights must be positive numbers, one for each wrench component; got {self.weights}"
+            )
         self._size = (0, 0)
 
     def _resolve(self, reference: ArrayLike | None) -> Floats:
@@ -173,6 +162,31 @@ def allocate(
     return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
 
 
+def _limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Floats]:
+    """Lower and upper tension limits, finite and not crossed."""
+    try:
+        lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
+    except (AttributeError, ValueError):
+        raise ShapeError(
+            f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
+        ) from None
+    low, high = _finite("lower", lower, 0), _finite("upper", upper, 0)
+    try:
+        crossed = np.argwhere(np.atleast_1d(low > high))
+    except ValueError:
+        raise ShapeError(
+            f"lower has shape {low.shape} and upper {high.shape}; they do not broadcast"
+        ) from None
+    if crossed.size:
+        entry = tuple(crossed[0])
+        values = [np.atleast_1d(each)[entry] for each in np.broadcast_arrays(low, high)]
+        where = f"[{', '.join(map(str, entry))}]" if low.ndim or high.ndim else ""
+        raise ShapeError(
+            f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N"
+        )
+    return low, high
+
+
 def _policy(solver: Solver, nearest: Nearest | None) -> Nearest | None:
     name = type(solver).__name__
     if nearest is None:
@@ -193,7 +207,10 @@ def _finite(name: str, array: ArrayLike, axes: int) -> Floats:
     except (TypeError, ValueError) as error:
         raise ShapeError(f"{name} is not an array of numbers: {error}") from None
     if values.ndim < axes:
-        raise ShapeError(f"{name} needs at least {axes} axes, got shape {values.shape}")
+        kind = "a matrix" if axes == 2 else "a vector"
+        raise ShapeError(
+            f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}"
+        )
     if not np.isfinite(values).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         where = f"{name}[{', '.join(map(str, index))}]" if index else name

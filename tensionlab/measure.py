@@ -67,6 +67,17 @@ class Allocation:
         """How many answers have each status?"""
         return {status: int(np.count_nonzero(self.status == status)) for status in Status}
 
+    def __str__(self) -> str:
+        counts = ", ".join(f"{count} {status.name}" for status, count in self.counts().items() if count)
+        if self.status.ndim:
+            largest = f"; largest residual {np.nanmax(self.residual):.3g}" if self.status.size else ""
+            return f"Allocation of {self.status.size} wrenches: {counts or 'none'}{largest}"
+        with np.printoptions(precision=6, suppress=True):
+            return (
+                f"{Status(int(self.status)).name}: tensions {self.tensions} N render the wrench {self.wrench}, "
+                f"residual {self.residual:.3g}"
+            )
+
     def raise_for_status(self) -> Allocation:
         """Return the allocation if every wrench is rendered exactly, or raise.
 
@@ -84,12 +95,13 @@ class Allocation:
             for status, count in self.counts().items()
             if count and status is not Status.EXACT
         )
-        where = "" if self.status.ndim == 0 else f" at index {np.unravel_index(worst, self.status.shape)}"
-        where = where.replace("np.int64(", "").replace("),", ",").replace("))", ")")
+        index = ", ".join(str(int(i)) for i in np.unravel_index(worst, self.status.shape))
+        where = f" at index [{index}]" if index else ""
         reason = self.failures.get(worst)
         raise Unreachable(
-            f"{flawed.size} of {self.status.size} wrenches are not rendered exactly ({counts}); the largest error "
-            f"is {self.residual.ravel()[worst]:.6g}{where}" + (f": {reason}" if reason else ""),
+            f"{flawed.size} of {self.status.size} wrenches are not rendered exactly ({counts}); "
+            f"the largest error is {self.residual.ravel()[worst]:.6g}{where}"
+            + (f": {reason}" if reason else ""),
             self,
         )
 

@@ -49,9 +49,9 @@ def against_daqp(
 ) -> SpeedRow:
     """How long does a problem take in one large batch, and in DAQP's C code?
 
-    Both are timed in turn, ``rounds`` times, and the medians compared. DAQP solves a new 1,000 of the problems
-    in each round, one call each, and reports the time that its set-up and its solve took in C; its Python
-    wrapper does not count. Ours is the wall time of one `allocate` call over all problems, proof included.
+    Both are timed in turn, ``rounds`` times, and the medians compared. DAQP solves a new 1,000 of the
+    problems in each round, one call each, and reports the time that its set-up and its solve took in C; its
+    Python wrapper does not count. Ours is the wall time of one `allocate` call over all problems, proof included.
 
     Raises
     ------

@@ -51,10 +51,15 @@ def make(name: str) -> Solver:
     if not colon:
         solver: Solver = solver_class()
         return solver
-    names = [field.name for field in fields(solver_class)]
-    if not names:
+    parameters = fields(solver_class)
+    if not parameters:
         raise UnknownSolver(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
-    variant: Solver = solver_class(**{names[0]: choice})
+    first = parameters[0]
+    try:
+        value = getattr(solver_class, first.name).__class__(choice)  # of the default's type
+    except ValueError:
+        raise UnknownSolver(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
+    variant: Solver = solver_class(**{first.name: value})
     return variant
 
 

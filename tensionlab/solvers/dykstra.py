@@ -55,6 +55,10 @@ class Dykstra:
     objective: ClassVar[str] = "least squared change from the reference"
     policies: ClassVar[tuple[Nearest, ...]] = ("tension",)
 
+    def __post_init__(self) -> None:
+        if not self.tolerance >= 0 or self.iteration_limit < 1:
+            raise ValueError(f"{self}: tolerance must not be negative, and iteration_limit at least 1")
+
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch; converged problems leave it."""
         rows = np.arange(len(problem))

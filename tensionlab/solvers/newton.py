@@ -14,11 +14,11 @@ class Newton:
     """Which tensions within limits render the wrench and are closest to the reference, exactly?
 
     Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with
-    one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where y
-    is such that ``W t(y) = w``. Semismooth Newton steps with an exact line search along the piecewise quadratic
-    dual end after finitely many. Where the wrench is out of reach, a separating direction shows up as a ray of
-    the dual, and the policy's own problem is solved to the same precision. The whole batch is one call to
-    `tensionlab/native/newton.hpp`, which states the method; ``TENSIONLAB_NUM_THREADS`` sets the threads.
+    one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where
+    y is such that ``W t(y) = w``. Semismooth Newton steps with an exact line search along the piecewise
+    quadratic dual end after finitely many. Where the wrench is out of reach, a separating direction shows up
+    as a ray of the dual, and the policy's own problem is solved to the same precision. The whole batch is one
+    call to `tensionlab/native/newton.hpp`, which states the method; ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     References
     ----------
@@ -27,7 +27,7 @@ class Newton:
     augmented Lagrangian algorithm can deal with an infeasible convex quadratic optimization problem".
     """
 
-    objective: ClassVar[str] = "least |t - reference|²"
+    objective: ClassVar[str] = "least squared change from the reference"
     policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
 
     def solve(self, problem: Problem) -> Answer:

@@ -185,3 +185,9 @@ def test_stops_at_its_iteration_limit_and_says_so():
 
 def test_an_empty_batch_is_fine():
     assert Dykstra().solve(problem(published_rig(1.0), np.zeros((0, 3)), 0.5, 6.0)).tensions.shape == (0, 4)
+
+
+@pytest.mark.parametrize("settings", [{"tolerance": -1.0}, {"tolerance": float("nan")}, {"iteration_limit": 0}])
+def test_refuses_settings_under_which_nothing_would_happen(settings: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="must not be negative"):
+        Dykstra(**settings)
