@@ -65,12 +65,13 @@ Furthest = Callable[[Floats, Floats, Box], float]
 """Largest s in [0, 1] with ``W t = s w`` in the box, given that there is one: ``f(W, w, box)``."""
 
 
-def with_scale(box: Box) -> Box:
-    """The box of (t, s) for ``W t = s w``, s in [0, 1]."""
-    lower, upper, reference = (
-        np.append(x, s) for x, s in ((box.lower, 0.0), (box.upper, 1.0), (box.reference, 1.0))
-    )
-    return Box(lower, upper, reference, box.size)
+def along_ray(W: Floats, w: Floats, box: Box) -> tuple[Floats, Box]:
+    """What ``W t = s w`` with s in [0, 1] is in the unknowns (t, s |w|): a matrix to be zero, and their box."""
+    length = float(np.linalg.norm(w)) or 1.0
+    matrix = np.column_stack([W, -w / length])
+    last = ((box.lower, 0.0), (box.upper, length), (box.reference, length))
+    lower, upper, reference = (np.append(x, end) for x, end in last)
+    return matrix, Box(lower, upper, reference, box.size)
 
 
 def support(W: Floats, d: Floats, lower: Floats, upper: Floats) -> float:
@@ -98,12 +99,15 @@ def judge(case: Case, nearest: str, closest: Nearest, furthest: Furthest) -> Tru
     force = np.diag(np.sqrt(case.weights))
     t = closest(force @ W, force @ w, box)
     r = force @ (w - W @ t)
+    _check_least(force @ W, r, t, box)
     if _is_zero(float(np.linalg.norm(r)), box):
         _check_closest(force @ W, force @ w, t, box)
         return Truth(t, W @ t, 1.0, 0.0, np.zeros_like(w), reachable=True)
     if nearest == "direction":
-        on_ray = np.column_stack([W, -w])
-        if _is_zero(float(np.linalg.norm(on_ray @ closest(on_ray, np.zeros_like(w), with_scale(box)))), box):
+        matrix, ray = along_ray(W, w, box)
+        ts = closest(matrix, np.zeros_like(w), ray)
+        _check_least(matrix, -matrix @ ts, ts, ray)
+        if _is_zero(float(np.linalg.norm(matrix @ ts)), box):
             return _judge_direction(W, w, box, closest, furthest)
     root = force if nearest != "tension" else _tension_metric(W)
     if nearest == "tension":
@@ -238,7 +242,7 @@ def _project(rows: Floats, target: Floats, box: Box) -> Floats:
 
 
 def _furthest_by_simplex(W: Floats, w: Floats, box: Box) -> float:
-    ray, matrix = with_scale(box), np.column_stack([W, -w])
+    matrix, ray = along_ray(W, w, box)
     limits = list(zip(ray.lower, ray.upper, strict=True))
     gain = np.append(np.zeros(len(box.lower)), 1.0)
     found = linprog(-gain, A_eq=matrix, b_eq=np.zeros_like(w), bounds=limits)
@@ -248,4 +252,4 @@ def _furthest_by_simplex(W: Floats, w: Floats, box: Box) -> float:
     free = _sides(x, Box(ray.lower, ray.upper, ray.reference, 1e2)) == 0
     t = np.where(free, x, np.where(ray.upper - x < x - ray.lower, ray.upper, ray.lower))
     t[free] -= np.linalg.pinv(matrix[:, free], rcond=1e-13) @ (matrix @ t)
-    return float(np.clip(t[-1], 0.0, 1.0))
+    return float(np.clip(t[-1] / ray.upper[-1], 0.0, 1.0))

@@ -9,7 +9,7 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from oracle import Box, Floats, Truth, UnsureError, judge, solve, support, with_scale
+from oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
 from problems import Case, cases, one, random_case, random_cases
 
 import tensionlab as tl
@@ -97,11 +97,12 @@ def nearest_by_patterns(V: Floats, y: Floats, box: Box) -> Floats:
 
 def furthest_by_patterns(W: Floats, w: Floats, box: Box) -> float:
     """Largest s in [0, 1] with ``W t = s w`` in the box."""
+    matrix, ray = along_ray(W, w, box)
     best = -np.inf
-    for tensions, errors in candidates(np.column_stack([W, -w]), np.zeros_like(w), with_scale(box)):
+    for tensions, errors in candidates(matrix, np.zeros_like(w), ray):
         exact = np.max(np.abs(errors), axis=1) <= 1e-12 * box.size
         best = max(best, float(tensions[exact, -1].max(initial=-np.inf)))
-    return best
+    return best / float(ray.upper[-1])
 
 
 def agree(case: Case, nearest: Nearest) -> bool:
