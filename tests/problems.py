@@ -37,9 +37,7 @@ def stack(cases: list[Case]) -> Case:
 
 def one(case: Case, i: int) -> Case:
     """Problem i of a batch."""
-    return Case(
-        case.structure[i], case.wrench[i], case.lower[i], case.upper[i], case.reference[i], case.weights
-    )
+    return Case(case.structure[i], case.wrench[i], case.lower[i], case.upper[i], case.reference[i], case.weights)
 
 
 def random_structure(rng: np.random.Generator, n: int, m: int) -> Floats:
@@ -63,9 +61,7 @@ def random_case(rng: np.random.Generator, n: int, m: int) -> Case:
     elif kind == 2:  # a little to far beyond
         wrench = inside * rng.uniform(1.0, 4.0)
     else:
-        wrench = (
-            rng.normal(size=n) * (np.ones(n) if n < 6 else np.repeat([1.0, 0.2], 3)) * rng.uniform(0.5, 8.0)
-        )
+        wrench = rng.normal(size=n) * (np.ones(n) if n < 6 else np.repeat([1.0, 0.2], 3)) * rng.uniform(0.5, 8.0)
     references = (np.zeros(m), lower, (lower + upper) / 2, rng.uniform(-2.0, 8.0, m))
     weights = np.ones(n) if rng.random() < 0.6 else rng.uniform(0.2, 5.0, n)
     return Case(W, wrench, lower, upper, references[rng.integers(4)], weights)

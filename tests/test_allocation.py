@@ -72,8 +72,7 @@ def test_limits_and_references_broadcast_too() -> None:
 
 def test_weights_choose_the_nearest_wrench() -> None:
     light, heavy = (
-        tl.allocate(PLANAR, FAR, LIMITS, nearest="force", wrench_weights=[1, weight])
-        for weight in (1e-3, 1e3)
+        tl.allocate(PLANAR, FAR, LIMITS, nearest="force", wrench_weights=[1, weight]) for weight in (1e-3, 1e3)
     )
     error_light, error_heavy = FAR - light.wrench, FAR - heavy.wrench
     assert abs(error_heavy[1]) < 0.01
@@ -176,9 +175,7 @@ def test_crossed_limits_are_refused_by_cable() -> None:
         ({"wrench": "up"}, ("wrench",)),
     ],
 )
-def test_shapes_that_cannot_form_a_problem_are_refused(
-    change: dict[str, Any], names: tuple[str, ...]
-) -> None:
+def test_shapes_that_cannot_form_a_problem_are_refused(change: dict[str, Any], names: tuple[str, ...]) -> None:
     arguments: dict[str, Any] = {"structure": PLANAR, "wrench": REACHABLE, "limits": LIMITS} | change
     with pytest.raises(tl.ShapeError) as caught:
         tl.allocate(**arguments)

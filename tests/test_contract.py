@@ -47,9 +47,7 @@ def run(case: Case, name: str, nearest: Any) -> tl.Allocation:
     )
 
 
-def same(
-    first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float64], scale: float = 1.0
-) -> None:
+def same(first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float64], scale: float = 1.0) -> None:
     """Equal statuses, and tensions equal to ``tensions`` times scale wherever something is proved."""
     np.testing.assert_array_equal(first.status, second.status)
     np.testing.assert_allclose(first.tensions, scale * tensions, rtol=0, atol=2e-6 * scale)
@@ -202,9 +200,7 @@ def test_a_stronger_rig_gives_stronger_answers(name: str, nearest: Any) -> None:
 def test_leading_axes_broadcast(name: str, nearest: Any) -> None:
     structures, wrenches = random_cases(5, 3, 5, 2), random_cases(6, 3, 5, 3)
     lower, upper = structures.lower[0], structures.upper[0]
-    found = tl.allocate(
-        structures.structure[:, None], wrenches.wrench, (lower, upper), name, "middle", nearest
-    )
+    found = tl.allocate(structures.structure[:, None], wrenches.wrench, (lower, upper), name, "middle", nearest)
     assert found.tensions.shape == (2, 3, 5)
     assert found.wrench.shape == found.separation.shape == (2, 3, 3)
     for field in (found.residual, found.status, found.scale, found.iterations):

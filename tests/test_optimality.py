@@ -165,3 +165,44 @@ def test_newton_is_exact_on_awkward_problems(case: Case) -> None:
             assert np.abs(found.wrench - truth.wrench).max() <= PRECISION
             assert np.abs(found.tensions - truth.tensions).max() <= weakly_fixed(case)
             np.testing.assert_allclose(found.scale, truth.scale, rtol=0, atol=PRECISION)
+
+
+NO_SCALE = {
+    "one cable": ([[0.5], [0]], [6.787285170468378, -0.3337511625804755], [0.5], [1.5], [5.65172437932595]),
+    "one cable moves": (
+        [[0.0, -1.0], [1.0, 0.0]],
+        [2.386125368320649, 3.0384917064851438],
+        [0.5, 0.0],
+        [1.5, 0.0],
+        [1.7217432282785579, 5.561814682601849],
+    ),
+    "in a plane": (
+        [[1.0, -0.5], [0.0, 0.0], [-1.0, 1.0]],
+        [2.462443254010977, 0.22792353045092917, 0.16120877201551034],
+        [1.0, 1.0],
+        [6.5, 6.5],
+        [5.744953093048526, 0.31017738465347566],
+    ),
+}
+
+
+@pytest.mark.parametrize("problem", NO_SCALE.values(), ids=NO_SCALE)
+def test_a_direction_that_no_scale_can_keep_is_proved(problem: tuple[list[float], ...]) -> None:
+    W, w, lower, upper, reference = map(np.array, problem)
+    truth = solve(Case(W, w, lower, upper, reference, np.ones(len(w))), "direction")
+    assert np.isnan(truth.scale)
+    found = tl.allocate(W, w, (lower, upper), reference=reference, nearest="direction")
+    np.testing.assert_allclose(found.tensions, truth.tensions, rtol=0, atol=PRECISION)
+    assert found.status == tl.Status.NEAREST
+
+
+@pytest.mark.parametrize("nearest", POLICIES)
+@pytest.mark.parametrize("upper", [1e3, 1e5])
+def test_limits_far_beyond_the_wrench_hide_no_proof(upper: float, nearest: Nearest) -> None:
+    # An upper limit may stand for none: a brake, or a cable that never breaks.
+    for n, m in ((2, 2), (3, 2), (3, 4), (6, 8)):
+        batch = random_cases(100 * n + m, n, m, 300)
+        found = tl.allocate(
+            batch.structure, batch.wrench, (batch.lower, upper), reference=batch.reference, nearest=nearest
+        )
+        assert np.all(found.status != tl.Status.ITERATION_LIMIT), (n, m)
