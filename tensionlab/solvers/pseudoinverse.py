@@ -21,18 +21,20 @@ class Pseudoinverse:
     the limits. Where the clipping changes nothing the answer is exact; elsewhere it renders another wrench,
     and that proves nothing about the wrench asked for.
 
+    Source: Pott, Bruckmann and Mikelsons, "Closed-form force distribution for parallel wire robots", 2009, for
+    the start in the middle.
+
     Parameters
     ----------
     start : {"reference", "middle"}
         The starting point t_s. "reference" is the reference of the problem: with the usual reference 0 that
         is the plain least-norm solution, which wants negative tensions on most rigs. "middle" is
-        (lower + upper) / 2, the closed form of Pott, Bruckmann and Mikelsons, "Closed-form force
-        distribution for parallel wire robots", 2009: it keeps away from both limits, whatever the reference.
+        (lower + upper) / 2, Pott's closed form: it keeps away from both limits, whatever the reference.
     """
 
     start: Start = "reference"
 
-    objective: ClassVar[str] = "least squared change from the start, limits only by clipping"
+    objective: ClassVar[str] = "least squared change from the start, then clipped"
     policies: ClassVar[tuple[Nearest, ...]] = ()
 
     def __post_init__(self) -> None:
