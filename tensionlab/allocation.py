@@ -174,16 +174,12 @@ def _limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Float
     try:
         crossed = np.argwhere(np.atleast_1d(low > high))
     except ValueError:
-        raise ShapeError(
-            f"lower has shape {low.shape} and upper {high.shape}; they do not broadcast"
-        ) from None
+        raise ShapeError(f"lower has shape {low.shape} and upper {high.shape}; they do not broadcast") from None
     if crossed.size:
         entry = tuple(crossed[0])
         values = [np.atleast_1d(each)[entry] for each in np.broadcast_arrays(low, high)]
         where = f"[{', '.join(map(str, entry))}]" if low.ndim or high.ndim else ""
-        raise ShapeError(
-            f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N"
-        )
+        raise ShapeError(f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N")
     return low, high
 
 
@@ -208,9 +204,7 @@ def _finite(name: str, array: ArrayLike, axes: int) -> Floats:
         raise ShapeError(f"{name} is not an array of numbers: {error}") from None
     if values.ndim < axes:
         kind = "a matrix" if axes == 2 else "a vector"
-        raise ShapeError(
-            f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}"
-        )
+        raise ShapeError(f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}")
     if not np.isfinite(values).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         where = f"{name}[{', '.join(map(str, index))}]" if index else name

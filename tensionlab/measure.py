@@ -100,8 +100,7 @@ class Allocation:
         reason = self.failures.get(worst)
         raise Unreachable(
             f"{flawed.size} of {self.status.size} wrenches are not rendered exactly ({counts}); "
-            f"the largest error is {self.residual.ravel()[worst]:.6g}{where}"
-            + (f": {reason}" if reason else ""),
+            f"the largest error is {self.residual.ravel()[worst]:.6g}{where}" + (f": {reason}" if reason else ""),
             self,
         )
 

@@ -110,9 +110,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         _draw_points(panels[1], rows, lines, errors)
         panels[1].axvspan(FLOOR / 10, TOLERANCE, color="#F2F2F2", zorder=0)
         panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
-        panels[1].set(
-            xscale="log", xlabel="largest error (N)", xlim=(FLOOR / 10, 10 * np.nanmax([1, *errors]))
-        )
+        panels[1].set(xscale="log", xlabel="largest error (N)", xlim=(FLOOR / 10, 10 * np.nanmax([1, *errors])))
         _draw_points(panels[2], rows, lines, [row.angle_max_deg for row in rows])
         # Linear below 1 degree: 0 and 180 degrees on one axis.
         panels[2].set_xscale("symlog", linthresh=1.0)
@@ -123,9 +121,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         for row, line, median in zip(rows, lines, microseconds, strict=True):
             colour = POLICY_LOOK[row.nearest][0]
             panels[3].plot([median, 1e6 * row.call_p99_s], [line, line], color=colour, linewidth=1.2)
-            panels[3].plot(
-                1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6
-            )
+            panels[3].plot(1e6 * row.batch_s, line, marker="|", color=colour, markersize=7, markeredgewidth=1.6)
         panels[3].set(xscale="log", xlabel="time of a call (µs)")
         for axes in panels:
             axes.tick_params(axis="y", length=0)
@@ -238,9 +234,7 @@ def plot_rig(rig: Rig, path: str | Path) -> None:
         for name, lowest, highest in zip("xyz", low - margin, high + margin, strict=False):
             axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})
         if spatial:
-            axes.view_init(
-                elev=18, azim=-62, vertical_axis="xyz"[up]
-            )  # before the aspect, which depends on it
+            axes.view_init(elev=18, azim=-62, vertical_axis="xyz"[up])  # before the aspect, which depends on it
             axes.set_box_aspect(high - low + 2 * margin, zoom=0.85)
             for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
                 axis.set_pane_color("white")

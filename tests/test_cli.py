@@ -283,9 +283,7 @@ def test_bad_options_are_status_2_and_never_a_traceback(run, words, message):
 
 def test_a_broken_rig_file_names_file_and_module(run, tmp_path):
     broken = tmp_path / "mine.toml"
-    broken.write_text(
-        (RIGS / "bartels2026-validation.toml").read_text().replace('name = "top"', 'nam = "top"')
-    )
+    broken.write_text((RIGS / "bartels2026-validation.toml").read_text().replace('name = "top"', 'nam = "top"'))
     code, out, err = run("rig", "check", broken)
     assert (code, out) == (2, "")
     assert str(broken) in err

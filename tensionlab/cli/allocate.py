@@ -123,8 +123,6 @@ def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, stat
     console.print(components)
     console.print()
     unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
-    console.print(
-        f"error {output.short(float(result.residual))} {unit}, {WORDS[status.name]}", soft_wrap=True
-    )
+    console.print(f"error {output.short(float(result.residual))} {unit}, {WORDS[status.name]}", soft_wrap=True)
     if reason := result.failures.get(0):
         console.print(reason, soft_wrap=True, markup=False)

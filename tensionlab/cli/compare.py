@@ -135,9 +135,7 @@ def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | N
     console.print()
     console.print(LEGEND, style="dim")
     if narrow:
-        console.print(
-            f"A terminal of {output.WIDTH} columns shows more of them; --json has all.", style="dim"
-        )
+        console.print(f"A terminal of {output.WIDTH} columns shows more of them; --json has all.", style="dim")
     for name, path in files:
         if path:
             console.print(f"{name}: {path}", soft_wrap=True)

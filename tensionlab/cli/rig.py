@@ -58,9 +58,7 @@ def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
         console.print(f"Source: {loaded.source}", markup=False)
     console.print()
     where = f"home {output.vector(loaded.home)} m"
-    grid = output.table(
-        f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} components, {where}"
-    )
+    grid = output.table(f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} components, {where}")
     grid.add_column("module")
     for heading in (
         "frame",

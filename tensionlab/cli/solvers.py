@@ -56,6 +56,4 @@ def solvers(
     for family, source in families.items():
         if source:
             console.print(f"[bold]{family}[/bold]: {source}")
-    console.print(
-        '\nA missing one: pip install "tensionlab\\[solvers]" brings every QP backend.', style="dim"
-    )
+    console.print('\nA missing one: pip install "tensionlab\\[solvers]" brings every QP backend.', style="dim")

@@ -44,9 +44,7 @@ def random_problems(components: int, cables: int, count: int, seed: int) -> tupl
     return structure, np.einsum("bnm,bm->bn", structure, tensions)
 
 
-def against_daqp(
-    components: int, cables: int, count: int = 100_000, rounds: int = 7, seed: int = 0
-) -> SpeedRow:
+def against_daqp(components: int, cables: int, count: int = 100_000, rounds: int = 7, seed: int = 0) -> SpeedRow:
     """How long does a problem take in one large batch, and in DAQP's C code?
 
     Both are timed in turn, ``rounds`` times, and the medians compared. DAQP solves a new 1,000 of the
@@ -84,9 +82,7 @@ def against_daqp(
 
 def main() -> None:
     """Print the table of README's section on speed."""
-    threads = os.environ.get(
-        "TENSIONLAB_NUM_THREADS", "as many as the machine has; set it to 1 for a fair race"
-    )
+    threads = os.environ.get("TENSIONLAB_NUM_THREADS", "as many as the machine has; set it to 1 for a fair race")
     print(f"Instruction set: {_native.instruction_set()}; TENSIONLAB_NUM_THREADS: {threads}")
     print("  n   m   batch, µs   DAQP in C, µs   ratio   largest difference, N")
     for components, cables in ((3, 4), (3, 8), (3, 12), (6, 8)):

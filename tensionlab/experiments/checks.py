@@ -56,9 +56,7 @@ def check_rig(rig: Rig) -> list[Finding]:
         findings.append(_strength(rig, structure))
     if rig.frames:
         names = ", ".join(rig.frames)
-        findings.append(
-            Finding("frames", None, f"{names}: must be given at run time; at rest for this check")
-        )
+        findings.append(Finding("frames", None, f"{names}: must be given at run time; at rest for this check"))
     return findings
 
 

@@ -167,9 +167,7 @@ def compare(
     calls = np.empty((len(chosen), len(runs)))
     for first in range(0, len(chosen), TURN):
         for column, allocator in enumerate(allocators):
-            allocator(
-                structure, wrenches[chosen[first]]
-            )  # what the others left in the caches is not its fault
+            allocator(structure, wrenches[chosen[first]])  # what the others left in the caches is not its fault
             for call in range(first, min(first + TURN, len(chosen))):
                 calls[call, column] = seconds(allocator, wrenches[chosen[call]])
         if progress:

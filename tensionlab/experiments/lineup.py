@@ -70,9 +70,7 @@ def lineup(solvers: Sequence[str] | None = None, nearest: str | None = None) -> 
         chosen = [policy for policy in honoured if nearest in (None, policy)]
         if not every.get(name, True):
             if solvers is not None:
-                raise MissingDependency(
-                    f'{name} is not installed; pip install "tensionlab[solvers]" brings it'
-                )
+                raise MissingDependency(f'{name} is not installed; pip install "tensionlab[solvers]" brings it')
             missing.append(name)
         elif nearest is None:
             runs += [(name, policy) for policy in chosen] or [(name, None)]

@@ -95,9 +95,7 @@ def rig_to_toml(rig: Rig) -> str:
             document[key] = getattr(rig, key)
     document["home"] = rig.home.tolist()
     first = rig.modules[0]
-    common = {
-        key for key in SHARED if all(getattr(module, key) == getattr(first, key) for module in rig.modules)
-    }
+    common = {key for key in SHARED if all(getattr(module, key) == getattr(first, key) for module in rig.modules)}
     document["limits"] = {
         key: float(getattr(first, key)) for key in SHARED if key in common and getattr(first, key) is not None
     }

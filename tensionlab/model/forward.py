@@ -153,7 +153,5 @@ def _errors(A: Floats, b: Floats | None, L: Floats, p: Floats, R: Floats | None)
 
 def _turn(R: Floats, angle: Floats) -> Floats:
     """Rotate orientations by small turns in world axes."""
-    turn = (
-        kinematics.exponential(angle) if angle.shape[-1] == 3 else kinematics.planar_rotation(angle[..., 0])
-    )
+    turn = kinematics.exponential(angle) if angle.shape[-1] == 3 else kinematics.planar_rotation(angle[..., 0])
     return turn @ R

@@ -52,15 +52,11 @@ def ring_plus_top(
     if not (np.isfinite(side) and side > 0):
         raise RigError(f"ring_plus_top: side is {side}; give a finite length in m, above zero")
     angles = 2 * np.pi * np.arange(count) / count
-    ring = (
-        side / (2 * np.sin(np.pi / count)) * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=-1)
-    )
+    ring = side / (2 * np.sin(np.pi / count)) * np.stack([np.cos(angles), 0 * angles, np.sin(angles)], axis=-1)
     places = {f"floor-{number}": corner for number, corner in enumerate(ring, start=1)}
     if top is not None:
         places["top"] = np.array([0.0, height + top, 0.0])
-    return _rig(
-        f"ring-{count}" if top is None else f"ring-{count}-plus-top", places, [0.0, height, 0.0], limits
-    )
+    return _rig(f"ring-{count}" if top is None else f"ring-{count}-plus-top", places, [0.0, height, 0.0], limits)
 
 
 def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> Rig:
@@ -101,16 +97,12 @@ def _corners(size: Sequence[float]) -> dict[str, Floats]:
         raise RigError(f"box corners: size is {size!r}; give three finite lengths in m, above zero")
     signs = product((-1, 1), repeat=3)
     return {
-        " ".join(axis + ("+" if s > 0 else "-") for axis, s in zip("xyz", corner, strict=True)): edges
-        / 2
-        * corner
+        " ".join(axis + ("+" if s > 0 else "-") for axis, s in zip("xyz", corner, strict=True)): edges / 2 * corner
         for corner in signs
     }
 
 
 def _rig(name: str, places: dict[str, Floats], home: ArrayLike, limits: tuple[float, float]) -> Rig:
     lower, upper = limits
-    modules = tuple(
-        Module(name=key, anchor=anchor, lower=lower, upper=upper) for key, anchor in places.items()
-    )
+    modules = tuple(Module(name=key, anchor=anchor, lower=lower, upper=upper) for key, anchor in places.items())
     return Rig(name=name, kind="point", modules=modules, home=np.asarray(home, dtype=np.float64))

@@ -42,9 +42,7 @@ class TensionLimits:
         for name, values in (("lower", lower), ("upper", upper)):
             if not np.isfinite(values).all():
                 index = int(np.flatnonzero(~np.isfinite(values))[0])
-                raise ShapeError(
-                    f"tension limits: {name}[{index}] is {values[index]}; give a finite tension in N"
-                )
+                raise ShapeError(f"tension limits: {name}[{index}] is {values[index]}; give a finite tension in N")
         if (lower > upper).any():
             index = int(np.flatnonzero(lower > upper)[0])
             raise ShapeError(

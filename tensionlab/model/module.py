@@ -80,9 +80,7 @@ class Module:
             raise RigError(f'module: key "name" is {self.name!r}; give every module a name')
         here = f'module "{self.name}"'
         if not self.frame or not isinstance(self.frame, str):
-            raise RigError(
-                f'{here}: key "frame" is {self.frame!r}; give "{WORLD}" or the name of a body frame'
-            )
+            raise RigError(f'{here}: key "frame" is {self.frame!r}; give "{WORLD}" or the name of a body frame')
         anchor = vector(self.anchor, here, "anchor")
         attachment = vector(
             np.zeros(anchor.size) if self.attachment is None else self.attachment, here, "attachment"
@@ -108,9 +106,7 @@ class Module:
         for key in ("brake", "newton_per_ampere", "spool_radius"):
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):
-                raise RigError(
-                    f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out'
-                )
+                raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
@@ -165,9 +161,7 @@ class Platform:
             inertia = np.array(self.inertia, dtype=np.float64)
             square = inertia.ndim == 2 and inertia.shape[0] == inertia.shape[1]
             if not (square and np.isfinite(inertia).all() and np.array_equal(inertia, inertia.T)):
-                raise RigError(
-                    '[platform]: key "inertia" must be a finite, square and symmetric matrix in kg·m²'
-                )
+                raise RigError('[platform]: key "inertia" must be a finite, square and symmetric matrix in kg·m²')
             if np.linalg.eigvalsh(inertia)[0] <= 0:
                 raise RigError(
                     '[platform]: key "inertia" has a moment of zero or less; correct its entries (kg·m²)'

@@ -68,9 +68,7 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
             )
     if unknown := sorted(set(given) - set(names)):
         listed = ", ".join(names) if names else "none"
-        raise RigError(
-            f'no module rides on the frame "{unknown[0]}"; the body frames of this rig are: {listed}'
-        )
+        raise RigError(f'no module rides on the frame "{unknown[0]}"; the body frames of this rig are: {listed}')
     if not names:
         return anchors
     origins: list[Floats] = []

@@ -73,8 +73,7 @@ class Rig:
             here = f'module "{module.name}"'
             if module.name in numbers:
                 raise RigError(
-                    f'{here}: key "name" is used by modules {numbers[module.name]} and {number}; '
-                    "give each its own"
+                    f'{here}: key "name" is used by modules {numbers[module.name]} and {number}; give each its own'
                 )
             numbers[module.name] = number
             module.check_kind(self.kind)
@@ -223,16 +222,12 @@ class Rig:
             As in `structure_matrix`; and with fewer cables than unknowns, or a length of zero or less.
         """
         if self.m < self.n:
-            raise RigError(
-                f'rig "{self.name}": {self.m} cable lengths cannot fix {self.n} unknowns; add modules'
-            )
+            raise RigError(f'rig "{self.name}": {self.m} cable lengths cannot fix {self.n} unknowns; add modules')
         measured = pose.points(lengths, self.m, "lengths")
         if (measured <= 0).any():
             raise ShapeError(f"lengths{pose.first(measured <= 0)} is not positive; give cable lengths in m")
         guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
-        return forward.estimate(
-            anchors, self.attachments if self._kind.turns else None, measured, guess, turn
-        )
+        return forward.estimate(anchors, self.attachments if self._kind.turns else None, measured, guess, turn)
 
     def _cables(self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> _Cables:
         p, R, anchors = self._pose(position, rotation, frames)

@@ -28,9 +28,7 @@ class LimitsTable(Table):
     lower: float | None = Field(None, description="the smallest tension in N, a number")
     upper: float | None = Field(None, description="the largest tension in N, a number")
     brake: float | None = Field(None, description="the largest tension that the brake holds in N, a number")
-    newton_per_ampere: float | None = Field(
-        None, description="the tension per motor current in N/A, a number"
-    )
+    newton_per_ampere: float | None = Field(None, description="the tension per motor current in N/A, a number")
     spool_radius: float | None = Field(None, description="the radius of the spool in m, a number")
 
 
@@ -80,9 +78,7 @@ def parse(document: dict[str, Any]) -> RigFile:
         return RigFile.model_validate(document)
     except ValidationError as error:
         lines = [_explain(problem, document) for problem in error.errors()]
-        raise RigError(
-            "\n  ".join([f"{len(lines)} problems", *lines]) if len(lines) > 1 else lines[0]
-        ) from None
+        raise RigError("\n  ".join([f"{len(lines)} problems", *lines]) if len(lines) > 1 else lines[0]) from None
 
 
 def _explain(problem: ErrorDetails, document: dict[str, Any]) -> str:
@@ -91,9 +87,7 @@ def _explain(problem: ErrorDetails, document: dict[str, Any]) -> str:
     table, where = _locate(path, document)
     if problem["type"] == "extra_forbidden":
         close = get_close_matches(str(last), table.model_fields, n=1)
-        remedy = (
-            f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(table.model_fields)}"
-        )
+        remedy = f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(table.model_fields)}"
         return f'{where}unknown key "{last}"; {remedy}'
     # Inside a list the key is further up, and the last step is the number of the entry.
     keys = [str(step) for step in problem["loc"] if step in table.model_fields]

@@ -93,9 +93,7 @@ class QuadraticProgram:
 
     def __post_init__(self) -> None:
         if self.backend not in BACKENDS:
-            raise UnknownSolver(
-                f"no QP backend is called {self.backend!r}; choose one of {', '.join(BACKENDS)}"
-            )
+            raise UnknownSolver(f"no QP backend is called {self.backend!r}; choose one of {', '.join(BACKENDS)}")
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch, one after another."""
@@ -153,9 +151,7 @@ class _Engine:
 
         matrix: Any = sparse.csc_matrix if self.name in SPARSE else np.asarray
         lower, upper = limits
-        program = qpsolvers.Problem(
-            matrix(np.diag(cost)), linear, A=matrix(rows), b=values, lb=lower, ub=upper
-        )
+        program = qpsolvers.Problem(matrix(np.diag(cost)), linear, A=matrix(rows), b=values, lb=lower, ub=upper)
         solution = qpsolvers.solve_problem(program, self.name, **BACKENDS[self.name])
         if "info" in solution.extras:
             self.iterations += int(solution.extras["info"].iter)

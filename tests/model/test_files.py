@@ -62,9 +62,7 @@ def rigs(draw):
         platform = Platform(draw(positive), com=point(), inertia=np.eye(n - d) * draw(st.floats(1e-3, 1e3)))
     elif draw(st.booleans()):
         platform = Platform(draw(positive))
-    return Rig(
-        draw(texts), kind, tuple(modules), point(), platform, draw(st.text('a"\\\n[1.0,]')), draw(texts)
-    )
+    return Rig(draw(texts), kind, tuple(modules), point(), platform, draw(st.text('a"\\\n[1.0,]')), draw(texts))
 
 
 @settings(max_examples=150, deadline=None)

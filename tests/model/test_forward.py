@@ -149,9 +149,7 @@ def test_bad_lengths_are_refused(lengths, error, words):
 
 
 def test_fewer_cables_than_unknowns_are_refused():
-    rig = Rig(
-        name="swing", kind="point", modules=[Module("a", [0.0, 2.0, 0.0], 0.5, 6.0)], home=[0.0, 0.0, 0.0]
-    )
+    rig = Rig(name="swing", kind="point", modules=[Module("a", [0.0, 2.0, 0.0], 0.5, 6.0)], home=[0.0, 0.0, 0.0])
     with pytest.raises(RigError, match='rig "swing": 1 cable lengths cannot fix 3 unknowns'):
         rig.forward_kinematics([1.0])
 

@@ -121,9 +121,7 @@ def test_a_rigid_motion_of_everything_turns_forces_and_keeps_lengths(scene):
     )
     np.testing.assert_allclose(moved[..., :d, :], turn @ still[..., :d, :], atol=1e-12)
     torque = still[..., d:, :]
-    np.testing.assert_allclose(
-        moved[..., d:, :], turn @ torque if d == 3 and torque.size else torque, atol=1e-12
-    )
+    np.testing.assert_allclose(moved[..., d:, :], turn @ torque if d == 3 and torque.size else torque, atol=1e-12)
 
 
 @pytest.mark.parametrize("case", KNOWN, ids=lambda case: case["name"])

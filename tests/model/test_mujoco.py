@@ -45,9 +45,7 @@ def inertial(rig):
         mass = rig.platform.mass
         com = com if rig.platform.com is None else np.array(in_space(rig.platform.com))
         inertia = (
-            rig.platform.inertia
-            if rig.kind == "platform"
-            else np.diag([1.0, 1.0, rig.platform.inertia[0, 0]])
+            rig.platform.inertia if rig.kind == "platform" else np.diag([1.0, 1.0, rig.platform.inertia[0, 0]])
         )
     return mass, com, inertia
 
@@ -156,11 +154,7 @@ def acceleration(rig, rotation, wrench):
     arm = R @ com
     angular = np.linalg.solve(R @ inertia @ R.T, torque - np.cross(arm, force))
     linear = force / mass - np.cross(angular, arm)
-    return (
-        np.concatenate([linear[:2], angular[2:]])
-        if rig.kind == "planar"
-        else np.concatenate([linear, angular])
-    )
+    return np.concatenate([linear[:2], angular[2:]]) if rig.kind == "planar" else np.concatenate([linear, angular])
 
 
 @pytest.mark.parametrize(("rig", "position", "rotation", "frames"), SCENES)

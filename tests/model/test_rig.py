@@ -155,9 +155,7 @@ def test_everything_broadcasts():
     hips = np.random.default_rng(0).normal(size=(4, 3))
     W = WORN.structure_matrix(positions, frames={"hip": Frame(hips)})
     assert W.shape == (5, 4, 3, 2)
-    np.testing.assert_array_equal(
-        W[3, 2], WORN.structure_matrix(positions[3, 0], frames={"hip": (hips[2], None)})
-    )
+    np.testing.assert_array_equal(W[3, 2], WORN.structure_matrix(positions[3, 0], frames={"hip": (hips[2], None)}))
     assert BAR.structure_matrix(np.zeros((7, 1, 2)), np.linspace(0, 1, 3)).shape == (7, 3, 3, 2)
     assert BAR.lengths([0.0, 0.0], np.zeros(6)).shape == (6, 2)
     assert POINT.directions(np.full((0, 3), 0.1)).shape == (0, 4, 3)

@@ -12,9 +12,7 @@ def problem(W, w, lower, upper):
     """A batch from arrays with or without a leading axis."""
     lower, upper = np.atleast_2d(np.asarray(lower, float)), np.atleast_2d(np.asarray(upper, float))
     W, w = np.asarray(W, float).reshape(len(lower), -1, lower.shape[1]), np.asarray(w, float)
-    return Problem(
-        W, w.reshape(len(lower), -1), lower, upper, np.zeros_like(lower), np.ones(W.shape[1]), None
-    )
+    return Problem(W, w.reshape(len(lower), -1), lower, upper, np.zeros_like(lower), np.ones(W.shape[1]), None)
 
 
 def random_problem(n, m, count=300):

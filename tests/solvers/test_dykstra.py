@@ -20,9 +20,7 @@ def problem(W, w, lower, upper, reference=0.0):
     W = np.asarray(W, dtype=float)
     w = np.atleast_2d(np.asarray(w, dtype=float))
     size, (n, m) = len(w), W.shape
-    lower, upper, reference = (
-        np.broadcast_to(np.asarray(a, float), (size, m)) for a in (lower, upper, reference)
-    )
+    lower, upper, reference = (np.broadcast_to(np.asarray(a, float), (size, m)) for a in (lower, upper, reference))
     return Problem(np.broadcast_to(W, (size, n, m)), w, lower, upper, reference, np.ones(n), "tension")
 
 
@@ -176,9 +174,7 @@ def test_converged_problems_leave_the_batch_unharmed():
 
 
 def test_stops_at_its_iteration_limit_and_says_so():
-    answer = Dykstra(tolerance=0.0, iteration_limit=50).solve(
-        problem(published_rig(1.0), [1, 0, 1], 0.5, 6.0)
-    )
+    answer = Dykstra(tolerance=0.0, iteration_limit=50).solve(problem(published_rig(1.0), [1, 0, 1], 0.5, 6.0))
     assert answer.iterations[0] == 50
     assert np.isfinite(answer.tensions).all()
 

@@ -118,9 +118,7 @@ def test_every_instruction_set_gives_the_same_answers(tmp_path):
     for wish in ("baseline", "avx2", "avx512"):
         script = [sys.executable, "-c", INSTRUCTION_SETS, tmp_path / "problems.npz", tmp_path / "answers.npy"]
         environment = {**os.environ, "TENSIONLAB_ISA": wish}
-        taken = subprocess.run(
-            script, env=environment, capture_output=True, text=True, check=True
-        ).stdout.strip()
+        taken = subprocess.run(script, env=environment, capture_output=True, text=True, check=True).stdout.strip()
         answers[taken] = np.load(tmp_path / "answers.npy")
     assert "baseline" in answers
     for answer in answers.values():

@@ -147,9 +147,7 @@ def break_second(monkeypatch, effect):
     def patched(program, solver, **settings):
         calls.append(solver)
         return (
-            effect(solve(program, solver, **settings))
-            if len(calls) == 2
-            else solve(program, solver, **settings)
+            effect(solve(program, solver, **settings)) if len(calls) == 2 else solve(program, solver, **settings)
         )
 
     monkeypatch.setattr(qpsolvers, "solve_problem", patched)
