@@ -56,7 +56,7 @@ class ConvexProgram:
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch, one after another."""
         try:
-            from cvxpy.error import SolverError
+            import cvxpy  # noqa: F401 - here, to say so before any work
         except ModuleNotFoundError as error:
             raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
         size, n, m = problem.structure.shape
@@ -71,12 +71,12 @@ class ConvexProgram:
                 run = _Run(board, self.backend)
                 try:
                     found = _allocate(run, problem, row)
-                except (SolverError, ValueError, RuntimeError) as error:
+                except (ValueError, RuntimeError) as error:
                     failures[row] = f"{self.backend}: {type(error).__name__}: {error}"
                     continue
                 iterations[row] = run.iterations
                 if found is None:
-                    failures[row] = f"{self.backend}: gave no tensions, not even inside the limits alone"
+                    failures[row] = f"{self.backend}: {run.reason}"
                 else:
                     tensions[row] = found
         return Answer(tensions=tensions, iterations=iterations, failures=failures)
@@ -122,11 +122,12 @@ def _blackboard(n: int, m: int, thread: int) -> _Blackboard:
 
 @dataclass
 class _Run:
-    """The programs with one backend, and the iterations it has spent on one problem."""
+    """The programs with one backend, the iterations it has spent on one problem, and why it failed if it did."""
 
     board: _Blackboard
     backend: str
     iterations: int = 0
+    reason: str = "gave no tensions, not even inside the limits alone"
 
     def solve(self, program: Any) -> Floats | None:
         """Which tensions inside the limits the backend gives for a program, or None."""
@@ -139,9 +140,8 @@ class _Run:
             try:
                 # Cold, so that an answer does not depend on the problem before it.
                 program.solve(solver=self.backend, warm_start=False, **settings)
-            except SolverError:
-                if not settings:
-                    raise
+            except SolverError as error:
+                self.reason = f"{type(error).__name__}: {error}"
                 continue
             self.iterations += program.solver_stats.num_iters or 0
             break

@@ -143,7 +143,7 @@ def test_a_backend_that_throws_is_a_failure_of_that_row_alone(monkeypatch):
 
     def patched(program, **settings):
         calls.append(program)
-        if len(calls) in (2, 3):  # with tight settings, and again with the backend's own
+        if 2 <= len(calls) <= 5:  # two programs, each with tight settings and with the backend's own
             raise cvxpy.error.SolverError("ran out of steam")
         return solve(program, **settings)
 
