@@ -125,6 +125,7 @@ def test_reachable_is_exact_and_unreachable_nearest(name: str, nearest: Any) -> 
     shapes = ((2, 4), (3, 4), (3, 8), (6, 8))
     for n, m in shapes:
         batch = random_cases(17 * n + m, n, m, count)
+        batch = replace(batch, weights=np.linspace(0.3, 3.0, n) if m == 4 else np.ones(n))
         found = run(batch, name, nearest)
         for i in range(count):
             truth = judged(one(batch, i), nearest)
@@ -135,6 +136,21 @@ def test_reachable_is_exact_and_unreachable_nearest(name: str, nearest: Any) -> 
                 assert found.status[i] == expected, (n, m, i)
                 np.testing.assert_allclose(found.tensions[i], truth.tensions, rtol=0, atol=1e-5)
     assert given_up <= MAY_GIVE_UP.get(name, 0) * count * len(shapes)
+
+
+@every_policy
+def test_a_hair_out_of_reach_is_not_exact(name: str, nearest: Any) -> None:
+    # The wrench furthest along d, and 1e-4 N beyond it: the published tolerance is 1e-6 times |w|.
+    rng = np.random.default_rng(2)
+    W, d = random_cases(2, 3, 6, 1).structure[0], rng.normal(size=(10, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    edge = np.where(d @ W > 0, 6.0, 0.5) @ W.T
+    assert np.linalg.norm(edge, axis=1).max() < 30
+    beyond = tl.allocate(W, edge + 1e-4 * d, (0.5, 6.0), name, "lower", nearest)
+    assert np.all(beyond.status != tl.Status.EXACT)
+    if name == "newton":
+        assert np.all(beyond.status == tl.Status.NEAREST)
+        assert np.all(tl.allocate(W, edge, (0.5, 6.0), name, "lower", nearest).status == tl.Status.EXACT)
 
 
 @every_policy
