@@ -64,9 +64,11 @@ class Judge {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }
     bool proved = false;
-    if (rule_ == Rule::force) proved = nearest_force(problem, error, finding.residual, tolerance, separation);
-    if (rule_ == Rule::tension) proved = nearest_tension(problem, error, separation);
-    if (rule_ == Rule::direction) proved = longest(problem, rendered, error, tolerance, separation, &finding);
+    if (rule_ == Rule::force)
+      proved = nearest_force(problem, tensions, error, finding.residual, tolerance, separation);
+    if (rule_ == Rule::tension) proved = nearest_tension(problem, tensions, error, separation);
+    if (rule_ == Rule::direction)
+      proved = longest(problem, tensions, rendered, error, tolerance, separation, &finding);
     if (!proved) {
       for (int k = 0; k < n_; ++k) separation[k] = 0;
     }
@@ -114,22 +116,58 @@ class Judge {
   }
 
   // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tried are the
-  // proposal and Q r, which is left in d if the proposal proves nothing.
-  bool nearest_force(const Problem& problem, const double* error, double residual, double tolerance,
-                     double* d) const {
-    for (int attempt = 0; attempt < 2; ++attempt) {
-      const Side s = side(problem, d);
+  // proposal, Q r without what the free cables could still render of it, and Q r as it is; d is what proves it.
+  bool nearest_force(const Problem& problem, const double* tensions, const double* error, double residual,
+                     double tolerance, double* d) const {
+    double own[N], clean[N];
+    for (int k = 0; k < n_; ++k) own[k] = clean[k] = weights_[k] * error[k];
+    remove_free(problem, tensions, clean);
+    for (const double* candidate :
+         {static_cast<const double*>(d), static_cast<const double*>(clean), static_cast<const double*>(own)}) {
+      const Side s = side(problem, candidate);
       double square = 0;
-      for (int k = 0; k < n_; ++k) square += d[k] * d[k] / weights_[k];
-      if (s.separates() && residual - (s.wrench - s.support) / std::sqrt(square) <= tolerance) return true;
-      for (int k = 0; k < n_; ++k) d[k] = weights_[k] * error[k];
+      for (int k = 0; k < n_; ++k) square += candidate[k] * candidate[k] / weights_[k];
+      if (s.separates() && residual - (s.wrench - s.support) / std::sqrt(square) <= tolerance) {
+        for (int k = 0; k < n_; ++k) d[k] = candidate[k];
+        return true;
+      }
     }
     return false;
   }
 
+  // Take out of d its part in the span of the free cables. At an optimum there is none but for rounding, which
+  // limits far away would magnify.
+  void remove_free(const Problem& problem, const double* tensions, double* d) const {
+    constexpr double kInside = 1e-6, kNew = 1e-8;
+    double basis[N][N];
+    double play = 0;
+    for (int i = 0; i < m_; ++i) play = larger_of(play, kInside * std::abs(tensions[i]));
+    int found = 0;
+    for (int i = 0; i < m_ && found < n_; ++i) {
+      if (!(tensions[i] - problem.lower[i] > play && problem.upper[i] - tensions[i] > play)) continue;
+      double* column = basis[found];
+      for (int k = 0; k < n_; ++k) column[k] = problem.structure[k * m_ + i];
+      const double before = std::sqrt(dot(column, column));
+      for (int pass = 0; pass < 2; ++pass) {
+        for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], column), column);
+      }
+      const double after = std::sqrt(dot(column, column));
+      if (!(after > kNew * before)) continue;
+      for (int k = 0; k < n_; ++k) column[k] /= after;
+      ++found;
+    }
+    for (int pass = 0; pass < 2; ++pass) {
+      for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], d), d);
+    }
+  }
+
+  void subtract(const double* x, double factor, double* from) const {
+    for (int k = 0; k < n_; ++k) from[k] -= factor * x[k];
+  }
+
   // In the metric (W W')^+ the length of an error r in the range of W is |B r|, and the bound for a d in that
-  // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tried are the proposal and B'B r.
-  bool nearest_tension(const Problem& problem, const double* error, double* d) const {
+  // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tried are the proposal, and B'B r as above.
+  bool nearest_tension(const Problem& problem, const double* tensions, const double* error, double* d) const {
     double columns[N * M];
     for (int i = 0; i < m_; ++i) {
       for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
@@ -156,7 +194,10 @@ class Judge {
       for (int k = 0; k < n_; ++k) d[k] = outside[k];
       if (side(problem, d).separates()) return true;
     }
-    for (const double* candidate : {proposal, own}) {
+    double clean[N];
+    for (int k = 0; k < n_; ++k) clean[k] = own[k];
+    remove_free(problem, tensions, clean);
+    for (const double* candidate : {proposal, clean, own}) {
       double square = 0;
       for (int i = 0; i < m_; ++i) {
         const double along = dot(candidate, columns + i * n_);
@@ -176,13 +217,13 @@ class Judge {
   }
 
   // s w is out of reach for every s > h(d) / d'w.
-  bool longest(const Problem& problem, const double* rendered, const double* error, double tolerance, double* d,
-               Finding* finding) const {
+  bool longest(const Problem& problem, const double* tensions, const double* rendered, const double* error,
+               double tolerance, double* d, Finding* finding) const {
     const Side s = side(problem, d);
     if (!s.separates()) return false;
     if (s.support < smaller_of(0, s.wrench) - s.rounding) {
       double force[N] = {};
-      return nearest_force(problem, error, finding->residual, tolerance, force);
+      return nearest_force(problem, tensions, error, finding->residual, tolerance, force);
     }
     double along = 0, asked = 0, off = 0;
     for (int k = 0; k < n_; ++k) {

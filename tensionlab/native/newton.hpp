@@ -204,19 +204,21 @@ class Newton {
     return true;
   }
 
-  // h(d), and the rounding error that it may carry.
+  // h(d) of a unit vector d, and the error that rounding, also of d itself, may leave in it.
   Real support(int l, const Real* d, Real* rounding) const {
     Real sum = 0, size = 0;
     for (int i = 0; i < m_; ++i) {
-      Real along = 0;
-      for (int k = 0; k < N; ++k) along += d[k] * read<Real>(steps_.structure[i][k], l);
       const Real lower = read<Real>(steps_.lower[i], l), upper = read<Real>(steps_.upper[i], l);
-      sum += along * (along > 0 ? upper : lower);
+      const Real most = larger(std::abs(lower), std::abs(upper));
+      Real along = 0;
       for (int k = 0; k < N; ++k) {
-        size += std::abs(d[k] * read<Real>(steps_.structure[i][k], l)) * larger(std::abs(lower), std::abs(upper));
+        const Real entry = read<Real>(steps_.structure[i][k], l);
+        along += d[k] * entry;
+        size += std::abs(entry) * most;
       }
+      sum += along * (along > 0 ? upper : lower);
     }
-    *rounding = 16 * std::numeric_limits<Real>::epsilon() * size;
+    *rounding = 64 * std::numeric_limits<Real>::epsilon() * size;
     return sum;
   }
 
