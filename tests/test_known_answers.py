@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import tensionlab as tl
-from tensionlab.solvers import Nearest
+from tensionlab.solvers import Nearest, make
 
 ROOT = Path(__file__).parents[1]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
@@ -51,20 +51,17 @@ def angle(wanted: NDArray[np.float64], rendered: NDArray[np.float64]) -> NDArray
     return np.asarray(np.degrees(2 * half))
 
 
-@pytest.mark.parametrize("solver", ["newton", "qp", "cvxpy", "dykstra"])
-@pytest.mark.parametrize(
-    ("nearest", "tensions", "degrees", "scale"),
-    [
-        ("tension", (10, 575 / 122, 1), 2.24, np.nan),
-        ("force", (10, 3.88, 1), 8.52, np.nan),
-        ("direction", (10, 5, 1), 0.0, 8 / 15),
-    ],
-)
-def test_three_ways_to_be_nearest(
-    nearest: Nearest, tensions: tuple[float, ...], degrees: float, scale: float, solver: str
-) -> None:
-    if solver == "dykstra" and nearest != "tension":
-        pytest.skip("Dykstra's limit is the tension-nearest answer")
+PROMISES = [(name, nearest) for name in SOLVERS for nearest in make(name).policies]
+THREE_WAYS = {
+    "tension": ((10, 575 / 122, 1), 2.24, np.nan),
+    "force": ((10, 3.88, 1), 8.52, np.nan),
+    "direction": ((10, 5, 1), 0.0, 8 / 15),
+}
+
+
+@pytest.mark.parametrize(("solver", "nearest"), PROMISES)
+def test_three_ways_to_be_nearest(solver: str, nearest: Nearest) -> None:
+    tensions, degrees, scale = THREE_WAYS[nearest]
     W, w = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]]), np.array([12.0, 6.0])
     found = tl.allocate(W, w, ([1] * 3, [10] * 3), solver, nearest=nearest)
     assert found.status == tl.Status.NEAREST
@@ -98,16 +95,12 @@ def test_published_rig_renders_all_vectors(solver: str, vectors: NDArray[np.floa
     np.testing.assert_allclose(found.tensions, exact.tensions, rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(
-    ("nearest", "degrees", "residual"),
-    [("tension", 10.7, 0.32), ("force", 1.6, 0.20), ("direction", 0, 0.20)],
-)
-def test_small_rig_proves_29_out_of_reach(
-    nearest: Nearest, degrees: float, residual: float, solver: str, vectors: NDArray[np.float64]
-) -> None:
-    if solver == "dykstra" and nearest != "tension":
-        pytest.skip("Dykstra's limit is the tension-nearest answer")
+SMALL_RIG = {"tension": (10.7, 0.32), "force": (1.6, 0.20), "direction": (0, 0.20)}
+
+
+@pytest.mark.parametrize(("solver", "nearest"), PROMISES)
+def test_small_rig_proves_29_out_of_reach(solver: str, nearest: Nearest, vectors: NDArray[np.float64]) -> None:
+    degrees, residual = SMALL_RIG[nearest]
     rig, structure = published("bartels2026-validation-0.3m")
     found = tl.allocate(structure, vectors, rig.limits, solver, nearest=nearest)
     assert np.count_nonzero(found.status == tl.Status.EXACT) == 153
