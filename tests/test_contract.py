@@ -48,9 +48,10 @@ def run(case: Case, name: str, nearest: Any) -> tl.Allocation:
 
 
 def same(first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float64], scale: float = 1.0) -> None:
-    """Equal statuses, and tensions equal to ``tensions`` times scale wherever something is proved."""
+    """Equal statuses, and tensions equal to ``tensions`` times scale; roughly so where a solver gave up."""
     np.testing.assert_array_equal(first.status, second.status)
-    np.testing.assert_allclose(first.tensions, scale * tensions, rtol=0, atol=2e-6 * scale)
+    difference = np.abs(first.tensions - scale * tensions).max(axis=-1, initial=0) / scale
+    assert (difference <= np.where(first.status == tl.Status.ITERATION_LIMIT, 1e-4, 2e-6)).all(), difference
 
 
 def judged(case: Case, nearest: str) -> Truth | None:
