@@ -103,15 +103,16 @@ class Allocator:
         """Spread limits, reference and weights over m cables and n components."""
 
         def spread(name: str, array: Floats, count: int, what: str) -> Floats:
-            if array.ndim and array.shape[-1] not in (1, count):
-                raise ShapeError(f"{name} has {array.shape[-1]} entries where structure has {count} {what}")
-            return np.ascontiguousarray(np.broadcast_to(array, (*array.shape[:-1], count)))
+            own = array.shape[-1:]
+            if own == (count,):
+                return array
+            if own not in ((), (1,)):
+                raise ShapeError(f"{name} has {own[0]} entries where structure has {count} {what}")
+            return np.repeat(array if own else array[None], count, axis=-1)
 
         self._lower = spread("lower", self.lower, m, "cables")
         self._upper = spread("upper", self.upper, m, "cables")
         self._reference = spread("reference", self.reference, m, "cables")
-        if self.weights.size not in (1, n):
-            raise ShapeError(f"wrench_weights has {self.weights.size} entries where structure has {n} rows")
         self._weights = spread("wrench_weights", self.weights, n, "rows")
         self._size = (n, m)
 
@@ -170,15 +171,15 @@ def _limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Float
         raise ShapeError(
             f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
         ) from None
-    low, high = _finite("lower", lower, 0), _finite("upper", upper, 0)
+    low, high = _finite("lower", lower, 0).copy(), _finite("upper", upper, 0).copy()
     try:
-        crossed = np.argwhere(np.atleast_1d(low > high))
+        crossed = low > high
     except ValueError:
-        raise ShapeError(f"lower has shape {low.shape} and upper {high.shape}; they do not broadcast") from None
-    if crossed.size:
-        entry = tuple(crossed[0])
-        values = [np.atleast_1d(each)[entry] for each in np.broadcast_arrays(low, high)]
-        where = f"[{', '.join(map(str, entry))}]" if low.ndim or high.ndim else ""
+        raise ShapeError(f"lower has shape {low.shape}, upper {high.shape}; they do not broadcast") from None
+    if np.any(crossed):
+        entry = tuple(int(i) for i in np.argwhere(crossed)[0]) if crossed.ndim else ()
+        values = [float(each[entry]) for each in np.broadcast_arrays(low, high)]
+        where = f"[{', '.join(map(str, entry))}]" if entry else ""
         raise ShapeError(f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N")
     return low, high
 
