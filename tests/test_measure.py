@@ -1,0 +1,107 @@
+"""The compiled judge against a short statement of what it must find, on good, bad and absurd answers."""
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.measure import measure
+from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE, Answer, Problem
+
+LOWER, UPPER = 0.5, 6.0
+
+
+def problems(n, m, count, nearest, stretch, weights):
+    rng = np.random.default_rng(100 * n + m)
+    structure = rng.normal(size=(count, n, m))
+    if n > 2:
+        structure[: count // 4, -1] = structure[: count // 4, 0]  # a quarter of them without full rank
+    wrench = stretch * np.einsum("bnm,bm->bn", structure, rng.uniform(LOWER, UPPER, size=(count, m)))
+    limits = [np.full((count, m), value) for value in (LOWER, UPPER, 0.0)]
+    return Problem(structure, wrench, *limits, weights, nearest)
+
+
+def statement(W, w, weights, nearest, t, d):
+    """Status, residual and scale of tensions t with the proposed direction d, as NumPy would say it."""
+    t = np.clip(t, LOWER, UPPER)
+    error = w - W @ t
+    residual, asked = (np.sqrt(np.sum(weights * x**2)) for x in (error, w))
+    tolerance = TOLERANCE * max(1, asked)
+
+    def reach(d):
+        return np.maximum(W.T @ d * LOWER, W.T @ d * UPPER).sum()
+
+    def bounds(d, metric):  # least error in a metric whose dual norm of d is given: weak duality
+        return (d @ w - reach(d)) / metric if metric > 0 else -np.inf
+
+    if residual <= tolerance:
+        return tl.Status.EXACT, residual, 1.0
+    free = (t > LOWER + 1e-6 * UPPER) & (t < UPPER - 1e-6 * UPPER)
+    span = W[:, free] @ np.linalg.pinv(W[:, free], rcond=1e-8)
+    force = [d, weights * error - span @ (weights * error), weights * error]
+    best_force = max(bounds(x, np.sqrt(np.sum(x**2 / weights))) for x in force)
+    if nearest == "force" and best_force > 1e-12 and residual - best_force <= tolerance:
+        return tl.Status.NEAREST, residual, np.nan
+    if nearest == "tension":
+        inverse = np.linalg.pinv(W, rcond=RANK_TOLERANCE)
+        size, outside = np.linalg.norm(inverse @ error), w - W @ inverse @ w
+        tolerance = TOLERANCE * max(1, np.linalg.norm(inverse @ w))
+        metric = inverse.T @ inverse
+        tried = (W @ inverse @ d, metric @ error, metric @ error - span @ metric @ error)
+        best = max(bounds(x, np.linalg.norm(W.T @ x)) for x in tried)
+        if (size <= tolerance and outside @ w - reach(outside) > 1e-12) or (
+            best > 1e-12 and size - best <= tolerance
+        ):
+            return tl.Status.NEAREST, residual, np.nan
+    if nearest == "direction" and d @ w - reach(d) > 1e-12:
+        if reach(d) < min(0, d @ w) - 1e-12:
+            proved = best_force > 1e-12 and residual - best_force <= tolerance
+            return (tl.Status.NEAREST if proved else tl.Status.ITERATION_LIMIT), residual, np.nan
+        scale = (weights * w) @ (W @ t) / asked**2
+        aside = np.sqrt(np.sum(weights * (W @ t - scale * w) ** 2))
+        if aside <= tolerance and (reach(d) / (d @ w) - scale) * asked <= tolerance and scale >= -TOLERANCE:
+            return tl.Status.NEAREST, residual, max(scale, 0.0)
+    return tl.Status.ITERATION_LIMIT, residual, np.nan
+
+
+@pytest.mark.parametrize("blur", [0.0, 1e-9, 1e-4, 1.0])
+@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 3), (3, 8), (6, 8)])
+def test_finds_what_its_statement_finds(n, m, nearest, blur):
+    weights = np.linspace(0.5, 2.0, n)
+    for stretch in (1.0, 1.5):
+        problem = problems(n, m, 60, nearest, stretch, weights)
+        answer = tl.Newton().solve(problem)
+        rng = np.random.default_rng(0)
+        tensions = answer.tensions + blur * rng.normal(size=answer.tensions.shape)
+        proposal = answer.separation.copy()
+        found = measure(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()), (60,))
+        for row in range(60):
+            status, residual, scale = statement(
+                problem.structure[row], problem.wrench[row], weights, nearest, tensions[row], proposal[row]
+            )
+            assert found.status[row] == status, row
+            assert found.residual[row] == pytest.approx(residual, rel=1e-9, abs=1e-9)
+            np.testing.assert_allclose(found.scale[row], scale, atol=1e-9)
+
+
+def test_tensions_outside_their_limits_are_clipped_before_they_are_measured():
+    problem = problems(3, 4, 1, "force", 1.0, np.ones(3))
+    found = measure(problem, Answer(np.array([[-50.0, 3.0, 50.0, 3.0]]), np.zeros(1, dtype=np.int64)), (1,))
+    np.testing.assert_array_equal(found.tensions, [[LOWER, 3.0, UPPER, 3.0]])
+    np.testing.assert_allclose(found.wrench[0], problem.structure[0] @ found.tensions[0])
+
+
+def test_a_solver_keeps_its_own_arrays():
+    problem = problems(3, 4, 2, "force", 1.0, np.ones(3))
+    mine = np.full((2, 4), -1.0)
+    mine.flags.writeable = False  # as the arrays of a problem are
+    found = measure(problem, Answer(mine, np.zeros(2, dtype=np.int64)), (2,))
+    assert (mine == -1.0).all()
+    assert (found.tensions == LOWER).all()
+
+
+def test_the_summary_says_what_was_found():
+    assert str(tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0))).startswith("EXACT: tensions [1.5 0.5] N")
+    both = tl.allocate([[1.0, -1.0]], [[1.0], [20.0]], (0.5, 6.0))
+    assert str(both) == "Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5"
+    assert str(tl.allocate(np.ones((0, 1, 2)), [1.0], (0.5, 6.0))) == "Allocation of 0 wrenches: none"
