@@ -64,16 +64,19 @@ def statement(W, w, weights, nearest, t, d):
 
 
 @pytest.mark.parametrize("blur", [0.0, 1e-9, 1e-4, 1.0])
-@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize(
+    ("nearest", "proposed"),
+    [("force", True), ("force", False), ("tension", True), ("tension", False), ("direction", True)],
+)
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 3), (3, 8), (6, 8)])
-def test_finds_what_its_statement_finds(n, m, nearest, blur):
+def test_finds_what_its_statement_finds(n, m, nearest, proposed, blur):
     weights = np.linspace(0.5, 2.0, n)
     for stretch in (1.0, 1.5):
         problem = problems(n, m, 60, nearest, stretch, weights)
         answer = tl.Newton().solve(problem)
         rng = np.random.default_rng(0)
         tensions = answer.tensions + blur * rng.normal(size=answer.tensions.shape)
-        proposal = answer.separation.copy()
+        proposal = answer.separation if proposed else np.zeros((60, n))
         found = measure(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()), (60,))
         for row in range(60):
             status, residual, scale = statement(
