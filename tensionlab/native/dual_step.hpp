@@ -50,8 +50,9 @@ class DualStep {
   }
 
   void step() {
-    linearise();
-    factorise();
+    V matrix[N][N];  // H, here and not a member, so that it may live in registers
+    linearise(matrix);
+    solve(matrix);
     try_full_step();
     search();
   }
@@ -77,18 +78,19 @@ class DualStep {
   static constexpr Real kRoot = kDouble ? Real(1e-9) : Real(1e-4), kFar = Real(1e30);
 
   // Tensions, residual and the matrix of the step at the current dual point.
-  void linearise() {
+  void linearise(V (&matrix)[N][N]) {
     const V zero = V{};
-    V residual[N], largest = zero;
+    V residual[N], dual[N], largest = zero;
     for (int k = 0; k < N; ++k) {
       residual[k] = wrench[k];
-      for (int j = 0; j <= k; ++j) matrix_[k][j] = zero;
+      dual[k] = dual_[k];
+      for (int j = 0; j <= k; ++j) matrix[k][j] = zero;
     }
     const auto start = all_free_ > zero;
     for (int i = 0; i < m_; ++i) {
       const V* column = structure[i];
       V wanted = reference[i];
-      for (int k = 0; k < N; ++k) wanted += column[k] * dual_[k];
+      for (int k = 0; k < N; ++k) wanted += column[k] * dual[k];
       const V tension = smaller(larger(wanted, lower[i]), upper[i]);
       wanted_[i] = wanted;
       largest = larger(largest, larger(magnitude(tension), magnitude(reference[i])));
@@ -96,48 +98,46 @@ class DualStep {
       for (int k = 0; k < N; ++k) {
         residual[k] -= column[k] * tension;
         const V part = free ? column[k] : zero;
-        for (int j = 0; j <= k; ++j) matrix_[k][j] += part * column[j];
+        for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
       }
     }
     size_ = larger(V(gain_ * largest), asked);
     for (int k = 0; k < N; ++k) {
       residual_[k] = residual[k];
       gradient_[k] = residual[k] - proximal_ * (dual_[k] - centre_[k]);
-      matrix_[k][k] += proximal_;
+      matrix[k][k] += proximal_;
     }
     all_free_ = zero;
   }
 
-  // p from H p = g, the gradient of the dual, with H = L D L' and the pivots D kept positive; the slope p'g along
-  // p.
-  void factorise() {
+  // The step p from H p = g, where g is the gradient of the dual and H = L D L' with its pivots D kept positive.
+  void solve(V (&matrix)[N][N]) {
     const V zero = V{};
-    V pivot[N], y[N];
+    V factor[N][N], inverse[N], y[N];  // L, 1 / D
     V regularised = zero;
     for (int k = 0; k < N; ++k) {
-      V sum = gradient_[k];
+      V sum = gradient_[k], d = matrix[k][k];
       for (int j = 0; j < k; ++j) {
-        V entry = matrix_[k][j];
-        for (int i = 0; i < j; ++i) entry -= matrix_[k][i] * factor_[j][i];
-        matrix_[k][j] = entry;             // L D
-        factor_[k][j] = entry / pivot[j];  // L
-        sum -= factor_[k][j] * y[j];
+        V entry = matrix[k][j];
+        for (int i = 0; i < j; ++i) entry -= matrix[k][i] * factor[j][i];
+        matrix[k][j] = entry;  // L D
+        factor[k][j] = entry * inverse[j];
+        sum -= factor[k][j] * y[j];
+        d -= entry * factor[k][j];
       }
-      V d = matrix_[k][k];
-      for (int j = 0; j < k; ++j) d -= matrix_[k][j] * factor_[k][j];
-      const V least = looseness_ * diagonal_[k];
-      pivot[k] = larger(d, least);
+      const V pivot = larger(d, V(looseness_ * diagonal_[k]));
+      inverse[k] = Real(1) / pivot;
       y[k] = sum;
-      const V z = sum / pivot[k];
-      regularised += (pivot[k] - d) * z * z;
+      const V z = sum * inverse[k];
+      regularised += (pivot - d) * z * z;
     }
-    V slope = zero, square = zero;
+    V p[N], slope = zero, square = zero;
     for (int k = N - 1; k >= 0; --k) {
-      V p = y[k] / pivot[k];
-      for (int j = k + 1; j < N; ++j) p -= factor_[j][k] * direction[j];
-      direction[k] = p;
-      slope += p * gradient_[k];
-      square += p * p;
+      p[k] = y[k] * inverse[k];
+      for (int j = k + 1; j < N; ++j) p[k] -= factor[j][k] * p[j];
+      direction[k] = p[k];
+      slope += p[k] * gradient_[k];
+      square += p[k] * p[k];
     }
     slope_ = slope;
     curvature_ = regularised + proximal_ * square;
@@ -146,19 +146,20 @@ class DualStep {
   // Try the full step: is the residual there nought, or as before? And does p separate w?
   void try_full_step() {
     const V zero = V{}, one = zero + Real(1);
-    V residual[N], support = zero, norm = zero, pull = zero, error = zero, change = zero;
+    V p[N], residual[N], support = zero, norm = zero, pull = zero, error = zero, change = zero;
     wrench_along_ = zero;
     for (int k = 0; k < N; ++k) {
+      p[k] = direction[k];
       residual[k] = wrench[k];
-      wrench_along_ += direction[k] * wrench[k];
-      pull += direction[k] * (dual_[k] - centre_[k]);
-      norm = larger(norm, magnitude(direction[k]));
+      wrench_along_ += p[k] * wrench[k];
+      pull += p[k] * (dual_[k] - centre_[k]);
+      norm = larger(norm, magnitude(p[k]));
     }
     V bend = curvature_;
     for (int i = 0; i < m_; ++i) {
       const V* column = structure[i];
       V along = zero;
-      for (int k = 0; k < N; ++k) along += column[k] * direction[k];
+      for (int k = 0; k < N; ++k) along += column[k] * p[k];
       along_[i] = along;
       const V wanted = wanted_[i] + along;
       const V tension = smaller(larger(wanted, lower[i]), upper[i]);
@@ -171,8 +172,8 @@ class DualStep {
     wrench_along_ -= proximal_ * pull;
     V slope = -proximal_ * pull - curvature_, largest = zero;
     for (int k = 0; k < N; ++k) {
-      largest = larger(largest, magnitude(V(dual_[k] + direction[k])));
-      slope += direction[k] * residual[k];
+      largest = larger(largest, magnitude(V(dual_[k] + p[k])));
+      slope += p[k] * residual[k];
       error = larger(error, magnitude(residual[k]));
       change = larger(change, magnitude(V(residual[k] - residual_[k])));
     }
@@ -250,7 +251,6 @@ class DualStep {
 
   int m_;
   V dual_[N] = {}, centre_[N] = {}, residual_[N] = {}, gradient_[N] = {};
-  V matrix_[N][N] = {}, factor_[N][N] = {};
   V wanted_[M] = {}, along_[M] = {};
   V diagonal_[N] = {}, gain_ = {}, looseness_ = {}, proximal_ = {};  // scales and weights of the lane's problem
   V size_ = {}, error_ = {}, root_ = {};                             // what errors are measured against
