@@ -32,6 +32,7 @@ clean:
 	rm -rf .venv build out
 
 .venv/bin/python:
+	@command -v $(PYTHON) >/dev/null || { echo "No Python: '$(PYTHON)' was not found."; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "tensionlab needs Python 3.11 or later; $(PYTHON) is older. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	@command -v $(CXX) >/dev/null || \

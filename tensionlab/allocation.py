@@ -18,6 +18,9 @@ from tensionlab.measure import Allocation, measure
 from tensionlab.solvers import make
 from tensionlab.solvers.contract import Floats, Nearest, Problem, Solver
 
+LARGEST = 1e100
+"""Entries of this size or more are refused: their squares would overflow."""
+
 
 class Limits(Protocol):
     """Anything with tension limits, as `tensionlab.TensionLimits`."""
@@ -48,6 +51,8 @@ class Allocator:
     ) -> None:
         if isinstance(solver, type):
             raise TypeError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
+        if not isinstance(solver, str) and not hasattr(solver, "policies"):
+            raise TypeError(f"solver is {solver!r}; give a name in tensionlab.SOLVERS or an instance of a solver")
         self.solver: Solver = make(solver) if isinstance(solver, str) else solver
         self.nearest = _policy(self.solver, nearest)
         self.lower, self.upper = _limits(limits)
@@ -206,10 +211,10 @@ def _finite(name: str, array: ArrayLike, axes: int) -> Floats:
     if values.ndim < axes:
         kind = "a matrix" if axes == 2 else "a vector"
         raise ShapeError(f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}")
-    if not np.isfinite(values).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+    if not np.abs(values).max(initial=0.0) < LARGEST:  # not so for NaN either
+        index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < LARGEST))[0])
         where = f"{name}[{', '.join(map(str, index))}]" if index else name
-        raise ShapeError(f"{where} is {values[index]}; every entry must be a finite number")
+        raise ShapeError(f"{where} is {values[index]}; every entry must be a finite number, below {LARGEST:g}")
     return values
 
 

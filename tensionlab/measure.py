@@ -40,7 +40,7 @@ class Allocation:
     wrench : (..., n) array
         What those tensions render: ``structure @ tensions``.
     residual : (...,) array
-        ``sqrt(sum(weights * (asked - wrench)**2))``.
+        ``sqrt(sum(weights * (asked - wrench)**2))``. EXACT is judged without the weights.
     status : (...,) array of `Status`
         Measured, never the backend's claim.
     scale : (...,) array

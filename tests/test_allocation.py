@@ -274,3 +274,26 @@ def test_a_broken_backend_fails_with_its_reason() -> None:
     unexplained = tl.allocate(PLANAR, REACHABLE, LIMITS, Stranger(NAN))
     assert unexplained.status == tl.Status.FAILED
     assert unexplained.failures[0]
+
+
+@pytest.mark.parametrize("weight", [1e-6, 1e-10, 1e-16])
+def test_weights_make_no_error_vanish(weight: float) -> None:
+    # The second component is out of reach, however little it counts; the first can be had exactly.
+    found = tl.allocate(
+        [[1.0, 1.0], [1.0, -1.0]], [6.0, 20.0], (0.5, 6.0), nearest="force", wrench_weights=[1.0, weight]
+    )
+    assert found.status == tl.Status.NEAREST
+    within = tl.allocate([[1.0, 1.0], [1.0, -1.0]], [6.0, 2.0], (0.5, 6.0), wrench_weights=[1.0, weight])
+    assert within.status == tl.Status.EXACT
+    np.testing.assert_allclose(within.tensions, [4.0, 2.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("solver", [None, 3, tl.Dykstra])
+def test_something_that_is_no_solver_is_refused_by_name(solver: Any) -> None:
+    with pytest.raises(TypeError, match="solver"):
+        tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0), solver=solver)
+
+
+def test_numbers_whose_squares_overflow_are_refused() -> None:
+    with pytest.raises(tl.ShapeError, match=r"wrench\[0\] is 1e\+200"):
+        tl.allocate([[1.0, -1.0]], [1e200], (0.5, 6.0))

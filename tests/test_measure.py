@@ -25,7 +25,7 @@ def statement(W, w, weights, nearest, t, d):
     t = np.clip(t, LOWER, UPPER)
     error = w - W @ t
     residual, asked = (np.sqrt(np.sum(weights * x**2)) for x in (error, w))
-    tolerance = TOLERANCE * max(1, asked)
+    tolerance = TOLERANCE * max(np.sqrt(weights.max()), asked)
 
     def reach(d):
         return np.maximum(W.T @ d * LOWER, W.T @ d * UPPER).sum()
@@ -33,7 +33,7 @@ def statement(W, w, weights, nearest, t, d):
     def bounds(d, metric):  # least error in a metric whose dual norm of d is given: weak duality
         return (d @ w - reach(d)) / metric if metric > 0 else -np.inf
 
-    if residual <= tolerance:
+    if np.linalg.norm(error) <= TOLERANCE * max(1, np.linalg.norm(w)):
         return tl.Status.EXACT, residual, 1.0
     free = (t > LOWER + 1e-6 * UPPER) & (t < UPPER - 1e-6 * UPPER)
     span = W[:, free] @ np.linalg.pinv(W[:, free], rcond=1e-8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,15 +15,14 @@ if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
     from tensionlab.solvers.contract import Status
 
-if TYPE_CHECKING:
-    pass
-
 WORDS = {
     "EXACT": "exact: all limits kept, the wrench rendered",
-    "NEAREST": "nearest: the wrench is proved out of reach, this is the best substitute",
+    "NEAREST": "nearest in {policy}: the wrench is proved out of reach, this is the best substitute",
     "ITERATION_LIMIT": "iteration limit: neither exact nor proved out of reach; try --solver newton",
     "FAILED": "failed: the solver broke",
 }
+AT_LIMIT = 1e-9
+"""N within which a tension counts as at its limit."""
 
 
 def allocate(
@@ -51,6 +51,7 @@ def allocate(
     from tensionlab.experiments.comparison import at_rest
     from tensionlab.experiments.lineup import lineup
     from tensionlab.model.files import load_rig
+    from tensionlab.solvers import make
     from tensionlab.solvers.contract import Status
 
     loaded = load_rig(rig)
@@ -74,13 +75,15 @@ def allocate(
         reference=reference if reference in (None, "lower", "middle") else output.numbers(reference),
     )
     status = Status(int(result.status))
+    policies = make(solver).policies
+    policy = nearest or (policies[0] if policies else None)
     if json:
         output.print_json(
             {
                 "rig": loaded.name,
                 "position": position,
                 "solver": solver,
-                "nearest": nearest,
+                "nearest": policy,
                 "status": status.name,
                 "modules": [module.name for module in loaded.modules],
                 "tensions": result.tensions,
@@ -94,11 +97,20 @@ def allocate(
             }
         )
     else:
-        _print(loaded, position, asked, result, status)
+        _print(loaded, position, asked, result, _verdict(status, policy, float(result.scale)))
     raise typer.Exit(0 if status is Status.EXACT else 1)
 
 
-def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, status: Status) -> None:
+def _verdict(status: Status, policy: str | None, scale: float) -> str:
+    words = WORDS[status.name].format(policy=policy)
+    if status.name != "NEAREST" or policy != "direction":
+        return words
+    if math.isnan(scale):
+        return words + "; no part of it keeps the direction, so this is the nearest in force"
+    return words + f", {100 * scale:.4g} % of it"
+
+
+def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, verdict: str) -> None:
     """The tensions beside their limits, then the wrench, then the verdict."""
     console = output.console()
     grid = output.table(f"{rig.name} at {output.vector(position)} m")
@@ -107,9 +119,9 @@ def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, stat
     for module, tension in zip(rig.modules, result.tensions, strict=True):
         at = (
             "at its lower limit"
-            if tension <= module.lower
+            if tension <= module.lower + AT_LIMIT
             else "at its upper limit"
-            if tension >= module.upper
+            if tension >= module.upper - AT_LIMIT
             else ""
         )
         grid.add_row(module.name, f"{tension:.4f}", f"{module.lower:g}", f"{module.upper:g}", at)
@@ -119,10 +131,12 @@ def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, stat
     for heading in ("wrench", "desired", "rendered", "difference"):
         components.add_column(heading, justify="left" if heading == "wrench" else "right", no_wrap=True)
     for name, wanted, got in zip(output.components(rig), asked, result.wrench, strict=True):
-        components.add_row(name, f"{wanted:.4f}", f"{got:.4f}", output.short(wanted - got))
+        components.add_row(
+            name, f"{wanted:.4f}", f"{got + 0.0:.4f}".replace("-0.0000", "0.0000"), output.short(wanted - got)
+        )
     console.print(components)
     console.print()
     unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
-    console.print(f"error {output.short(float(result.residual))} {unit}, {WORDS[status.name]}", soft_wrap=True)
+    console.print(f"error {output.short(float(result.residual))} {unit}, {verdict}", soft_wrap=True)
     if reason := result.failures.get(0):
         console.print(reason, soft_wrap=True, markup=False)

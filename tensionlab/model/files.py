@@ -27,7 +27,7 @@ def load_rig(path: str | PathLike[str]) -> Rig:
         Naming the file, the module and the key: what is wrong and what to do.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise RigError(f"{path}: no such file; give the path of a rig file (*.toml)") from None
     except UnicodeDecodeError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ ORTHOGONALITY = 1e-6
 
 
 class Frame(NamedTuple):
-    """Where is a body that carries modules? A plain ``(position, rotation)`` tuple does as well.
+    """Where is a body that carries modules? A tuple ``(position, rotation)`` or a position does as well.
 
     Attributes
     ----------
@@ -32,8 +32,16 @@ class Frame(NamedTuple):
     rotation: ArrayLike | None = None
 
 
-Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None]]
-"""Where each named body frame is."""
+Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]
+"""Where each named body frame is: a `Frame`, a tuple (position, rotation), or a position alone."""
+
+
+def _frame(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> Frame:
+    if isinstance(where, Frame):
+        return where
+    if isinstance(where, tuple) and len(where) == 2 and np.ndim(where[0]) > 0:
+        return Frame(*where)
+    return Frame(cast(ArrayLike, where))
 
 
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
@@ -44,7 +52,7 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
     modules : sequence of Module
     anchors : (m, d) array
         Their anchors, each in the axes of its own frame, in m.
-    frames : mapping of name to Frame or (position, rotation), or None
+    frames : mapping of name to Frame, (position, rotation) or position, or None
 
     Returns
     -------
@@ -75,7 +83,7 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
     turns: list[Floats | None] = []
     shapes: dict[str, tuple[int, ...]] = {}
     for name in names:
-        position, rotation = Frame(*given[name])
+        position, rotation = _frame(given[name])
         what = f'frame "{name}" '
         origins.append(points(position, anchors.shape[-1], what + "position"))
         shapes[what + "position"] = origins[-1].shape[:-1]

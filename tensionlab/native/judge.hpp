@@ -1,7 +1,7 @@
 // What can be proved about an answer, whoever gave it: the measure behind every status.
 //
 // The tensions are clipped into their limits, the wrench is recomputed, and a verdict needs a certificate:
-//   EXACT    the weighted error |w - W t| is within tolerance;
+//   EXACT    the error |w - W t| is within tolerance, whatever the weights;
 //   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every wrench
 //            that tensions inside the limits can render, and weak duality bounds the policy's best value to
 //            within tolerance of the answer's.
@@ -43,7 +43,7 @@ class Judge {
       if (tensions[i] < problem.lower[i]) tensions[i] = problem.lower[i];
       if (tensions[i] > problem.upper[i]) tensions[i] = problem.upper[i];
     }
-    double error[N], error_square = 0, asked_square = 0;
+    double error[N], error_square = 0, asked_square = 0, heaviest = 0;
     for (int k = 0; k < n_; ++k) {
       const double* row = problem.structure + k * m_;
       rendered[k] = 0;
@@ -51,15 +51,18 @@ class Judge {
       error[k] = problem.wrench[k] - rendered[k];
       error_square += weights_[k] * error[k] * error[k];
       asked_square += weights_[k] * problem.wrench[k] * problem.wrench[k];
+      heaviest = larger_of(heaviest, weights_[k]);
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), nan};
-    const double tolerance = tolerance_ * larger_of(1, std::sqrt(asked_square));
-    if (finding.residual <= tolerance) {
+    // Weights say which error to prefer where there must be one. They make no error vanish.
+    const double plain = std::sqrt(dot(error, error)), asked = std::sqrt(dot(problem.wrench, problem.wrench));
+    if (std::isfinite(plain) && plain <= tolerance_ * larger_of(1, asked)) {
       for (int k = 0; k < n_; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
+    const double tolerance = tolerance_ * larger_of(std::sqrt(heaviest), std::sqrt(asked_square));
     for (int k = 0; k < n_; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }

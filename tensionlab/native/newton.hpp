@@ -52,10 +52,10 @@ class Newton {
     control = Control{};
     for (int k = 0; k < N; ++k) {
       for (int i = 0; i < m_; ++i) {
-        lane<Real>(steps_.structure[i][k], l) = weight_roots_[k] * problem.structure[k * m_ + i];
+        lane<Real>(steps_.structure[i][k], l) = problem.structure[k * m_ + i];
       }
-      control.wrench[k] = weight_roots_[k] * problem.wrench[k];
-      control.basis[k][k] = weight_roots_[k];
+      control.wrench[k] = problem.wrench[k];
+      control.basis[k][k] = 1;
     }
     for (int i = 0; i < m_; ++i) {
       lane<Real>(steps_.lower[i], l) = problem.lower[i];
@@ -88,10 +88,7 @@ class Newton {
     if (policy_ == Policy::direction && !control.hopeless) {
       return control.iterations >= kIterationLimit || !cut(l, d);
     }
-    if (!control.hopeless) {
-      normalise(d);
-      copy(d, control.separation);
-    }
+    if (!control.hopeless) keep(l, d);
     return true;
   }
 
@@ -99,10 +96,7 @@ class Newton {
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
     for (int i = 0; i < m_; ++i) tensions[i] = steps_.tension(i, l);
-    for (int k = 0; k < N; ++k) {
-      separation[k] = 0;
-      for (int j = 0; j < N; ++j) separation[k] += control.basis[j][k] * control.separation[j];
-    }
+    copy(control.separation, separation);
     return control.iterations;
   }
 
@@ -120,7 +114,7 @@ class Newton {
     int iterations = 0, in_stage = 0;
     Real basis[N][N] = {};       // lane coordinates = basis * wrench coordinates
     Real wrench[N] = {};         // as asked, in lane coordinates
-    Real separation[N] = {};     // the best separating direction so far, in lane coordinates
+    Real separation[N] = {};     // the best separating direction so far, of unit length
     Real from_below[N] = {};     // one that excludes all s < below
     Real scale = 1;              // s of the direction policy
     Real below = -1, above = 1;  // s w is too short, if ever; s w is too long
@@ -141,19 +135,30 @@ class Newton {
     steps_.begin(l, stage == Stage::nearest);
   }
 
-  // Seek the reachable wrench nearest to s w.
+  // Seek the reachable wrench nearest to s w. Only here does it matter how errors are measured.
   void approach(int l) {
     if (policy_ == Policy::tension) whiten(l);
+    if (policy_ == Policy::force || control_[l].hopeless) weigh(l);
     begin(l, Stage::nearest);
+  }
+
+  // Lane coordinates in which the error counts by its plain length.
+  void weigh(int l) {
+    Control& control = control_[l];
+    for (int k = 0; k < N; ++k) {
+      control.basis[k][k] = weight_roots_[k];
+      control.wrench[k] *= weight_roots_[k];
+      for (int i = 0; i < m_; ++i) lane<Real>(steps_.structure[i][k], l) *= weight_roots_[k];
+    }
   }
 
   // Lane coordinates in which the rows of W are orthonormal.
   void whiten(int l) {
     Control& control = control_[l];
     Real columns[M * N], w[N];
+    copy(control.wrench, w);
     for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < m_; ++i) columns[i * N + k] = read<Real>(steps_.structure[i][k], l) / weight_roots_[k];
-      w[k] = control.wrench[k] / weight_roots_[k];
+      for (int i = 0; i < m_; ++i) columns[i * N + k] = read<Real>(steps_.structure[i][k], l);
     }
     const Whitening<Real, N, M> whitening(columns, N, m_, rank_tolerance_);
     for (int r = 0; r < N; ++r) {
@@ -220,6 +225,16 @@ class Newton {
     }
     *rounding = 64 * std::numeric_limits<Real>::epsilon() * size;
     return sum;
+  }
+
+  // d, in lane coordinates, is the best separating direction so far.
+  void keep(int l, const Real* d) {
+    Control& control = control_[l];
+    for (int k = 0; k < N; ++k) {
+      control.separation[k] = 0;
+      for (int j = 0; j < N; ++j) control.separation[k] += control.basis[j][k] * d[j];
+    }
+    normalise(control.separation);
   }
 
   static void normalise(Real* d) {

@@ -1,11 +1,13 @@
 """What a rig accepts and refuses, built in Python and asked for poses."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tensionlab.errors import RigError, ShapeError
+from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.module import Module, Platform
 from tensionlab.model.pose import Frame
@@ -229,3 +231,14 @@ def test_an_attachment_on_its_anchor_is_named():
 def test_bad_poses_are_refused(call, error, words):
     with pytest.raises(error, match=words):
         call()
+
+
+def test_a_frame_may_be_a_position_alone() -> None:
+    rig = load_rig(Path(__file__).parents[2] / "datasets/rigs/body-mounted.toml")
+    shoulder, hip = [0.2, 1.4, 0.0], [-0.15, 0.95, 0.0]
+    expected = rig.structure_matrix(rig.home, frames={"shoulder": Frame(shoulder), "hip": (hip, np.eye(3))})
+    for given in (hip, tuple(hip), np.array(hip)):
+        W = rig.structure_matrix(rig.home, frames={"shoulder": shoulder, "hip": given})
+        np.testing.assert_array_equal(W, expected)
+    with pytest.raises(ShapeError, match='frame "hip" position'):
+        rig.structure_matrix(rig.home, frames={"shoulder": shoulder, "hip": np.eye(4)})
