@@ -316,7 +316,7 @@ def test_times_have_the_unit_that_suits_them(seconds, text):
     assert output.duration(seconds) == text
 
 
-def test_allocate_says_in_which_sense_it_is_nearest() -> None:
+def test_allocate_says_in_which_sense_it_is_nearest(run):
     small = RIGS / "bartels2026-validation-0.3m.toml"
     for nearest, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):
         code, out, _ = run("allocate", small, "--wrench", "-1.5", "0", "0", "--nearest", nearest)

@@ -24,8 +24,8 @@ def statement(W, w, weights, nearest, t, d):
     """Status, residual and scale of tensions t with the proposed direction d, as NumPy would say it."""
     t = np.clip(t, LOWER, UPPER)
     error = w - W @ t
-    residual, asked = (np.sqrt(np.sum(weights * x**2)) for x in (error, w))
-    tolerance = TOLERANCE * max(np.sqrt(weights.max()), asked)
+    residual, asked, rendered = (np.sqrt(np.sum(weights * x**2)) for x in (error, w, W @ t))
+    tolerance = TOLERANCE * max(np.sqrt(weights.max()), rendered)
 
     def reach(d):
         return np.maximum(W.T @ d * LOWER, W.T @ d * UPPER).sum()
@@ -44,7 +44,7 @@ def statement(W, w, weights, nearest, t, d):
     if nearest == "tension":
         inverse = np.linalg.pinv(W, rcond=RANK_TOLERANCE)
         size, outside = np.linalg.norm(inverse @ error), w - W @ inverse @ w
-        tolerance = TOLERANCE * max(1, np.linalg.norm(inverse @ w))
+        tolerance = TOLERANCE * max(1, np.linalg.norm(inverse @ W @ t))
         metric = inverse.T @ inverse
         tried = (W @ inverse @ d, metric @ error, metric @ error - span @ metric @ error)
         best = max(bounds(x, np.linalg.norm(W.T @ x)) for x in tried)

@@ -13,7 +13,8 @@ from oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, sup
 from problems import Case, cases, one, random_case, random_cases
 
 import tensionlab as tl
-from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, Nearest
+from tensionlab.measure import measure
+from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
 
 SHAPES = [
     *((2, m) for m in (2, 3, 4, 6)),
@@ -206,3 +207,29 @@ def test_limits_far_beyond_the_wrench_hide_no_proof(upper: float, nearest: Neare
             batch.structure, batch.wrench, (batch.lower, upper), reference=batch.reference, nearest=nearest
         )
         assert np.all(found.status != tl.Status.ITERATION_LIMIT), (n, m)
+
+
+@pytest.mark.parametrize("nearest", POLICIES)
+def test_however_far_the_wrench_it_is_proved_and_the_answer_is_the_best(nearest: Nearest) -> None:
+    # In the limit the answer is a corner of the available wrench set: one more newton asked for changes nothing.
+    batch = random_cases(8, 3, 5, 200)
+    for factor in (1e4, 1e8, 1e12):
+        found = tl.allocate(batch.structure, factor * batch.wrench, batch.limits, nearest=nearest)
+        further = tl.allocate(batch.structure, 2 * factor * batch.wrench, batch.limits, nearest=nearest)
+        assert np.all(found.status != tl.Status.ITERATION_LIMIT)
+        if nearest == "force" and factor >= 1e8:
+            np.testing.assert_allclose(found.wrench, further.wrench, atol=1e-5)
+
+
+def test_a_wrench_far_out_of_reach_excuses_no_poor_answer() -> None:
+    batch = random_cases(8, 3, 5, 20)
+    lazy = replace(batch, lower=batch.upper)  # all cables at full tension: hardly ever the best
+    found = tl.allocate(lazy.structure, 1e8 * batch.wrench, batch.limits, nearest="force")
+    answer = Answer(lazy.lower.copy(), np.zeros(20, dtype=np.int64))
+    given = Problem(
+        batch.structure, 1e8 * batch.wrench, batch.lower, batch.upper, 0 * batch.lower, np.ones(3), "force"
+    )
+    judged_lazy = measure(given, answer, (20,))
+    worse = judged_lazy.residual > found.residual + 1e-3
+    assert worse.sum() > 10
+    assert np.all(judged_lazy.status[worse] == tl.Status.ITERATION_LIMIT)

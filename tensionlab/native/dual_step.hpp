@@ -23,8 +23,10 @@ class DualStep {
 
   explicit DualStep(int m) : m_(m) {}
 
-  // The problem of each lane: set these, then begin() the lane. asked: what size of wrench errors are relative to.
-  V structure[M][N] = {}, wrench[N] = {}, lower[M] = {}, upper[M] = {}, reference[M] = {}, asked = {};
+  // The problem of each lane: set these, then begin() the lane. Errors are measured against the wrench asked for,
+  // or against what the strongest cable can do where that is less.
+  V structure[M][N] = {}, wrench[N] = {}, lower[M] = {}, upper[M] = {}, reference[M] = {};
+  V asked = {}, strongest = {};
 
   // What step() found. Flags are 1 or 0; separated is positive where direction separates w from all W t.
   V direction[N] = {}, converged = {}, settled = {}, separated = {};
@@ -101,7 +103,8 @@ class DualStep {
         for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
       }
     }
-    size_ = larger(V(gain_ * largest), asked);
+    size_ = gain_ * largest;
+    size_ = larger(size_, smaller(asked, V(gain_ * strongest)));
     for (int k = 0; k < N; ++k) {
       residual_[k] = residual[k];
       gradient_[k] = residual[k] - proximal_ * (dual_[k] - centre_[k]);

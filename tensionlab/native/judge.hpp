@@ -43,14 +43,14 @@ class Judge {
       if (tensions[i] < problem.lower[i]) tensions[i] = problem.lower[i];
       if (tensions[i] > problem.upper[i]) tensions[i] = problem.upper[i];
     }
-    double error[N], error_square = 0, asked_square = 0, heaviest = 0;
+    double error[N], error_square = 0, rendered_square = 0, heaviest = 0;
     for (int k = 0; k < n_; ++k) {
       const double* row = problem.structure + k * m_;
       rendered[k] = 0;
       for (int i = 0; i < m_; ++i) rendered[k] += row[i] * tensions[i];
       error[k] = problem.wrench[k] - rendered[k];
       error_square += weights_[k] * error[k] * error[k];
-      asked_square += weights_[k] * problem.wrench[k] * problem.wrench[k];
+      rendered_square += weights_[k] * rendered[k] * rendered[k];
       heaviest = larger_of(heaviest, weights_[k]);
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), nan};
@@ -62,13 +62,13 @@ class Judge {
       finding.scale = 1;
       return finding;
     }
-    const double tolerance = tolerance_ * larger_of(std::sqrt(heaviest), std::sqrt(asked_square));
+    // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
+    const double tolerance = tolerance_ * larger_of(std::sqrt(heaviest), std::sqrt(rendered_square));
     for (int k = 0; k < n_; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }
     bool proved = false;
-    if (rule_ == Rule::force)
-      proved = nearest_force(problem, tensions, error, finding.residual, tolerance, separation);
+    if (rule_ == Rule::force) proved = nearest_force(problem, tensions, error, tolerance, separation);
     if (rule_ == Rule::tension) proved = nearest_tension(problem, tensions, error, separation);
     if (rule_ == Rule::direction)
       proved = longest(problem, tensions, rendered, error, tolerance, separation, &finding);
@@ -120,22 +120,51 @@ class Judge {
 
   // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tried are the
   // proposal, Q r without what the free cables could still render of it, and Q r as it is; d is what proves it.
-  bool nearest_force(const Problem& problem, const double* tensions, const double* error, double residual,
-                     double tolerance, double* d) const {
-    double own[N], clean[N];
-    for (int k = 0; k < n_; ++k) own[k] = clean[k] = weights_[k] * error[k];
+  bool nearest_force(const Problem& problem, const double* tensions, const double* error, double tolerance,
+                     double* d) const {
+    double own[N], clean[N], unit[N];
+    for (int k = 0; k < n_; ++k) {
+      own[k] = clean[k] = weights_[k] * error[k];
+      unit[k] = std::sqrt(weights_[k]) * error[k];
+    }
+    const double residual = normalise(unit);
     remove_free(problem, tensions, clean);
     for (const double* candidate :
          {static_cast<const double*>(d), static_cast<const double*>(clean), static_cast<const double*>(own)}) {
-      const Side s = side(problem, candidate);
-      double square = 0;
-      for (int k = 0; k < n_; ++k) square += candidate[k] * candidate[k] / weights_[k];
-      if (s.separates() && residual - (s.wrench - s.support) / std::sqrt(square) <= tolerance) {
+      double dual[N];
+      for (int k = 0; k < n_; ++k) dual[k] = candidate[k] / std::sqrt(weights_[k]);
+      const double length = normalise(dual);
+      if (!side(problem, candidate).separates()) continue;
+      if (residual * spread(unit, dual) + gap(problem, tensions, candidate) / length <= tolerance) {
         for (int k = 0; k < n_; ++k) d[k] = candidate[k];
         return true;
       }
     }
     return false;
+  }
+
+  // The residual less its lower bound is |r| (1 - cos) + (h(d) - d'W t) / |d|. Both terms are sums of what is not
+  // negative, so that nothing cancels, however far away w is.
+  double spread(const double* unit, const double* dual) const {
+    double square = 0;
+    for (int k = 0; k < n_; ++k) square += (unit[k] - dual[k]) * (unit[k] - dual[k]);
+    return square / 2;
+  }
+
+  double gap(const Problem& problem, const double* tensions, const double* d) const {
+    double sum = 0;
+    for (int i = 0; i < m_; ++i) {
+      double along = 0;
+      for (int k = 0; k < n_; ++k) along += d[k] * problem.structure[k * m_ + i];
+      sum += along * ((along > 0 ? problem.upper[i] : problem.lower[i]) - tensions[i]);
+    }
+    return sum;
+  }
+
+  double normalise(double* x) const {
+    const double length = std::sqrt(dot(x, x));
+    for (int k = 0; k < n_; ++k) x[k] = length > 0 ? x[k] / length : 0;
+    return length;
   }
 
   // Take out of d its part in the span of the free cables. At an optimum there is none but for rounding, which
@@ -176,22 +205,22 @@ class Judge {
       for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
     }
     const Whitening<double, N, M> whitening(columns, n_, m_, rank_tolerance_);
-    double own[N] = {}, proposal[N] = {}, outside[N], size = 0, asked = 0;
+    double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N], rendered = 0;
     for (int k = 0; k < n_; ++k) outside[k] = problem.wrench[k];
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
-      const double square = dot(row, row), part = dot(row, error), wanted = dot(row, problem.wrench);
-      const double along = dot(row, d) / square;
+      const double square = dot(row, row), along = dot(row, d) / square;
+      const double wanted = dot(row, problem.wrench), part = wanted - dot(row, error);
+      unit[j] = dot(row, error);
       for (int k = 0; k < n_; ++k) {
-        own[k] += row[k] * part;
+        own[k] += row[k] * unit[j];
         proposal[k] += row[k] * along;
         outside[k] -= row[k] * wanted / square;
       }
-      size += part * part;
-      asked += wanted * wanted;
+      rendered += part * part;
     }
-    size = std::sqrt(size);
-    const double tolerance = tolerance_ * larger_of(1, std::sqrt(asked));
+    const double size = normalise(unit);
+    const double tolerance = tolerance_ * larger_of(1, std::sqrt(rendered));
     if (size <= tolerance) {
       // What W can render at all is rendered; the rest of w is outside its range.
       for (int k = 0; k < n_; ++k) d[k] = outside[k];
@@ -201,14 +230,16 @@ class Judge {
     for (int k = 0; k < n_; ++k) clean[k] = own[k];
     remove_free(problem, tensions, clean);
     for (const double* candidate : {proposal, clean, own}) {
-      double square = 0;
+      double image[N] = {}, dual[N] = {};  // W W'd, and B of it, whose length is |W'd|
       for (int i = 0; i < m_; ++i) {
         const double along = dot(candidate, columns + i * n_);
-        square += along * along;
+        for (int k = 0; k < n_; ++k) image[k] += along * columns[i * n_ + k];
       }
+      for (int j = 0; j < whitening.rank; ++j) dual[j] = dot(whitening.rows[j], image);
+      const double length = normalise(dual);
       for (int k = 0; k < n_; ++k) d[k] = candidate[k];
-      const Side s = side(problem, d);
-      if (s.separates() && size - (s.wrench - s.support) / std::sqrt(square) <= tolerance) return true;
+      if (!side(problem, d).separates()) continue;
+      if (size * spread(unit, dual) + gap(problem, tensions, d) / length <= tolerance) return true;
     }
     return false;
   }
@@ -226,7 +257,7 @@ class Judge {
     if (!s.separates()) return false;
     if (s.support < smaller_of(0, s.wrench) - s.rounding) {
       double force[N] = {};
-      return nearest_force(problem, tensions, error, finding->residual, tolerance, force);
+      return nearest_force(problem, tensions, error, tolerance, force);
     }
     double along = 0, asked = 0, off = 0;
     for (int k = 0; k < n_; ++k) {

@@ -57,11 +57,14 @@ class Newton {
       control.wrench[k] = problem.wrench[k];
       control.basis[k][k] = 1;
     }
+    Real strongest = 0;
     for (int i = 0; i < m_; ++i) {
       lane<Real>(steps_.lower[i], l) = problem.lower[i];
       lane<Real>(steps_.upper[i], l) = problem.upper[i];
       lane<Real>(steps_.reference[i], l) = problem.reference[i];
+      strongest = larger(strongest, larger(Real(-problem.lower[i]), problem.upper[i]));
     }
+    lane<Real>(steps_.strongest, l) = strongest;
     begin(l, Stage::render);
   }
 
