@@ -21,8 +21,8 @@ Nearest = Literal["force", "tension", "direction"]
 POLICIES: tuple[Nearest, ...] = get_args(Nearest)
 
 TOLERANCE = 1e-6
-"""Largest error of an answer, in newton: EXACT, of the wrench, times max(1, its norm); NEAREST, of the distance that
-remains, times max(1, norm of what is rendered)."""
+"""Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
+distance that remains, times max(1, norm of what is rendered)."""
 
 RANK_TOLERANCE = 1e-8
 """Singular values of a structure matrix below this share of its largest one count as zero."""
