@@ -12,6 +12,7 @@
 #include <initializer_list>
 #include <limits>
 
+#include "lanes.hpp"
 #include "linear.hpp"
 
 namespace tensionlab {
@@ -51,19 +52,19 @@ class Judge {
       error[k] = problem.wrench[k] - rendered[k];
       error_square += weights_[k] * error[k] * error[k];
       rendered_square += weights_[k] * rendered[k] * rendered[k];
-      heaviest = larger_of(heaviest, weights_[k]);
+      heaviest = larger(heaviest, weights_[k]);
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), nan};
     // Weights say which error to prefer where there must be one. They make no error vanish.
     const double plain = std::sqrt(dot(error, error)), asked = std::sqrt(dot(problem.wrench, problem.wrench));
-    if (std::isfinite(plain) && plain <= tolerance_ * larger_of(1, asked)) {
+    if (std::isfinite(plain) && plain <= tolerance_ * larger(1.0, asked)) {
       for (int k = 0; k < n_; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
     // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
-    const double tolerance = tolerance_ * larger_of(std::sqrt(heaviest), std::sqrt(rendered_square));
+    const double tolerance = tolerance_ * larger(std::sqrt(heaviest), std::sqrt(rendered_square));
     for (int k = 0; k < n_; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }
@@ -80,8 +81,6 @@ class Judge {
   }
 
  private:
-  static double larger_of(double x, double y) { return x > y ? x : y; }
-
   Finding fail(double* tensions, double* rendered, double* separation) const {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     for (int i = 0; i < m_; ++i) tensions[i] = nan;
@@ -112,7 +111,7 @@ class Judge {
         size += std::abs(part);
       }
       s.support += along * (along > 0 ? problem.upper[i] : problem.lower[i]);
-      s.rounding += size * larger_of(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
+      s.rounding += size * larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
     }
     s.rounding *= 16 * std::numeric_limits<double>::epsilon();
     return s;
@@ -173,7 +172,7 @@ class Judge {
     constexpr double kInside = 1e-6, kNew = 1e-8;
     double basis[N][N];
     double play = 0;
-    for (int i = 0; i < m_; ++i) play = larger_of(play, kInside * std::abs(tensions[i]));
+    for (int i = 0; i < m_; ++i) play = larger(play, kInside * std::abs(tensions[i]));
     int found = 0;
     for (int i = 0; i < m_ && found < n_; ++i) {
       if (!(tensions[i] - problem.lower[i] > play && problem.upper[i] - tensions[i] > play)) continue;
@@ -220,7 +219,7 @@ class Judge {
       rendered += part * part;
     }
     const double size = normalise(unit);
-    const double tolerance = tolerance_ * larger_of(1, std::sqrt(rendered));
+    const double tolerance = tolerance_ * larger(1.0, std::sqrt(rendered));
     if (size <= tolerance) {
       // What W can render at all is rendered; the rest of w is outside its range.
       for (int k = 0; k < n_; ++k) d[k] = outside[k];
@@ -255,7 +254,7 @@ class Judge {
                double tolerance, double* d, Finding* finding) const {
     const Side s = side(problem, d);
     if (!s.separates()) return false;
-    if (s.support < smaller_of(0, s.wrench) - s.rounding) {
+    if (s.support < smaller(0.0, s.wrench) - s.rounding) {
       double force[N] = {};
       return nearest_force(problem, tensions, error, tolerance, force);
     }
@@ -274,8 +273,6 @@ class Judge {
     finding->scale = scale < 0 ? 0 : scale;
     return true;
   }
-
-  static double smaller_of(double x, double y) { return x < y ? x : y; }
 
   int n_, m_;
   const double* weights_;
