@@ -47,11 +47,10 @@ def allocate(
 
     Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.allocation import allocate as choose
+    from tensionlab.allocation import Allocator
     from tensionlab.experiments.comparison import at_rest
     from tensionlab.experiments.lineup import lineup
     from tensionlab.model.files import load_rig
-    from tensionlab.solvers import make
     from tensionlab.solvers.contract import Status
 
     loaded = load_rig(rig)
@@ -66,24 +65,21 @@ def allocate(
             f"--wrench has {len(asked)} components; {loaded.name} needs {loaded.n}: {', '.join(names)}"
         )
     position = loaded.home if at is None else output.numbers(at)
-    result = choose(
-        loaded.structure_matrix(position, frames=at_rest(loaded)),
-        asked,
+    allocator = Allocator(
         loaded.limits,
-        solver=solver,
-        nearest=nearest,  # type: ignore[arg-type]  # checked above
-        reference=reference if reference in (None, "lower", "middle") else output.numbers(reference),
+        solver,
+        reference if reference in (None, "lower", "middle") else output.numbers(reference),
+        nearest,  # type: ignore[arg-type]  # checked above
     )
+    result = allocator(loaded.structure_matrix(position, frames=at_rest(loaded)), asked)
     status = Status(int(result.status))
-    policies = make(solver).policies
-    policy = nearest or (policies[0] if policies else None)
     if json:
         output.print_json(
             {
                 "rig": loaded.name,
                 "position": position,
                 "solver": solver,
-                "nearest": policy,
+                "nearest": allocator.nearest,
                 "status": status.name,
                 "modules": [module.name for module in loaded.modules],
                 "tensions": result.tensions,
@@ -97,7 +93,7 @@ def allocate(
             }
         )
     else:
-        _print(loaded, position, asked, result, _verdict(status, policy, float(result.scale)))
+        _print(loaded, position, asked, result, _verdict(status, allocator.nearest, float(result.scale)))
     raise typer.Exit(0 if status is Status.EXACT else 1)
 
 
