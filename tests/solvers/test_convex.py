@@ -7,11 +7,11 @@ from pathlib import Path
 import cvxpy
 import numpy as np
 import pytest
+from batch import problem
 
 from tensionlab import Status, allocate
 from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import convex
-from tensionlab.solvers.contract import Problem
 from tensionlab.solvers.convex import ConvexProgram
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
@@ -19,15 +19,6 @@ CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
 PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
 
 each_policy = pytest.mark.parametrize("nearest", ConvexProgram.policies)
-
-
-def problem(W, w, lower, upper, nearest="force"):
-    """A batch: one structure matrix and limits for all wrenches."""
-    W, w = np.asarray(W, dtype=float), np.atleast_2d(np.asarray(w, dtype=float))
-    size, (n, m) = len(w), W.shape
-    lower, upper = (np.broadcast_to(np.asarray(a, float), (size, m)) for a in (lower, upper))
-    structure = np.broadcast_to(W, (size, n, m))
-    return Problem(structure, w, lower, upper, np.zeros((size, m)), np.ones(n), nearest)
 
 
 @pytest.mark.parametrize("key", ["zero", "fmin", "mid"])

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import qpsolvers
+from batch import problem
 
 from tensionlab import Status, allocate
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.contract import Problem
 from tensionlab.solvers.quadratic import BACKENDS, QuadraticProgram, installed_backends
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
@@ -18,15 +18,6 @@ PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
 
 each_backend = pytest.mark.parametrize("backend", installed_backends())
 each_policy = pytest.mark.parametrize("nearest", QuadraticProgram.policies)
-
-
-def problem(W, w, lower, upper, nearest="force"):
-    """A batch: one structure matrix and limits for all wrenches."""
-    W, w = np.asarray(W, dtype=float), np.atleast_2d(np.asarray(w, dtype=float))
-    size, (n, m) = len(w), W.shape
-    lower, upper = (np.broadcast_to(np.asarray(a, float), (size, m)) for a in (lower, upper))
-    structure = np.broadcast_to(W, (size, n, m))
-    return Problem(structure, w, lower, upper, np.zeros((size, m)), np.ones(n), nearest)
 
 
 def test_all_backends_of_the_extra_are_there():
