@@ -19,11 +19,9 @@
 
 #include "dual_step.hpp"
 #include "linear.hpp"
+#include "policy.hpp"
 
 namespace tensionlab {
-
-enum class Policy { force, tension, direction };
-
 inline namespace TENSIONLAB_BUILD {
 
 template <class Real, int L, int N, int M>

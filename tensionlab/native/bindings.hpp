@@ -1,0 +1,11 @@
+// Each family of kernels binds its own functions to the Python module tensionlab._native.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace tensionlab {
+
+void bind_judge(nanobind::module_&);
+void bind_newton(nanobind::module_&);
+
+}  // namespace tensionlab

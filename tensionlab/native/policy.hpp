@@ -1,0 +1,8 @@
+// What to render where the wrench is out of reach.
+#pragma once
+
+namespace tensionlab {
+
+enum class Policy { force, tension, direction };
+
+}  // namespace tensionlab

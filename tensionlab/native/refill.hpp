@@ -1,0 +1,43 @@
+// Problems of a batch through the lanes of a block: a lane that is done takes the next problem at once, so that
+// hard problems never hold up easy ones.
+#pragma once
+
+#include <cstddef>
+
+#include "lanes.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+// block: step() advances every lane, finished(l) tells whether lane l is done, park(l) lets it rest.
+// load(l, row) gives lane l a problem, store(l, row) takes its answer.
+template <int L, class Block, class Load, class Store>
+void refill(Block& block, std::size_t begin, std::size_t end, const Load& load, const Store& store) {
+  std::size_t row[L], next = begin;
+  int busy = 0;
+  for (int l = 0; l < L; ++l) {
+    row[l] = end;
+    if (next == end) continue;
+    load(l, next);
+    row[l] = next++;
+    ++busy;
+  }
+  while (busy > 0) {
+    block.step();
+    for (int l = 0; l < L; ++l) {
+      if (row[l] == end || !block.finished(l)) continue;
+      store(l, row[l]);
+      if (next < end) {
+        load(l, next);
+        row[l] = next++;
+      } else {
+        row[l] = end;
+        block.park(l);
+        --busy;
+      }
+    }
+  }
+}
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab
