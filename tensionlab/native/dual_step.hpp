@@ -1,14 +1,15 @@
-// One Newton step on the dual of a tension problem, in every lane at once.
+// Newton's method on the dual of a tension problem, one trial point a step, in every lane at once.
 //
-// The dual has one variable y for each of the n wrench components. Its tensions are t(y) = clip(t0 + W' y, a, b)
-// and its gradient is r(y) = w - W t(y). A step solves (W_F W_F') p = r over the cables F that are inside their
-// limits; along p the slope of the dual, p'r, is piecewise linear and falling, so that its root is found exactly.
+// The dual has one variable y for each of the n wrench components. Its tensions are t(y) = clip(t0 + W' y, a, b),
+// its gradient is r(y) = w - W t(y), and H = W_F W_F', over the cables F inside their limits, is its curvature.
+// A step evaluates all of these at a trial point. Where the slope along the last direction p has fallen far
+// enough, the point is taken and the next direction solves H p = r; elsewhere the next trial is another point
+// along p, between those where the slope was too high and too low.
 //
 // With a proximal weight eps the steps maximise the dual less eps |y - c|^2 / 2, and the centre c follows each
 // maximum: the method of multipliers, which also converges where no tensions render w.
 #pragma once
 
-#include <cmath>
 #include <limits>
 
 #include "lanes.hpp"
@@ -21,49 +22,45 @@ class DualStep {
  public:
   using V = Lanes<Real, L>;
 
+  // The numbers of one problem, each array contiguous; structure is n x m, row by row.
+  struct Source {
+    const Real *structure, *wrench, *lower, *upper, *reference;
+  };
+
   explicit DualStep(int m) : m_(m) {}
 
-  // The problem of each lane: set these, then begin() the lane. Errors are measured against the wrench asked for,
-  // or against what the strongest cable can do where that is less.
-  V structure[M][N] = {}, wrench[N] = {}, lower[M] = {}, upper[M] = {}, reference[M] = {};
-  V asked = {}, strongest = {};
+  // What step() found. Flags are 1 or 0, any of the others in `found`; direction separates, or is that of the
+  // residual which settled.
+  V direction[N] = {}, converged = {}, settled = {}, separated = {}, found = {};
 
-  // What step() found. Flags are 1 or 0; separated is positive where direction separates w from all W t.
-  V direction[N] = {}, converged = {}, settled = {}, separated = {};
+  // Look for tensions that render the wrench, in lane l.
+  void render(int l, const Source& source) {
+    source_[l] = source;
+    begun_[l] = kRender;
+    stale_ = true;
+  }
 
-  // Start lane l at the multiplier zero, with a proximal term or without.
-  void begin(int l, bool proximal) {
-    Real largest = 0;
-    for (int k = 0; k < N; ++k) {
-      Real square = 0;
-      for (int i = 0; i < m_; ++i) {
-        const Real entry = read<Real>(structure[i][k], l);
-        square += entry * entry;
-      }
-      lane<Real>(diagonal_[k], l) = square > 0 ? square : Real(1);
-      if (square > largest) largest = square;
-      lane<Real>(dual_[k], l) = lane<Real>(centre_[k], l) = 0;
-    }
-    largest = largest > 0 ? largest : Real(1);
-    lane<Real>(gain_, l) = std::sqrt(largest);
-    lane<Real>(looseness_, l) = proximal ? kSafe : kLoose;
-    lane<Real>(proximal_, l) = proximal ? kProximal * largest : Real(0);
-    lane<Real>(all_free_, l) = lane<Real>(centred_, l) = 1;
+  // Look for the tensions whose wrench is nearest, in lane l, from tensions that miss the wrench by `missing`.
+  void approach(int l, const Source& source, const Real* missing) {
+    render(l, source);
+    begun_[l] = kNearest;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) missing_[k][l] = missing[k];
   }
 
   void step() {
-    V matrix[N][N];  // H, here and not a member, so that it may live in registers
-    linearise(matrix);
-    solve(matrix);
-    try_full_step();
-    search();
+    if (stale_) reload();
+    V matrix[N][N], residual[N];  // here and not members, so that they may live in registers
+    evaluate(matrix, residual);
+    advance(matrix, residual);
   }
 
-  // Tension of cable i in lane l after the full step: the answer, once the lane has converged or settled.
+  // Tension of cable i in lane l: the answer, once the lane has converged or settled.
   Real tension(int i, int l) const {
-    const Real wanted = read<Real>(wanted_[i], l) + read<Real>(along_[i], l);
-    return smaller(larger(wanted, read<Real>(lower[i], l)), read<Real>(upper[i], l));
+    return smaller(larger(read<Real>(wanted_[i], l), read<Real>(lower_[i], l)), read<Real>(upper_[i], l));
   }
+
+  const Source& source(int l) const { return source_[l]; }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
@@ -75,131 +72,192 @@ class DualStep {
   // Proximal weight, against the largest entry of that diagonal: at first, how fast it falls, and its floors.
   static constexpr Real kProximal = kDouble ? Real(1e-5) : Real(1e-2), kProximalFall = Real(0.03);
   static constexpr Real kProximalFloor = 64 * kUlp, kProximalShare = kProximal / 10;
-  // Line search: rounds, slope of a root against the first slope, and beyond all breakpoints.
+  // Line search: what may be left of the first slope, what the search leaves of it, and beyond all breakpoints.
+  static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4), kFar = Real(1e9);
   static constexpr int kSearchRounds = 2 * M + 8;
-  static constexpr Real kRoot = kDouble ? Real(1e-9) : Real(1e-4), kFar = Real(1e30);
+  static constexpr Real kRender = 1, kNearest = 2;
 
-  // Tensions, residual and the matrix of the step at the current dual point.
-  void linearise(V (&matrix)[N][N]) {
-    const V zero = V{};
-    V residual[N], dual[N], largest = zero;
-    for (int k = 0; k < N; ++k) {
-      residual[k] = wrench[k];
-      dual[k] = dual_[k];
-      for (int j = 0; j <= k; ++j) matrix[k][j] = zero;
-    }
-    const auto start = all_free_ > zero;
-    for (int i = 0; i < m_; ++i) {
-      const V* column = structure[i];
-      V wanted = reference[i];
-      for (int k = 0; k < N; ++k) wanted += column[k] * dual[k];
-      const V tension = smaller(larger(wanted, lower[i]), upper[i]);
-      wanted_[i] = wanted;
-      largest = larger(largest, larger(magnitude(tension), magnitude(reference[i])));
-      const auto free = start | ((wanted > lower[i]) & (wanted < upper[i]));
-      for (int k = 0; k < N; ++k) {
-        residual[k] -= column[k] * tension;
-        const V part = free ? column[k] : zero;
-        for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
-      }
-    }
-    size_ = gain_ * largest;
-    size_ = larger(size_, smaller(asked, V(gain_ * strongest)));
-    for (int k = 0; k < N; ++k) {
-      residual_[k] = residual[k];
-      gradient_[k] = residual[k] - proximal_ * (dual_[k] - centre_[k]);
-      matrix[k][k] += proximal_;
-    }
-    all_free_ = zero;
-  }
-
-  // The step p from H p = g, where g is the gradient of the dual and H = L D L' with its pivots D kept positive.
-  void solve(V (&matrix)[N][N]) {
-    const V zero = V{};
-    V factor[N][N], inverse[N], y[N];  // L, 1 / D
-    V regularised = zero;
-    for (int k = 0; k < N; ++k) {
-      V sum = gradient_[k], d = matrix[k][k];
-      for (int j = 0; j < k; ++j) {
-        V entry = matrix[k][j];
-        for (int i = 0; i < j; ++i) entry -= matrix[k][i] * factor[j][i];
-        matrix[k][j] = entry;  // L D
-        factor[k][j] = entry * inverse[j];
-        sum -= factor[k][j] * y[j];
-        d -= entry * factor[k][j];
-      }
-      const V pivot = larger(d, V(looseness_ * diagonal_[k]));
-      inverse[k] = Real(1) / pivot;
-      y[k] = sum;
-      const V z = sum * inverse[k];
-      regularised += (pivot - d) * z * z;
-    }
-    V p[N], slope = zero, square = zero;
-    for (int k = N - 1; k >= 0; --k) {
-      p[k] = y[k] * inverse[k];
-      for (int j = k + 1; j < N; ++j) p[k] -= factor[j][k] * p[j];
-      direction[k] = p[k];
-      slope += p[k] * gradient_[k];
-      square += p[k] * p[k];
-    }
-    slope_ = slope;
-    curvature_ = regularised + proximal_ * square;
-  }
-
-  // Try the full step: is the residual there nought, or as before? And does p separate w?
-  void try_full_step() {
+  // Numbers of the lanes' problems, side by side.
+  void reload() {
     const V zero = V{}, one = zero + Real(1);
-    V p[N], residual[N], support = zero, norm = zero, pull = zero, error = zero, change = zero;
-    wrench_along_ = zero;
+    const Real* row[L];
+    V largest = zero, asked = zero;
+    TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      p[k] = direction[k];
-      residual[k] = wrench[k];
-      wrench_along_ += p[k] * wrench[k];
-      pull += p[k] * (dual_[k] - centre_[k]);
-      norm = larger(norm, magnitude(p[k]));
+      V square = zero;
+      for (int l = 0; l < L; ++l) row[l] = source_[l].structure + k * m_;
+      transpose<Real, L>(row, m_, [&](int i, const V& entry) {
+        structure_[i][k] = entry;
+        square += entry * entry;
+      });
+      diagonal_[k] = square > zero ? square : one;
+      largest = larger(largest, square);
+      wrench_[k] = gather<Real, L>([&](int l) { return source_[l].wrench[k]; });
+      asked = larger(asked, magnitude(wrench_[k]));
     }
-    V bend = curvature_;
+    gain_ = square_root<Real, L>(largest > zero ? largest : one);
+    if (limits_changed()) reload_limits();
+    least_size_ = smaller(asked, V(gain_ * strongest_));
+    const V begun = gather<Real, L>([&](int l) { return begun_[l]; });
+    const auto fresh = begun > zero;
+    const auto nearest = begun > one;
+    const V weight = kProximal * gain_ * gain_;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      const V missing = gather<Real, L>([&](int l) { return missing_[k][l]; });
+      const V aim = nearest ? V(missing / weight) : zero;
+      trial_[k] = fresh ? aim : trial_[k];
+      centre_[k] = fresh ? zero : centre_[k];
+      path_[k] = fresh ? zero : path_[k];
+      last_[k] = fresh ? zero : last_[k];
+    }
+    proximal_ = fresh ? (nearest ? weight : zero) : proximal_;
+    looseness_ = fresh ? (nearest ? zero + kSafe : zero + kLoose) : looseness_;
+    unseen_ = fresh ? (nearest ? one : zero + Real(2)) : unseen_;
+    for (int l = 0; l < L; ++l) begun_[l] = 0;
+    stale_ = false;
+  }
+
+  bool limits_changed() {
+    bool changed = false;
+    for (int l = 0; l < L; ++l) {
+      const Source &now = source_[l], &then = limits_of_[l];
+      changed = changed || now.lower != then.lower || now.upper != then.upper || now.reference != then.reference;
+      limits_of_[l] = now;
+    }
+    return changed;
+  }
+
+  void reload_limits() {
+    strongest_ = furthest_ = most_ = V{};
     for (int i = 0; i < m_; ++i) {
-      const V* column = structure[i];
-      V along = zero;
-      for (int k = 0; k < N; ++k) along += column[k] * p[k];
-      along_[i] = along;
-      const V wanted = wanted_[i] + along;
-      const V tension = smaller(larger(wanted, lower[i]), upper[i]);
-      for (int k = 0; k < N; ++k) residual[k] -= column[k] * tension;
-      const auto free = (wanted > lower[i]) & (wanted < upper[i]);
-      bend += free ? V(along * along) : zero;
-      support += larger(V(along * lower[i]), V(along * upper[i]));
+      lower_[i] = gather<Real, L>([&](int l) { return source_[l].lower[i]; });
+      upper_[i] = gather<Real, L>([&](int l) { return source_[l].upper[i]; });
+      reference_[i] = gather<Real, L>([&](int l) { return source_[l].reference[i]; });
+      strongest_ = larger(strongest_, larger(V(-lower_[i]), upper_[i]));
+      furthest_ = larger(furthest_, magnitude(reference_[i]));
+      const V change = larger(magnitude(V(lower_[i] - reference_[i])), magnitude(V(upper_[i] - reference_[i])));
+      most_ += change * change / 2;
     }
-    separated = wrench_along_ - support - kConverged * size_ * norm;
-    wrench_along_ -= proximal_ * pull;
-    V slope = -proximal_ * pull - curvature_, largest = zero;
+  }
+
+  // Tensions, residual and curvature at the trial point. A lane that begins takes its cables for free.
+  void evaluate(V (&matrix)[N][N], V (&residual)[N]) {
+    const V zero = V{};
+    V trial[N], h[N][N], r[N],
+        square = zero;  // copies that cannot alias the members, so that they stay in registers
+    TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      largest = larger(largest, magnitude(V(dual_[k] + p[k])));
-      slope += p[k] * residual[k];
+      r[k] = wrench_[k];
+      trial[k] = trial_[k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j <= k; ++j) h[k][j] = zero;
+    }
+    const auto unlimited = unseen_ > zero + Real(1);
+    for (int i = 0; i < m_; ++i) {
+      const V* column = structure_[i];
+      V wanted = reference_[i];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) wanted += column[k] * trial[k];
+      wanted_[i] = wanted;
+      const V limited = smaller(larger(wanted, lower_[i]), upper_[i]);
+      const V tension = unlimited ? wanted : limited;
+      const V change = tension - reference_[i];
+      square += change * change;
+      const auto free = tension == wanted;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        r[k] -= column[k] * tension;
+        const V part = free ? column[k] : zero;
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) h[k][j] += part * column[j];
+      }
+    }
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      residual[k] = r[k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j <= k; ++j) matrix[k][j] = h[k][j];
+    }
+    value_ = square / 2;
+    size_ = larger(V(gain_ * (square_root<Real, L>(square) + furthest_)), least_size_);
+  }
+
+  // Judge the trial point and choose the next.
+  void advance(V (&matrix)[N][N], const V (&residual)[N]) {
+    const V zero = V{}, one = zero + Real(1);
+    V gradient[N], error = zero, slope = zero, steepest = zero, furthest = zero, norm = zero, value = value_;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      const V off = trial_[k] - centre_[k];
+      gradient[k] = residual[k] - proximal_ * off;
+      value += residual[k] * trial_[k] - proximal_ * off * off / 2;
+      slope += path_[k] * gradient[k];
       error = larger(error, magnitude(residual[k]));
-      change = larger(change, magnitude(V(residual[k] - residual_[k])));
+      steepest = larger(steepest, magnitude(gradient[k]));
+      furthest = larger(furthest, magnitude(trial_[k]));
+      norm = larger(norm, magnitude(path_[k]));
     }
     // What rounding leaves of a wrench: the multiplier of an unreachable one grows with every step.
-    const V noise = 4 * kUlp * (size_ + gain_ * gain_ * largest);
-    root_ = kRoot * slope_ + noise * norm;
-    full_step_ = magnitude(slope) <= root_ ? one : zero;
-    converged = error <= kConverged * size_ ? one : zero;
-    // Nearest: the residual no longer changes, and no tension could still move along it.
-    const V gap = support - wrench_along_ + slope + curvature_;
-    settled = (change <= 4 * noise) & (gap <= 4 * noise * norm) ? full_step_ * centred_ : zero;
-    error_ = error;
-    full_slope_ = slope;
-    full_bend_ = bend;
+    const V noise = 4 * kUlp * (size_ + gain_ * gain_ * furthest);
+    const V root = kRoot * first_slope_ + noise * norm;
+    converged = (error <= kConverged * size_) & (unseen_ <= one) ? one : zero;
+    const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
+    // No tensions cost more than `most_`: where the dual does, they cannot render w, and its multiplier says why.
+    const auto lost = (proximal_ == zero) & (unseen_ <= one) & (value > 2 * most_ + kConverged * size_ * furthest);
+    // Before the root of the slope the dual has grown; beyond it that must be seen.
+    const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
+    const V take = (unseen_ > zero) | maximal | flat | lost | (magnitude(slope) <= root) ? one : zero;
+
+    separated = lost ? one : zero;
+    settled = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) direction[k] = trial_[k];
+    V step = one;
+    if (any(take == zero)) step = root_along_path(slope, root, take);
+    if (any(maximal)) recentre(residual, gradient, maximal, noise, error);
+    found = converged + separated + settled;
+
+    const auto taken = take > zero;
+    const auto judged = taken & (unseen_ == zero);
+    const V least = zero + kTight;
+    const V tighter = magnitude(slope) <= root ? least : larger(least, V(kTighten * looseness_));
+    looseness_ = judged ? smaller(looseness_, tighter) : looseness_;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) matrix[k][k] += proximal_;
+    V path[N];
+    solve(matrix, gradient, path, first_slope_);
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      trial_[k] += taken ? path[k] : V((step - one) * path_[k]);
+      path_[k] = taken ? path[k] : path_[k];
+    }
+    last_value_ = taken ? value : last_value_;
+    unseen_ = taken ? larger(zero, V(unseen_ - one)) : one;
   }
 
-  // The root of the dual slope along p, which is piecewise linear and falls: Newton steps inside a bracket, from
+  // The step at which the slope of the dual along the path is nought: Newton steps inside a bracket, from
   // breakpoint to breakpoint where they leave it.
-  void search() {
+  V root_along_path(const V& first_slope, const V& root, const V& take) {
     const V zero = V{}, one = zero + Real(1);
-    V low = zero, low_slope = slope_, high = zero + kFar, high_slope = zero - one, step = one;
-    V slope = full_slope_, bend = full_bend_;
-    auto open = (slope_ > zero) & (full_step_ == zero);
+    V along[M], pull = zero, curvature = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      pull += path_[k] * (wrench_[k] - proximal_ * (trial_[k] - centre_[k]));
+      curvature += proximal_ * path_[k] * path_[k];
+    }
+    V bend = curvature;
+    for (int i = 0; i < m_; ++i) {
+      V sum = zero;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) sum += structure_[i][k] * path_[k];
+      along[i] = sum;
+      const auto free = (wanted_[i] > lower_[i]) & (wanted_[i] < upper_[i]);
+      bend += free ? V(sum * sum) : zero;
+    }
+    V slope = first_slope, step = one;
+    V low = zero, low_slope = first_slope_, high = zero + kFar, high_slope = zero - one;
+    auto open = take == zero;
     for (int round = 0; round < kSearchRounds && any(open); ++round) {
       const auto left = slope > zero;
       low = left ? step : low;
@@ -208,43 +266,34 @@ class DualStep {
       high_slope = left ? high_slope : slope;
       V next = step + slope / bend;
       const auto astray = (next <= low) | (next >= high);
-      if (any(open & astray)) next = astray ? next_breakpoint(low, low_slope, high, high_slope) : next;
+      if (any(open & astray)) {
+        next = astray ? next_breakpoint(along, low, low_slope, high, high_slope) : next;
+      }
       const auto inside = (next > low) & (next < high);
       step = open ? (inside ? next : low) : step;
       open = open & inside;
-      slope = wrench_along_ - curvature_ * step;
-      bend = curvature_;
+      slope = pull - curvature * (step - one);
+      bend = curvature;
       for (int i = 0; i < m_; ++i) {
-        const V wanted = wanted_[i] + step * along_[i];
-        const V tension = smaller(larger(wanted, lower[i]), upper[i]);
-        slope -= along_[i] * tension;
-        const auto free = (wanted > lower[i]) & (wanted < upper[i]);
-        bend += free ? V(along_[i] * along_[i]) : zero;
+        const V wanted = wanted_[i] + (step - one) * along[i];
+        const V tension = smaller(larger(wanted, lower_[i]), upper_[i]);
+        slope -= along[i] * tension;
+        const auto free = (wanted > lower_[i]) & (wanted < upper_[i]);
+        bend += free ? V(along[i] * along[i]) : zero;
       }
-      open = open & (magnitude(slope) > root_);
+      open = open & (magnitude(slope) > root);
     }
-    const auto full = full_step_ > zero;
-    for (int k = 0; k < N; ++k) {
-      dual_[k] += step * direction[k];
-      centre_[k] = full ? dual_[k] : centre_[k];
-    }
-    // A multiplier that still has far to go, or that converges slowly, wants less proximity; but no less than
-    // keeps the rounding of t small where the wrench is far out of reach.
-    const V least = gain_ * gain_ * larger(V(zero + kProximalFloor), V(kProximalShare * error_ / size_));
-    const V less = smaller(proximal_, larger(V(kProximalFall * proximal_), least));
-    proximal_ = full & (centred_ > zero) ? less : proximal_;
-    centred_ = full_step_;
-    looseness_ = smaller(looseness_, larger(V(zero + kTight), V(kTighten * looseness_)));
-    looseness_ = full ? smaller(looseness_, V(zero + kTight)) : looseness_;
+    return step;
   }
 
   // The first breakpoint inside the bracket; where there is none the slope is linear, and its root is known.
-  V next_breakpoint(const V& low, const V& low_slope, const V& high, const V& high_slope) const {
-    const V zero = V{};
+  V next_breakpoint(const V (&along)[M], const V& low, const V& low_slope, const V& high,
+                    const V& high_slope) const {
+    const V zero = V{}, one = zero + Real(1);
     V first = high;
     for (int i = 0; i < m_; ++i) {
-      const V pace = Real(1) / (along_[i] == zero ? zero + Real(1) / kFar : along_[i]);
-      const V at_lower = (lower[i] - wanted_[i]) * pace, at_upper = (upper[i] - wanted_[i]) * pace;
+      const V pace = one / (along[i] == zero ? zero + Real(1e-30) : along[i]);
+      const V at_lower = one + (lower_[i] - wanted_[i]) * pace, at_upper = one + (upper_[i] - wanted_[i]) * pace;
       first = (at_lower > low) & (at_lower < first) ? at_lower : first;
       first = (at_upper > low) & (at_upper < first) ? at_upper : first;
     }
@@ -252,13 +301,80 @@ class DualStep {
     return first < high ? first : root;
   }
 
+  // At the maximum of a proximal lane: could any tension still move along the residual, and does the residual
+  // still change? If so move the centre there. A multiplier that still has far to go, or that converges slowly,
+  // wants less proximity; but no less than keeps the rounding of t small where the wrench is far out of reach.
+  template <class Mask>
+  void recentre(const V (&residual)[N], V (&gradient)[N], const Mask& maximal, const V& noise, const V& error) {
+    const V zero = V{}, one = zero + Real(1);
+    V d[N], norm = zero, change = zero, gap = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      d[k] = trial_[k] - centre_[k];
+      norm = larger(norm, magnitude(d[k]));
+      change = larger(change, magnitude(V(residual[k] - last_[k])));
+    }
+    for (int i = 0; i < m_; ++i) {
+      V along = zero;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) along += structure_[i][k] * d[k];
+      const V tension = smaller(larger(wanted_[i], lower_[i]), upper_[i]);
+      gap += larger(V(along * (lower_[i] - tension)), V(along * (upper_[i] - tension)));
+    }
+    settled = maximal & (change <= 4 * noise) & (gap <= 4 * noise * norm) ? one : zero;
+    const V least = gain_ * gain_ * larger(V(zero + kProximalFloor), V(kProximalShare * error / size_));
+    const V less = smaller(proximal_, larger(V(kProximalFall * proximal_), least));
+    proximal_ = maximal ? less : proximal_;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      direction[k] = maximal ? d[k] : direction[k];
+      centre_[k] = maximal ? trial_[k] : centre_[k];
+      gradient[k] = maximal ? residual[k] : gradient[k];
+      last_[k] = maximal ? residual[k] : last_[k];
+    }
+  }
+
+  // The direction p from H p = g, with H = L D L' and its pivots D kept positive; and the slope p'g.
+  void solve(V (&matrix)[N][N], const V (&gradient)[N], V (&p)[N], V& slope) const {
+    V factor[N][N], inverse[N], y[N];  // L, 1 / D
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      V sum = gradient[k], d = matrix[k][k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j < k; ++j) {
+        V entry = matrix[k][j];
+        for (int i = 0; i < j; ++i) entry -= matrix[k][i] * factor[j][i];
+        matrix[k][j] = entry;  // L D
+        factor[k][j] = entry * inverse[j];
+        sum -= factor[k][j] * y[j];
+        d -= entry * factor[k][j];
+      }
+      inverse[k] = Real(1) / larger(d, V(looseness_ * diagonal_[k]));
+      y[k] = sum;
+    }
+    slope = V{};
+    TENSIONLAB_UNROLL
+    for (int k = N - 1; k >= 0; --k) {
+      p[k] = y[k] * inverse[k];
+      TENSIONLAB_UNROLL
+      for (int j = k + 1; j < N; ++j) p[k] -= factor[j][k] * p[j];
+      slope += p[k] * gradient[k];
+    }
+  }
+
   int m_;
-  V dual_[N] = {}, centre_[N] = {}, residual_[N] = {}, gradient_[N] = {};
-  V wanted_[M] = {}, along_[M] = {};
-  V diagonal_[N] = {}, gain_ = {}, looseness_ = {}, proximal_ = {};  // scales and weights of the lane's problem
-  V size_ = {}, error_ = {}, root_ = {};                             // what errors are measured against
-  V slope_ = {}, curvature_ = {}, full_slope_ = {}, full_bend_ = {}, wrench_along_ = {};
-  V full_step_ = {}, centred_ = {}, all_free_ = {};
+  // As given: one entry a lane.
+  Source source_[L] = {}, limits_of_[L] = {};
+  Real missing_[N][L] = {}, begun_[L] = {};
+  bool stale_ = true;
+  // Side by side.
+  V structure_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {}, reference_[M] = {}, wanted_[M] = {};
+  V diagonal_[N] = {}, gain_ = {}, strongest_ = {}, furthest_ = {}, most_ = {},
+    least_size_ = {};  // scales of the problem
+  V path_[N] = {}, trial_[N] = {}, centre_[N] = {}, last_[N] = {};
+  V first_slope_ = {}, proximal_ = {}, looseness_ = {}, size_ = {};
+  V value_ = {}, last_value_ = {};  // of the dual
+  V unseen_ = {};                   // trials to take whatever their slope; above 1, without limits too
 };
 
 }  // namespace TENSIONLAB_BUILD

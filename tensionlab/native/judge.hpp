@@ -203,7 +203,7 @@ class Judge {
     for (int i = 0; i < m_; ++i) {
       for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
     }
-    const Whitening<double, N, M> whitening(columns, n_, m_, rank_tolerance_);
+    const Whitening<double, N, M> whitening(problem.structure, n_, m_, rank_tolerance_);
     double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N], rendered = 0;
     for (int k = 0; k < n_; ++k) outside[k] = problem.wrench[k];
     for (int j = 0; j < whitening.rank; ++j) {

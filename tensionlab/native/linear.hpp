@@ -16,13 +16,13 @@ struct Whitening {
   Real rows[N][N];
   int rank;
 
-  // columns: m <= M columns of n <= N numbers, each column contiguous. Hestenes (1958): rotate pairs of rows until
+  // structure: n x m, row by row. Hestenes (1958): rotate pairs of rows until
   // all are orthogonal.
-  Whitening(const Real* columns, int n, int m, Real rank_tolerance) {
+  Whitening(const Real* structure, int n, int m, Real rank_tolerance) {
     Real a[N][M];
     Real u[N][N];
     for (int k = 0; k < n; ++k) {
-      for (int i = 0; i < m; ++i) a[k][i] = columns[i * n + k];
+      for (int i = 0; i < m; ++i) a[k][i] = structure[k * m + i];
       for (int j = 0; j < n; ++j) u[k][j] = k == j ? Real(1) : Real(0);
     }
     const Real tiny = 4 * std::numeric_limits<Real>::epsilon();

@@ -27,10 +27,7 @@ inline namespace TENSIONLAB_BUILD {
 template <class Real, int L, int N, int M>
 class Newton {
  public:
-  // One problem, all pointers to contiguous numbers. structure is n x m, row by row.
-  struct Problem {
-    const Real *structure, *wrench, *lower, *upper, *reference;
-  };
+  using Problem = typename DualStep<Real, L, N, M>::Source;
 
   // m cables; weight_roots: square roots of the n wrench weights.
   Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance)
@@ -40,30 +37,14 @@ class Newton {
   }
 
   // Give lane l a problem whose numbers are all zero, so that it rests.
-  void park(int l) {
-    const Real zeros[N * M] = {};
-    load(l, {zeros, zeros, zeros, zeros, zeros});
-  }
+  void park(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
 
   void load(int l, const Problem& problem) {
     Control& control = control_[l];
-    control = Control{};
-    for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < m_; ++i) {
-        lane<Real>(steps_.structure[i][k], l) = problem.structure[k * m_ + i];
-      }
-      control.wrench[k] = problem.wrench[k];
-      control.basis[k][k] = 1;
-    }
-    Real strongest = 0;
-    for (int i = 0; i < m_; ++i) {
-      lane<Real>(steps_.lower[i], l) = problem.lower[i];
-      lane<Real>(steps_.upper[i], l) = problem.upper[i];
-      lane<Real>(steps_.reference[i], l) = problem.reference[i];
-      strongest = larger(strongest, larger(Real(-problem.lower[i]), problem.upper[i]));
-    }
-    lane<Real>(steps_.strongest, l) = strongest;
-    begin(l, Stage::render);
+    control.problem = problem;
+    control.iterations = 0;
+    control.astray = false;
+    render(l);
   }
 
   // One Newton step in every lane.
@@ -72,32 +53,16 @@ class Newton {
   // Whether lane l is done; moves it to its next stage where there is one. Call after step().
   bool finished(int l) {
     Control& control = control_[l];
-    ++control.iterations;
-    ++control.in_stage;
-    if (read<Real>(steps_.converged, l) != 0) return true;
-    Real d[N];
-    for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
-    if (control.stage == Stage::render) {
-      const bool separated = read<Real>(steps_.separated, l) > 0;
-      if (!separated && control.in_stage < kRenderLimit) return false;
-      const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
-      if (separated && first && policy_ == Policy::direction && cut(l, d)) return false;
-      approach(l);
-      return false;
-    }
-    if (read<Real>(steps_.settled, l) == 0 && control.in_stage < kNearestLimit) return false;
-    if (policy_ == Policy::direction && !control.hopeless) {
-      return control.iterations >= kIterationLimit || !cut(l, d);
-    }
-    if (!control.hopeless) keep(l, d);
-    return true;
+    const bool late = ++control.iterations >= control.deadline;
+    if (!late && read<Real>(steps_.found, l) == 0) return false;
+    return read<Real>(steps_.converged, l) != 0 || conclude(l, late);
   }
 
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
     for (int i = 0; i < m_; ++i) tensions[i] = steps_.tension(i, l);
-    copy(control.separation, separation);
+    for (int k = 0; k < N; ++k) separation[k] = control.astray ? control.separation[k] : Real(0);
     return control.iterations;
   }
 
@@ -107,40 +72,97 @@ class Newton {
   enum class Stage { render, nearest };
 
   // Far beyond what any known problem takes; one that gets there keeps its best answer so far.
-  static constexpr int kRenderLimit = 100, kNearestLimit = 200, kIterationLimit = 1000;
+  static constexpr int kRenderLimit = 200, kNearestLimit = 400, kIterationLimit = 2000;
 
-  // What the lanes do not share: the rare decisions, in plain numbers.
+  // What the lanes do not share: the rare decisions, in plain numbers. Up to `astray` it is set for every problem,
+  // what follows only for those that cannot be rendered at once.
   struct Control {
-    Stage stage = Stage::render;
-    int iterations = 0, in_stage = 0;
-    Real basis[N][N] = {};       // lane coordinates = basis * wrench coordinates
-    Real wrench[N] = {};         // as asked, in lane coordinates
-    Real separation[N] = {};     // the best separating direction so far, of unit length
-    Real from_below[N] = {};     // one that excludes all s < below
-    Real scale = 1;              // s of the direction policy
-    Real below = -1, above = 1;  // s w is too short, if ever; s w is too long
-    bool hopeless = false;       // no s keeps the direction
+    Problem problem;  // in lane coordinates
+    Stage stage;
+    int iterations, deadline;  // so far, and when the stage must end
+    bool astray;
+    bool hopeless;       // no s keeps the direction
+    Real scale;          // s of the direction policy
+    Real below, above;   // s w is too short, if ever; s w is too long
+    Real basis[N][N];    // lane coordinates = basis * wrench coordinates
+    Real wrench[N];      // as asked, in lane coordinates
+    Real target[N];      // s times that
+    Real separation[N];  // the best separating direction so far, of unit length
+    Real from_below[N];  // one that excludes all s < below
   };
 
-  // Begin a stage of lane l, for the wrench s w.
-  void begin(int l, Stage stage) {
+  // Lane l has found something other than its tensions, or is late: is it done?
+  bool conclude(int l, bool late) {
     Control& control = control_[l];
-    control.stage = stage;
-    control.in_stage = 0;
-    Real& asked = lane<Real>(steps_.asked, l);
-    asked = 0;
-    for (int k = 0; k < N; ++k) {
-      asked = larger(asked, magnitude(control.wrench[k]));
-      lane<Real>(steps_.wrench[k], l) = control.scale * control.wrench[k];
+    if (!control.astray) go_astray(l);
+    Real d[N];
+    for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
+    if (control.stage == Stage::render) {
+      const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
+      if (!late && first && policy_ == Policy::direction && cut(l, d)) return false;
+      approach(l, d);
+      return false;
     }
-    steps_.begin(l, stage == Stage::nearest);
+    if (policy_ == Policy::direction && !control.hopeless) {
+      return control.iterations >= kIterationLimit || !cut(l, d);
+    }
+    if (!control.hopeless) keep(l, d);
+    return true;
   }
 
-  // Seek the reachable wrench nearest to s w. Only here does it matter how errors are measured.
-  void approach(int l) {
+  void go_astray(int l) {
+    Control& control = control_[l];
+    control.astray = true;
+    control.hopeless = false;
+    control.scale = control.above = 1;
+    control.below = -1;
+    copy(control.problem.wrench, control.wrench);
+    for (int k = 0; k < N; ++k) {
+      control.separation[k] = control.from_below[k] = 0;
+      for (int j = 0; j < N; ++j) control.basis[k][j] = k == j ? Real(1) : Real(0);
+    }
+  }
+
+  // Look for tensions that render the wrench of lane l.
+  void render(int l) {
+    Control& control = control_[l];
+    control.stage = Stage::render;
+    control.deadline = control.iterations + kRenderLimit;
+    steps_.render(l, control.problem);
+  }
+
+  // Seek the reachable wrench nearest to s w, from the tensions that pull hardest along d, which separates it.
+  // Only here does it matter how errors are measured.
+  void approach(int l, const Real* d) {
+    Control& control = control_[l];
+    Real tensions[M], missing[N];
+    for (int i = 0; i < m_; ++i) {
+      tensions[i] = along(l, i, d) > 0 ? control.problem.upper[i] : control.problem.lower[i];
+    }
     if (policy_ == Policy::tension) whiten(l);
-    if (policy_ == Policy::force || control_[l].hopeless) weigh(l);
-    begin(l, Stage::nearest);
+    if (policy_ == Policy::force || control.hopeless) weigh(l);
+    aim(l);
+    for (int k = 0; k < N; ++k) {
+      missing[k] = control.target[k];
+      for (int i = 0; i < m_; ++i) missing[k] -= control.problem.structure[k * m_ + i] * tensions[i];
+    }
+    control.stage = Stage::nearest;
+    control.deadline = control.iterations + kNearestLimit;
+    steps_.approach(l, control.problem, missing);
+  }
+
+  // Make s w the wrench of lane l.
+  void aim(int l) {
+    Control& control = control_[l];
+    for (int k = 0; k < N; ++k) control.target[k] = control.scale * control.wrench[k];
+    control.problem.wrench = control.target;
+  }
+
+  // W_i'd of cable i, in lane coordinates.
+  Real along(int l, int i, const Real* d) const {
+    Real sum = 0;
+    for (int k = 0; k < N; ++k) sum += d[k] * control_[l].problem.structure[k * m_ + i];
+    return sum;
   }
 
   // Lane coordinates in which the error counts by its plain length.
@@ -149,24 +171,25 @@ class Newton {
     for (int k = 0; k < N; ++k) {
       control.basis[k][k] = weight_roots_[k];
       control.wrench[k] *= weight_roots_[k];
-      for (int i = 0; i < m_; ++i) lane<Real>(steps_.structure[i][k], l) *= weight_roots_[k];
+      for (int i = 0; i < m_; ++i) {
+        own_[l][k * m_ + i] = weight_roots_[k] * control.problem.structure[k * m_ + i];
+      }
     }
+    control.problem.structure = own_[l];
   }
 
   // Lane coordinates in which the rows of W are orthonormal.
   void whiten(int l) {
     Control& control = control_[l];
-    Real columns[M * N], w[N];
+    const Whitening<Real, N, M> whitening(control.problem.structure, N, m_, rank_tolerance_);
+    Real w[N];
     copy(control.wrench, w);
-    for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < m_; ++i) columns[i * N + k] = read<Real>(steps_.structure[i][k], l);
-    }
-    const Whitening<Real, N, M> whitening(columns, N, m_, rank_tolerance_);
     for (int r = 0; r < N; ++r) {
       for (int k = 0; k < N; ++k) control.basis[r][k] = r < whitening.rank ? whitening.rows[r][k] : Real(0);
       control.wrench[r] = dot(control.basis[r], w);
-      for (int i = 0; i < m_; ++i) lane<Real>(steps_.structure[i][r], l) = dot(control.basis[r], columns + i * N);
+      for (int i = 0; i < m_; ++i) own_[l][r * m_ + i] = along(l, i, control.basis[r]);
     }
+    control.problem.structure = own_[l];
   }
 
   // d separates s w from what can be rendered: take the next s. Returns false if s can fall no further.
@@ -196,7 +219,8 @@ class Newton {
       return give_up(l, d);
     }
     control.scale = control.below < 0 ? control.above : (control.below + control.above) / 2;
-    begin(l, Stage::render);
+    aim(l);
+    render(l);
     return true;
   }
 
@@ -206,23 +230,19 @@ class Newton {
     copy(d, control.separation);
     control.hopeless = true;
     control.scale = 1;
-    approach(l);
+    approach(l, d);
     return true;
   }
 
   // h(d) of a unit vector d, and the error that rounding, also of d itself, may leave in it.
   Real support(int l, const Real* d, Real* rounding) const {
+    const Problem& problem = control_[l].problem;
     Real sum = 0, size = 0;
     for (int i = 0; i < m_; ++i) {
-      const Real lower = read<Real>(steps_.lower[i], l), upper = read<Real>(steps_.upper[i], l);
-      const Real most = larger(std::abs(lower), std::abs(upper));
-      Real along = 0;
-      for (int k = 0; k < N; ++k) {
-        const Real entry = read<Real>(steps_.structure[i][k], l);
-        along += d[k] * entry;
-        size += std::abs(entry) * most;
-      }
-      sum += along * (along > 0 ? upper : lower);
+      const Real lower = problem.lower[i], upper = problem.upper[i];
+      const Real most = larger(std::abs(lower), std::abs(upper)), pull = along(l, i, d);
+      for (int k = 0; k < N; ++k) size += std::abs(problem.structure[k * m_ + i]) * most;
+      sum += pull * (pull > 0 ? upper : lower);
     }
     *rounding = 64 * std::numeric_limits<Real>::epsilon() * size;
     return sum;
@@ -259,6 +279,8 @@ class Newton {
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;
   Control control_[L];
+  Real own_[L][N * M];  // structure matrices in lane coordinates, where those are not as given
+  Real zeros_[N * M] = {};
 };
 
 }  // namespace TENSIONLAB_BUILD
