@@ -27,7 +27,8 @@ class DualStep {
     const Real *structure, *wrench, *lower, *upper, *reference;
   };
 
-  explicit DualStep(int m) : m_(m) {}
+  // go_on: a lane whose wrench proves out of reach looks for the nearest one at once.
+  DualStep(int m, bool go_on) : m_(m), go_on_(go_on) {}
 
   // What step() found. Flags are 1 or 0, any of the others in `found`; direction separates, or is that of the
   // residual which settled.
@@ -40,12 +41,12 @@ class DualStep {
     stale_ = true;
   }
 
-  // Look for the tensions whose wrench is nearest, in lane l, from tensions that miss the wrench by `missing`.
-  void approach(int l, const Source& source, const Real* missing) {
+  // Look for the tensions whose wrench is nearest, in lane l, from the multiplier y.
+  void approach(int l, const Source& source, const Real* y) {
     render(l, source);
     begun_[l] = kNearest;
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) missing_[k][l] = missing[k];
+    for (int k = 0; k < N; ++k) start_[k][l] = y[k];
   }
 
   void step() {
@@ -101,18 +102,16 @@ class DualStep {
     const V begun = gather<Real, L>([&](int l) { return begun_[l]; });
     const auto fresh = begun > zero;
     const auto nearest = begun > one;
-    const V weight = kProximal * gain_ * gain_;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      const V missing = gather<Real, L>([&](int l) { return missing_[k][l]; });
-      const V aim = nearest ? V(missing / weight) : zero;
-      trial_[k] = fresh ? aim : trial_[k];
+      const V start = gather<Real, L>([&](int l) { return start_[k][l]; });
+      trial_[k] = fresh ? (nearest ? start : zero) : trial_[k];
       centre_[k] = fresh ? zero : centre_[k];
       path_[k] = fresh ? zero : path_[k];
       last_[k] = fresh ? zero : last_[k];
     }
-    proximal_ = fresh ? (nearest ? weight : zero) : proximal_;
-    looseness_ = fresh ? (nearest ? zero + kSafe : zero + kLoose) : looseness_;
+    proximal_ = fresh ? (nearest ? kProximal * gain_ * gain_ : zero) : proximal_;
+    looseness_ = fresh ? zero + kLoose : looseness_;
     unseen_ = fresh ? (nearest ? one : zero + Real(2)) : unseen_;
     for (int l = 0; l < L; ++l) begun_[l] = 0;
     stale_ = false;
@@ -216,8 +215,14 @@ class DualStep {
     V step = one;
     if (any(take == zero)) step = root_along_path(slope, root, take);
     if (any(maximal)) recentre(residual, gradient, maximal, noise, error);
+    if (go_on_ && any(lost)) {
+      proximal_ = lost ? V(kProximal * gain_ * gain_) : proximal_;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) gradient[k] = lost ? V(gradient[k] - proximal_ * trial_[k]) : gradient[k];
+    }
     found = converged + separated + settled;
 
+    looseness_ = proximal_ > zero ? zero + kSafe : looseness_;
     const auto taken = take > zero;
     const auto judged = taken & (unseen_ == zero);
     const V least = zero + kTight;
@@ -311,8 +316,8 @@ class DualStep {
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
       d[k] = trial_[k] - centre_[k];
-      norm = larger(norm, magnitude(d[k]));
       change = larger(change, magnitude(V(residual[k] - last_[k])));
+      norm = larger(norm, magnitude(d[k]));
     }
     for (int i = 0; i < m_; ++i) {
       V along = zero;
@@ -363,9 +368,10 @@ class DualStep {
   }
 
   int m_;
+  bool go_on_;
   // As given: one entry a lane.
   Source source_[L] = {}, limits_of_[L] = {};
-  Real missing_[N][L] = {}, begun_[L] = {};
+  Real start_[N][L] = {}, begun_[L] = {};
   bool stale_ = true;
   // Side by side.
   V structure_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {}, reference_[M] = {}, wanted_[M] = {};

@@ -31,7 +31,11 @@ class Newton {
 
   // m cables; weight_roots: square roots of the n wrench weights.
   Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance)
-      : m_(m), policy_(policy), rank_tolerance_(rank_tolerance), steps_(m) {
+      : m_(m),
+        policy_(policy),
+        rank_tolerance_(rank_tolerance),
+        plain_(policy == Policy::force && all_one(weight_roots)),
+        steps_(m, plain_) {
     for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
     for (int l = 0; l < L; ++l) park(l);
   }
@@ -100,7 +104,12 @@ class Newton {
     if (control.stage == Stage::render) {
       const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
       if (!late && first && policy_ == Policy::direction && cut(l, d)) return false;
-      approach(l, d);
+      if (plain_ && !late) {
+        control.stage = Stage::nearest;  // the lane has gone on
+        control.deadline = control.iterations + kNearestLimit;
+      } else {
+        approach(l, d);
+      }
       return false;
     }
     if (policy_ == Policy::direction && !control.hopeless) {
@@ -131,24 +140,18 @@ class Newton {
     steps_.render(l, control.problem);
   }
 
-  // Seek the reachable wrench nearest to s w, from the tensions that pull hardest along d, which separates it.
-  // Only here does it matter how errors are measured.
-  void approach(int l, const Real* d) {
+  // Seek the reachable wrench nearest to s w, from the multiplier y. Only here does it matter how errors are
+  // measured.
+  void approach(int l, const Real* y) {
     Control& control = control_[l];
-    Real tensions[M], missing[N];
-    for (int i = 0; i < m_; ++i) {
-      tensions[i] = along(l, i, d) > 0 ? control.problem.upper[i] : control.problem.lower[i];
-    }
-    if (policy_ == Policy::tension) whiten(l);
-    if (policy_ == Policy::force || control.hopeless) weigh(l);
-    aim(l);
-    for (int k = 0; k < N; ++k) {
-      missing[k] = control.target[k];
-      for (int i = 0; i < m_; ++i) missing[k] -= control.problem.structure[k * m_ + i] * tensions[i];
-    }
     control.stage = Stage::nearest;
     control.deadline = control.iterations + kNearestLimit;
-    steps_.approach(l, control.problem, missing);
+    Real start[N];
+    copy(y, start);
+    if (policy_ == Policy::tension) whiten(l, start);
+    if (policy_ == Policy::force || control.hopeless) weigh(l, start);
+    aim(l);
+    steps_.approach(l, control.problem, start);
   }
 
   // Make s w the wrench of lane l.
@@ -165,12 +168,13 @@ class Newton {
     return sum;
   }
 
-  // Lane coordinates in which the error counts by its plain length.
-  void weigh(int l) {
+  // Lane coordinates in which the error counts by its plain length; y, a multiplier, follows.
+  void weigh(int l, Real* y) {
     Control& control = control_[l];
     for (int k = 0; k < N; ++k) {
       control.basis[k][k] = weight_roots_[k];
       control.wrench[k] *= weight_roots_[k];
+      y[k] /= weight_roots_[k];
       for (int i = 0; i < m_; ++i) {
         own_[l][k * m_ + i] = weight_roots_[k] * control.problem.structure[k * m_ + i];
       }
@@ -178,16 +182,21 @@ class Newton {
     control.problem.structure = own_[l];
   }
 
-  // Lane coordinates in which the rows of W are orthonormal.
-  void whiten(int l) {
+  // Lane coordinates in which the rows of W are orthonormal; y, a multiplier, follows.
+  void whiten(int l, Real* y) {
     Control& control = control_[l];
     const Whitening<Real, N, M> whitening(control.problem.structure, N, m_, rank_tolerance_);
-    Real w[N];
+    Real w[N], pull[M];
     copy(control.wrench, w);
+    for (int i = 0; i < m_; ++i) pull[i] = along(l, i, y);
     for (int r = 0; r < N; ++r) {
       for (int k = 0; k < N; ++k) control.basis[r][k] = r < whitening.rank ? whitening.rows[r][k] : Real(0);
       control.wrench[r] = dot(control.basis[r], w);
-      for (int i = 0; i < m_; ++i) own_[l][r * m_ + i] = along(l, i, control.basis[r]);
+      y[r] = 0;
+      for (int i = 0; i < m_; ++i) {
+        own_[l][r * m_ + i] = along(l, i, control.basis[r]);
+        y[r] += own_[l][r * m_ + i] * pull[i];
+      }
     }
     control.problem.structure = own_[l];
   }
@@ -258,6 +267,12 @@ class Newton {
     normalise(control.separation);
   }
 
+  static bool all_one(const Real* numbers) {
+    bool ones = true;
+    for (int k = 0; k < N; ++k) ones = ones && numbers[k] == Real(1);
+    return ones;
+  }
+
   static void normalise(Real* d) {
     const Real length = std::sqrt(dot(d, d));
     for (int k = 0; k < N; ++k) d[k] = length > 0 ? d[k] / length : Real(0);
@@ -276,6 +291,7 @@ class Newton {
   int m_;
   Policy policy_;
   Real rank_tolerance_;
+  bool plain_;  // no change of coordinates to come
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;
   Control control_[L];
