@@ -204,20 +204,17 @@ class Judge {
       for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
     }
     const Whitening<double, N, M> whitening(problem.structure, n_, m_, rank_tolerance_);
-    double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N], rendered = 0;
-    for (int k = 0; k < n_; ++k) outside[k] = problem.wrench[k];
+    double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N] = {}, rendered = 0;
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
-      const double square = dot(row, row), along = dot(row, d) / square;
-      const double wanted = dot(row, problem.wrench), part = wanted - dot(row, error);
       unit[j] = dot(row, error);
-      for (int k = 0; k < n_; ++k) {
-        own[k] += row[k] * unit[j];
-        proposal[k] += row[k] * along;
-        outside[k] -= row[k] * wanted / square;
-      }
+      const double part = dot(row, problem.wrench) - unit[j];
+      for (int k = 0; k < n_; ++k) own[k] += row[k] * unit[j];
       rendered += part * part;
     }
+    project(whitening, d, proposal);
+    project(whitening, problem.wrench, outside);
+    for (int k = 0; k < n_; ++k) outside[k] = problem.wrench[k] - outside[k];
     const double size = normalise(unit);
     const double tolerance = tolerance_ * larger(1.0, std::sqrt(rendered));
     if (size <= tolerance) {
@@ -241,6 +238,17 @@ class Judge {
       if (size * spread(unit, dual) + gap(problem, tensions, d) / length <= tolerance) return true;
     }
     return false;
+  }
+
+  // The part of x in the range of W. The rows of B are orthogonal where they do not span all.
+  void project(const Whitening<double, N, M>& whitening, const double* x, double* part) const {
+    for (int k = 0; k < n_; ++k) part[k] = whitening.rank == n_ ? x[k] : 0;
+    if (whitening.rank == n_) return;
+    for (int j = 0; j < whitening.rank; ++j) {
+      const double* row = whitening.rows[j];
+      const double along = dot(row, x) / dot(row, row);
+      for (int k = 0; k < n_; ++k) part[k] += row[k] * along;
+    }
   }
 
   double dot(const double* x, const double* y) const {

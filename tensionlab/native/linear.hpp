@@ -1,4 +1,4 @@
-// Small dense linear algebra for one problem: singular values of a wide matrix by one-sided Jacobi rotations.
+// Small dense linear algebra for one problem: the rows of a wide matrix made orthonormal.
 #pragma once
 
 #include <cmath>
@@ -9,16 +9,50 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// A matrix B (rank x n) that makes the rows of B * W orthonormal: B = diag(1 / sigma) U'. Its rows span the
-// range of W, and |B r| is the length of the shortest tension vector that renders r: r' (W W')^+ r = |B r|^2.
+// A matrix B (rank x n) that makes the rows of B * W orthonormal. Its rows span the range of W, and |B r| is the
+// length of the shortest tension vector that renders r: r' (W W')^+ r = |B r|^2. Where the rank is n beyond doubt,
+// B is the inverse of a triangle, by Gram-Schmidt; elsewhere B = diag(1 / sigma) U' from the singular values of W.
 template <class Real, int N, int M>
 struct Whitening {
   Real rows[N][N];
   int rank;
 
-  // structure: n x m, row by row. Hestenes (1958): rotate pairs of rows until
-  // all are orthogonal.
+  // structure: n x m, row by row; n <= N, m <= M.
   Whitening(const Real* structure, int n, int m, Real rank_tolerance) {
+    if (!orthogonalise(structure, n, m)) decompose(structure, n, m, rank_tolerance);
+  }
+
+ private:
+  // Gram and Schmidt, each row against those before it as they are by then. Loses the condition number in digits,
+  // so it is believed only where that is small: |W| |B| bounds it.
+  bool orthogonalise(const Real* structure, int n, int m) {
+    constexpr Real kWell = 1000;
+    if (m < n) return false;
+    Real q[N][M] = {};
+    Real size = 0, inverse = 0;
+    for (int k = 0; k < n; ++k) {
+      for (int i = 0; i < m; ++i) q[k][i] = structure[k * m + i];
+      for (int j = 0; j < n; ++j) rows[k][j] = k == j ? Real(1) : Real(0);
+      size += dot(q[k], q[k], m);
+      for (int j = 0; j < k; ++j) {
+        const Real share = dot(q[k], q[j], m);
+        for (int i = 0; i < m; ++i) q[k][i] -= share * q[j][i];
+        for (int i = 0; i <= j; ++i) rows[k][i] -= share * rows[j][i];
+      }
+      const Real length = std::sqrt(dot(q[k], q[k], m));
+      if (!(length > 0)) return false;
+      for (int i = 0; i < m; ++i) q[k][i] /= length;
+      for (int i = 0; i <= k; ++i) {
+        rows[k][i] /= length;
+        inverse += rows[k][i] * rows[k][i];
+      }
+    }
+    rank = n;
+    return size * inverse < kWell * kWell;
+  }
+
+  // Hestenes (1958): rotate pairs of rows until all are orthogonal.
+  void decompose(const Real* structure, int n, int m, Real rank_tolerance) {
     Real a[N][M];
     Real u[N][N];
     for (int k = 0; k < n; ++k) {
@@ -55,7 +89,6 @@ struct Whitening {
     }
   }
 
- private:
   static Real dot(const Real* x, const Real* y, int length) {
     Real sum = 0;
     for (int i = 0; i < length; ++i) sum += x[i] * y[i];
