@@ -17,14 +17,9 @@ template <int N>
 void solve_rows(const Batch& batch, bool improved, double rank_tolerance, std::size_t begin, std::size_t end,
                 const ClosedFormAnswer& answer) {
   const auto solve = improved ? improved_closed_form<double, N, kMaxCables> : closed_form<double, N, kMaxCables>;
-  double columns[kMaxCables * N];
   for (std::size_t row = begin; row < end; ++row) {
-    const double* const structure = batch.structure[row];
-    for (int i = 0; i < batch.m; ++i) {
-      for (int k = 0; k < N; ++k) columns[i * N + k] = structure[k * batch.m + i];
-    }
-    const Start<double> start{columns,          batch.wrench[row],    batch.lower[row],
-                              batch.upper[row], batch.reference[row], batch.m};
+    const Start<double> start{batch.structure[row], batch.wrench[row],    batch.lower[row],
+                              batch.upper[row],     batch.reference[row], batch.m};
     answer.fixed[row] = solve(start, rank_tolerance, answer.tensions + row * static_cast<std::size_t>(batch.m));
   }
 }

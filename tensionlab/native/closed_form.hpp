@@ -11,7 +11,7 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// One problem, all pointers to contiguous numbers. structure: m columns of n numbers.
+// One problem, all pointers to contiguous numbers. structure is n x m, row by row.
 template <class Real>
 struct Start {
   const Real *structure, *wrench, *lower, *upper, *tensions;
@@ -53,7 +53,7 @@ int improved_closed_form(const Start<Real>& start, Real rank_tolerance, Real* te
   // A limit counts as kept if it is missed by less than this share of the largest one; clipping hides it.
   constexpr Real kRounding = Real(1e-12);
   const int m = start.cables;
-  Real loose[M * N], strongest = 0;
+  Real loose[N * M], strongest = 0;
   bool free[M];
   int budget = 0;
   for (int i = 0; i < m; ++i) {
@@ -61,7 +61,7 @@ int improved_closed_form(const Start<Real>& start, Real rank_tolerance, Real* te
     // the pseudo-inverse gives it no part of the missing wrench.
     free[i] = start.lower[i] < start.upper[i];
     budget += free[i];
-    for (int k = 0; k < N; ++k) loose[i * N + k] = free[i] ? start.structure[i * N + k] : Real(0);
+    for (int k = 0; k < N; ++k) loose[k * m + i] = free[i] ? start.structure[k * m + i] : Real(0);
     strongest = std::max({strongest, std::abs(start.lower[i]), std::abs(start.upper[i])});
     tensions[i] = free[i] ? start.tensions[i] : start.lower[i];
   }
@@ -73,7 +73,7 @@ int improved_closed_form(const Start<Real>& start, Real rank_tolerance, Real* te
     const int worst = clip(start, tensions, &violation);
     if (violation <= kRounding * strongest || fixed >= budget) return fixed;
     free[worst] = false;
-    for (int k = 0; k < N; ++k) loose[worst * N + k] = 0;
+    for (int k = 0; k < N; ++k) loose[k * m + worst] = 0;
     for (int i = 0; i < m; ++i) {
       if (free[i]) tensions[i] = start.tensions[i];
     }

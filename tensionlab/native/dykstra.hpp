@@ -45,11 +45,7 @@ class Dykstra {
   }
 
   void load(int l, const Problem& problem) {
-    Real structure[M * N];
-    for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < m_; ++i) structure[i * N + k] = problem.structure[k * m_ + i];
-    }
-    const Pseudoinverse<Real, N, M> inverse(structure, m_, rank_tolerance_);
+    const Pseudoinverse<Real, N, M> inverse(problem.structure, m_, rank_tolerance_);
     Real square = 0;
     for (int k = 0; k < N; ++k) square += problem.wrench[k] * problem.wrench[k];
     lane<Real>(accepted_, l) = tolerance_ * larger(Real(1), std::sqrt(square));
@@ -61,7 +57,7 @@ class Dykstra {
         const Real entry = inverse.columns[i][r];
         lane<Real>(columns_[i][r], l) = entry;
         pull -= entry * problem.reference[i];
-        for (int k = 0; k < N; ++k) back[k] += structure[i * N + k] * entry;
+        for (int k = 0; k < N; ++k) back[k] += problem.structure[k * m_ + i] * entry;
       }
       lane<Real>(target_[r], l) = target;
       lane<Real>(pull_[r], l) = pull;

@@ -13,13 +13,20 @@ struct Pseudoinverse {
   Real columns[M][N];  // Q, column by column
   int rank;
 
-  // structure: m columns of N numbers.
+  // structure: W, n x m, row by row.
   Pseudoinverse(const Real* structure, int m, Real rank_tolerance) : cables_(m) {
-    const Whitening<Real, N, M> whitening(structure, N, m, rank_tolerance);
+    Real transposed[M * N];
+    for (int i = 0; i < m; ++i) {
+      for (int k = 0; k < N; ++k) transposed[i * N + k] = structure[k * m + i];
+    }
+    const Whitening<Real, N, M> whitening(transposed, N, m, rank_tolerance);
     rank = whitening.rank;
     for (int r = 0; r < N; ++r) {
       for (int k = 0; k < N; ++k) basis[r][k] = r < rank ? whitening.rows[r][k] : Real(0);
-      for (int i = 0; i < m; ++i) columns[i][r] = dot(basis[r], structure + i * N);
+      for (int i = 0; i < m; ++i) {
+        columns[i][r] = 0;
+        for (int k = 0; k < N; ++k) columns[i][r] += basis[r][k] * structure[k * m + i];
+      }
     }
   }
 
@@ -29,9 +36,9 @@ struct Pseudoinverse {
   void project(const Real* structure, const Real* wrench, Real* tensions) const {
     for (int pass = 0; pass < 2; ++pass) {
       Real missing[N], pull[N];
-      for (int k = 0; k < N; ++k) missing[k] = wrench[k];
-      for (int i = 0; i < cables_; ++i) {
-        for (int k = 0; k < N; ++k) missing[k] -= structure[i * N + k] * tensions[i];
+      for (int k = 0; k < N; ++k) {
+        missing[k] = wrench[k];
+        for (int i = 0; i < cables_; ++i) missing[k] -= structure[k * cables_ + i] * tensions[i];
       }
       for (int r = 0; r < N; ++r) pull[r] = dot(basis[r], missing);
       for (int i = 0; i < cables_; ++i) tensions[i] += dot(columns[i], pull);
