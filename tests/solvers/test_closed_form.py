@@ -85,6 +85,16 @@ def test_a_batch_gives_what_each_problem_gives_alone():
         np.testing.assert_array_equal(alone.tensions[0], together.tensions[i])
 
 
+def test_a_limit_reached_but_for_rounding_costs_no_step():
+    rng = np.random.default_rng(5)
+    W, centre = rng.normal(size=(50, 3, 6)), rng.uniform(1.0, 3.0, (50, 6))
+    change = times(np.swapaxes(W, 1, 2), rng.normal(size=(50, 3)))  # of least norm for what it renders
+    given = problem(W, times(W, centre + change), centre - np.abs(change), centre + np.abs(change))
+    answer = ClosedForm().solve(given)
+    np.testing.assert_allclose(answer.tensions, centre + change)
+    assert not answer.iterations.any()
+
+
 def test_cables_without_play_cost_no_step():
     # Without the first, two cables render one component, which leaves one step.
     given = problem([[1, 1, 1]], [14], [2, 1, 1], [2, 3, 10])

@@ -1,6 +1,7 @@
 """Dykstra's projections: the limit, the iterates, and when they stop."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,9 +89,12 @@ def test_agrees_with_its_statement_in_numpy(n, m):
         np.testing.assert_allclose(answer.tensions, iterates(given, count), rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-3])  # a wrench below 1 N counts as 1 N
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 8), (6, 8)])
-def test_stops_by_its_rule_and_not_long_after(n, m):
-    given = random_problem(n, m)
+def test_stops_by_its_rule_and_not_long_after(n, m, size):
+    drawn = random_problem(n, m)
+    scaled = {name: size * getattr(drawn, name) for name in ("wrench", "lower", "upper", "reference")}
+    given = replace(drawn, **scaled)
     answer = Dykstra().solve(given)
     done = answer.iterations < Dykstra().iteration_limit
     assert done.sum() >= len(given) - 1

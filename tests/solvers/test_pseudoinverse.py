@@ -1,6 +1,7 @@
 """Tensions from one pseudo-inverse: Pott's closed form and the plain least norm."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,3 +91,11 @@ def test_a_cable_without_play_keeps_its_tension():
 def test_an_unknown_start_is_refused_by_name():
     with pytest.raises(ValueError, match=r"start='lower'.*reference.*middle"):
         Pseudoinverse("lower")
+
+
+def test_arrays_that_are_strided_within_a_problem_are_refused():
+    given = problem([[1, -1]], [[1], [2]], 0, 4)
+    for field in ("structure", "lower"):
+        strided = np.repeat(getattr(given, field), 2, axis=-1)[..., ::2]
+        with pytest.raises(ValueError, match="only the first axis"):
+            Pseudoinverse().solve(replace(given, **{field: strided}))
