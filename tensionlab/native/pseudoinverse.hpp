@@ -15,11 +15,7 @@ struct Pseudoinverse {
 
   // structure: W, n x m, row by row.
   Pseudoinverse(const Real* structure, int m, Real rank_tolerance) : cables_(m) {
-    Real transposed[M * N];
-    for (int i = 0; i < m; ++i) {
-      for (int k = 0; k < N; ++k) transposed[i * N + k] = structure[k * m + i];
-    }
-    const Whitening<Real, N, M> whitening(transposed, N, m, rank_tolerance);
+    const Whitening<Real, N, M> whitening(structure, N, m, rank_tolerance);
     rank = whitening.rank;
     for (int r = 0; r < N; ++r) {
       for (int k = 0; k < N; ++k) basis[r][k] = r < rank ? whitening.rows[r][k] : Real(0);
