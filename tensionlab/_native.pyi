@@ -16,6 +16,27 @@ def newton(
     policy: int,
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
+def closed_form(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    start: NDArray[float64],
+    weights: NDArray[float64],
+    improved: bool,
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def dykstra(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    tolerance: float,
+    iteration_limit: int,
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[int64]]: ...
 def judge(
     structure: NDArray[float64],
     wrench: NDArray[float64],

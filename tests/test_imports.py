@@ -59,6 +59,9 @@ DOORS = {
 }
 NATIVE = {
     "solvers/newton.py",
+    "solvers/dykstra.py",
+    "solvers/pseudoinverse.py",
+    "solvers/closed_form.py",
     "allocation.py",
     "measure.py",
     "experiments/benchmark.py",

@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <cstdint>
 #include <stdexcept>
 
 #include "batch.hpp"
@@ -38,6 +39,12 @@ Out<T, 2> table_of(T* data, std::size_t rows, std::size_t columns) {
 
 template <class Array>
 Rows rows_of(const Array& array) {
+  std::size_t inner = 1;
+  for (std::size_t axis = array.ndim(); axis-- > 1; inner *= array.shape(axis)) {
+    if (array.shape(axis) > 1 && array.size() > 0 && array.stride(axis) != static_cast<std::int64_t>(inner)) {
+      throw std::invalid_argument("only the first axis of an array may be strided; copy it first");
+    }
+  }
   return {array.data(), array.stride(0)};
 }
 

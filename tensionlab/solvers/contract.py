@@ -45,7 +45,8 @@ class Status(enum.IntEnum):
 class Problem:
     """A batch of B problems: minimise ``|t - reference|²/2`` subject to ``W t = w`` and limits.
 
-    Every array is float64 and finite, with ``lower <= upper``; arrays may be broadcast views and read-only.
+    Every array is float64 and finite, with ``lower <= upper``. Arrays may be read-only and broadcast over the
+    first axis; the other axes are contiguous.
 
     Attributes
     ----------

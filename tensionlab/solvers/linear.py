@@ -1,4 +1,4 @@
-"""Which part of a wrench can a structure matrix produce at all: pseudo-inverses that respect the rank.
+"""Which part of a wrench can a structure matrix produce at all: bases and metrics that respect the rank.
 
 A rank-deficient structure matrix is an ordinary rig (fewer modules than degrees of freedom, or all cables in
 a plane), so nothing here divides by a singular value below `RANK_TOLERANCE` times the largest one.
@@ -15,26 +15,6 @@ def times(matrices: Floats, vectors: Floats) -> Floats:
     """Which vector each matrix makes of its own: (..., n, m) times (..., m) is (..., n)."""
     product: Floats = np.matmul(matrices, vectors[..., None])[..., 0]
     return product
-
-
-def pseudoinverse(structure: Floats) -> Floats:
-    """Which tensions of least norm render each unit wrench.
-
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices W.
-
-    Returns
-    -------
-    (..., m, n) array
-        Moore-Penrose inverses W⁺, in 1 / (unit of W).
-
-    Notes
-    -----
-    Penrose, "A generalized inverse for matrices", 1955.
-    """
-    return np.asarray(np.linalg.pinv(structure, rcond=RANK_TOLERANCE), dtype=np.float64)
 
 
 def independent_rows(matrix: Floats) -> tuple[Floats, Floats]:

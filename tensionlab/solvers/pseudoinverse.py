@@ -7,8 +7,8 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from tensionlab.solvers.contract import Answer, Nearest, Problem
-from tensionlab.solvers.linear import pseudoinverse, times
+from tensionlab import _native
+from tensionlab.solvers.contract import RANK_TOLERANCE, Answer, Nearest, Problem
 
 Start = Literal["reference", "middle"]
 
@@ -42,12 +42,15 @@ class Pseudoinverse:
             raise ValueError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
 
     def solve(self, problem: Problem) -> Answer:
-        """Choose tensions for every problem of the batch, all at once."""
-        middle = self.start == "middle"
-        start = (problem.lower + problem.upper) / 2 if middle else problem.reference
-        missing = problem.wrench - times(problem.structure, start)
-        tensions = start + times(pseudoinverse(problem.structure), missing)
-        return Answer(
-            tensions=np.clip(tensions, problem.lower, problem.upper),
-            iterations=np.zeros(len(problem), dtype=np.int64),
+        """Choose tensions for every problem of the batch."""
+        tensions, _ = _native.closed_form(
+            problem.structure,
+            problem.wrench,
+            problem.lower,
+            problem.upper,
+            (problem.lower + problem.upper) / 2 if self.start == "middle" else problem.reference,
+            problem.weights,
+            False,
+            RANK_TOLERANCE,
         )
+        return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))

@@ -1,27 +1,20 @@
 """Dykstra's projections: the limit, the iterates, and when they stop."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from batch import problem, random_problem
 from scipy.optimize import linprog
 
-from tensionlab.solvers.contract import TOLERANCE, Problem
+from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE
 from tensionlab.solvers.dykstra import Dykstra
-from tensionlab.solvers.linear import pseudoinverse, times
+from tensionlab.solvers.linear import times
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
-
-
-def problem(W, w, lower, upper, reference=0.0):
-    """A batch: one structure matrix and limits for all wrenches."""
-    W = np.asarray(W, dtype=float)
-    w = np.atleast_2d(np.asarray(w, dtype=float))
-    size, (n, m) = len(w), W.shape
-    lower, upper, reference = (np.broadcast_to(np.asarray(a, float), (size, m)) for a in (lower, upper, reference))
-    return Problem(np.broadcast_to(W, (size, n, m)), w, lower, upper, reference, np.ones(n), "tension")
 
 
 def published_rig(side):
@@ -61,12 +54,63 @@ def optimality_gap(W, t, lower, upper, reference):
     return linprog(np.eye(n + 1)[-1], rows, bounds, bounds=[(None, None)] * n + [(0, None)]).fun
 
 
+def inverses(W):
+    """The pseudo-inverses by which the method projects."""
+    return np.linalg.pinv(W, rcond=RANK_TOLERANCE)
+
+
+def iterates(given, count):
+    """The method in NumPy, as its authors state it: project onto either set, correct, and go round."""
+    inverse, x = inverses(given.structure), given.reference
+    correction = np.zeros_like(x)
+    for _ in range(count):
+        y = x - times(inverse, times(given.structure, x) - given.wrench)
+        x = np.clip(y + correction, given.lower, given.upper)
+        correction = y + correction - x
+    return x
+
+
+def may_stop(given, z, tolerance=1e-9):
+    """Is z near enough to the equilibrium space, or proved to be as near as the limits allow?"""
+    inverse = inverses(given.structure)
+    step = times(inverse, given.wrench - times(given.structure, z))  # leads to the equilibrium space
+    accepted = tolerance * np.maximum(1, np.linalg.norm(given.wrench, axis=1))
+    beyond = np.maximum(step * (given.lower - z), step * (given.upper - z)).sum(axis=1)
+    missing = np.linalg.norm(times(given.structure, step), axis=1)
+    return (missing <= accepted) | (beyond <= accepted * np.linalg.norm(step, axis=1))
+
+
+@pytest.mark.parametrize("m", [1, 3, 8, 9])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_agrees_with_its_statement_in_numpy(n, m):
+    given = random_problem(n, m)
+    for count in (1, 2, 7, 16, 100):
+        answer = Dykstra(tolerance=0.0, iteration_limit=count).solve(given)
+        np.testing.assert_allclose(answer.tensions, iterates(given, count), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])  # a wrench below 1 N counts as 1 N
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 8), (6, 8)])
+def test_stops_by_its_rule_and_not_long_after(n, m, size):
+    drawn = random_problem(n, m)
+    scaled = {name: size * getattr(drawn, name) for name in ("wrench", "lower", "upper", "reference")}
+    given = replace(drawn, **scaled)
+    answer = Dykstra().solve(given)
+    done = answer.iterations < Dykstra().iteration_limit
+    assert done.sum() >= len(given) - 1
+    assert may_stop(given, answer.tensions, 1.001e-9)[done].all()
+    for count in np.unique(answer.iterations):
+        rows = answer.iterations == count
+        if 8 < count < 2000:
+            assert not may_stop(given, iterates(given, count - 8), 0.999e-9)[rows].any()
+
+
 @pytest.mark.parametrize("key", ["zero", "fmin", "mid"])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
 def test_known_answers(case, key):
     lower, upper = np.array(case["fmin"]), np.array(case["fmax"])
     reference = {"zero": 0.0, "fmin": lower, "mid": (lower + upper) / 2}[key]
-    answer = Dykstra().solve(problem(case["W"], case["wrench_to_produce"], lower, upper, reference))
+    answer = Dykstra().solve(problem(case["W"], case["wrench_to_produce"], lower, upper, reference=reference))
     np.testing.assert_allclose(answer.tensions[0], case[f"min2_from_{key}"], rtol=0, atol=1e-6)
 
 
@@ -77,7 +121,7 @@ def test_published_rig_renders_all_182_forces_with_the_least_tension():
     assert (missed(given, answer) < 0.1 * TOLERANCE).all()
     # Four cables, three components: of t = t_p + l N with N > 0 the one with the least l >= all lower limits
     # has the least tensions, as long as l is above the optimum without limits.
-    least = times(pseudoinverse(given.structure), given.wrench)
+    least = times(inverses(given.structure), given.wrench)
     null = np.linalg.svd(given.structure[0])[2][-1]
     null = null * np.sign(null[0])
     assert (null > 0).all()
@@ -93,7 +137,7 @@ def test_smaller_rig_renders_153_and_proves_the_others_nearest():
     assert out.sum() == 29
     assert error.max() == pytest.approx(0.32, abs=0.005)
     # No point within the limits is closer to equilibrium than the projection bounds from below.
-    step = times(pseudoinverse(given.structure), given.wrench - times(given.structure, answer.tensions))[out]
+    step = times(inverses(given.structure), given.wrench - times(given.structure, answer.tensions))[out]
     beyond = np.maximum(step * (0.5 - answer.tensions[out]), step * (6.0 - answer.tensions[out])).sum(axis=1)
     assert (beyond / np.linalg.norm(step, axis=1) < 0.1 * TOLERANCE).all()
     assert answer.iterations.max() < 1000
@@ -107,7 +151,7 @@ def test_every_iterate_is_the_optimum_for_its_own_wrench(reach):
     rng = np.random.default_rng(3)
     W = rng.normal(size=(3, 6))
     lower, upper, reference = np.full(6, 0.5), np.full(6, 6.0), rng.uniform(0, 3, 6)
-    given = problem(W, reach * (W @ rng.uniform(0.5, 6.0, 6)), lower, upper, reference)
+    given = problem(W, reach * (W @ rng.uniform(0.5, 6.0, 6)), lower, upper, reference=reference)
     for limit in range(1, 40):
         z = Dykstra(iteration_limit=limit).solve(given).tensions[0]
         assert ((z >= lower) & (z <= upper)).all()
@@ -128,11 +172,11 @@ def test_random_problems_are_solved_to_the_optimum():
 
 def test_a_start_at_zero_is_the_start_at_the_pseudoinverse_solution():
     W, w = published_rig(0.3), 1.5 * grid18()
-    least = times(pseudoinverse(W), w)
+    least = times(inverses(W), w)
     for limit in (1, 2, 5, 20):
         solver = Dykstra(iteration_limit=limit)
         from_zero = solver.solve(problem(W, w, 0.5, 6.0)).tensions
-        from_least = solver.solve(problem(W, w, 0.5, 6.0, least)).tensions
+        from_least = solver.solve(problem(W, w, 0.5, 6.0, reference=least)).tensions
         np.testing.assert_allclose(from_zero, from_least, atol=1e-12)
 
 
@@ -143,7 +187,7 @@ def test_out_of_reach_the_tensions_closest_to_equilibrium():
 
 def test_of_equally_near_tensions_the_closest_to_the_reference():
     # Both cables render the same; what is out of reach is the second component.
-    given = problem([[1, 1, 0], [0, 0, 1]], [4, 9], 0.0, [5, 5, 5], [3, 2, 0])
+    given = problem([[1, 1, 0], [0, 0, 1]], [4, 9], 0.0, [5, 5, 5], reference=[3, 2, 0])
     np.testing.assert_allclose(Dykstra().solve(given).tensions, [[2.5, 1.5, 5]], atol=1e-8)
 
 
@@ -163,19 +207,24 @@ def test_cables_without_play_keep_their_tensions():
     np.testing.assert_array_equal(every.tensions, [[2, 3]])
 
 
-def test_converged_problems_leave_the_batch_unharmed():
-    W, w = published_rig(0.3), 1.5 * grid18()
+def test_an_answer_does_not_depend_on_the_other_problems(monkeypatch):
+    W, w = published_rig(0.3), np.tile(1.5 * grid18(), (12, 1))
     together = Dykstra().solve(problem(W, w, 0.5, 6.0))
     assert len(np.unique(together.iterations)) > 5
     for i in range(0, 182, 13):
         alone = Dykstra().solve(problem(W, w[i], 0.5, 6.0))
-        np.testing.assert_allclose(alone.tensions[0], together.tensions[i], atol=1e-9)
+        np.testing.assert_array_equal(alone.tensions[0], together.tensions[i])
         assert alone.iterations[0] == together.iterations[i]
+    monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "2")
+    backwards = Dykstra().solve(problem(W, w[::-1], 0.5, 6.0))
+    np.testing.assert_array_equal(backwards.tensions[::-1], together.tensions)
 
 
-def test_stops_at_its_iteration_limit_and_says_so():
-    answer = Dykstra(tolerance=0.0, iteration_limit=50).solve(problem(published_rig(1.0), [1, 0, 1], 0.5, 6.0))
-    assert answer.iterations[0] == 50
+@pytest.mark.parametrize("limit", [1, 13, 50])
+def test_stops_at_its_iteration_limit_and_says_so(limit):
+    given = problem(published_rig(1.0), [1, 0, 1], 0.5, 6.0)
+    answer = Dykstra(tolerance=0.0, iteration_limit=limit).solve(given)
+    assert answer.iterations[0] == limit
     assert np.isfinite(answer.tensions).all()
 
 

@@ -1,10 +1,10 @@
-"""Pseudo-inverses that respect the rank of the structure matrix."""
+"""Bases and metrics that respect the rank of the structure matrix."""
 
 import numpy as np
 import pytest
 
 from tensionlab.solvers.contract import RANK_TOLERANCE
-from tensionlab.solvers.linear import independent_rows, pseudoinverse, times, whitener
+from tensionlab.solvers.linear import independent_rows, times, whitener
 
 
 def structures(rank):
@@ -14,20 +14,10 @@ def structures(rank):
 
 
 @pytest.mark.parametrize("rank", [0, 1, 2, 3])
-def test_pseudoinverse_fulfils_the_four_conditions_of_penrose(rank):
-    W = structures(rank)
-    inverse = pseudoinverse(W)
-    np.testing.assert_allclose(W @ inverse @ W, W, atol=1e-12)
-    np.testing.assert_allclose(inverse @ W @ inverse, inverse, atol=1e-9)
-    for product in (W @ inverse, inverse @ W):
-        np.testing.assert_allclose(product, np.swapaxes(product, -1, -2), atol=1e-9)
-
-
-@pytest.mark.parametrize("rank", [0, 1, 2, 3])
 def test_whitened_error_is_the_distance_to_equilibrium(rank):
     W = structures(rank)
     error = np.random.default_rng(9).normal(size=(20, 3))
-    distance = np.linalg.norm(times(pseudoinverse(W), error), axis=1)
+    distance = np.linalg.norm(times(np.linalg.pinv(W, rcond=RANK_TOLERANCE), error), axis=1)
     np.testing.assert_allclose(np.linalg.norm(times(whitener(W), error), axis=1), distance, atol=1e-9)
 
 
@@ -44,6 +34,5 @@ def test_independent_rows_are_as_many_as_the_rank_and_span_the_rows(rank):
 @pytest.mark.parametrize(("share", "counts"), [(0.1 * RANK_TOLERANCE, False), (10 * RANK_TOLERANCE, True)])
 def test_all_agree_on_what_counts_as_zero(share, counts):
     W = np.diag([2.0, 2.0 * share])
-    assert (pseudoinverse(W)[1, 1] > 0) == counts
     assert (whitener(W)[1, 1] > 0) == counts
     assert len(independent_rows(W)[1]) == 1 + counts

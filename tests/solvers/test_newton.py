@@ -105,8 +105,8 @@ import sys, numpy as np, tensionlab as tl
 from tensionlab import _native
 data = np.load(sys.argv[1])
 print(_native.instruction_set())
-policies = ("force", "tension", "direction")
-answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), nearest=p).tensions for p in policies]
+pairs = [("newton", "force"), ("newton", "tension"), ("newton", "direction"), ("dykstra", "tension")]
+answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), name, nearest=p).tensions for name, p in pairs]
 np.save(sys.argv[2], np.array(answers))
 """
 
