@@ -1,0 +1,79 @@
+"""Random rigs: points and platforms whose cables come from everywhere, and rigs that are nearly singular."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tensionlab.solvers.contract import Floats
+
+ARM = 0.3
+"""Standard deviation of the coordinates of a platform's attachments, in m."""
+ROUNDS = 6
+"""Corrections after which a rig has the condition that was asked for."""
+
+
+def unit(rng: np.random.Generator, *shape: int) -> Floats:
+    """Draw directions spread evenly over the sphere; the last axis holds the components."""
+    vectors = rng.normal(size=shape)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def structures(rng: np.random.Generator, n: int, m: int, count: int) -> Floats:
+    """What are the structure matrices of random rigs?
+
+    Parameters
+    ----------
+    rng : Generator
+    n : {3, 6}
+        3: a point; 6: a platform with attachments spread normally about its reference point.
+    m, count : int
+        Cables of each rig, and rigs.
+
+    Returns
+    -------
+    (count, n, m) array
+        Columns [u] or [u; r x u]; the directions u are spread evenly over the sphere.
+    """
+    directions = unit(rng, count, m, 3)
+    return _columns(directions, None if n == 3 else rng.normal(scale=ARM, size=(count, m, 3)))
+
+
+def near_singular(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
+    """What are the structure matrices of random rigs that are nearly singular?
+
+    A point rig (n = 3) is nearly singular because its cables are nearly in the plane z = 0, a platform (n = 6)
+    because it is small. The condition goes with one over the height of the cables above the plane, or over
+    the size of the platform, so that a few corrections of it suffice.
+
+    Parameters
+    ----------
+    rng : Generator
+    n : {3, 6}
+    m : int
+        Cables of each rig.
+    condition : (B,) array
+        Largest over smallest singular value of each matrix, 100 and more.
+
+    Returns
+    -------
+    (B, n, m) array
+    """
+    directions = unit(rng, len(condition), m, 3)
+    arms = None if n == 3 else rng.normal(size=(len(condition), m, 3))
+    thickness = 1.0 / condition
+    for _ in range(ROUNDS):
+        size = thickness[:, None, None]
+        matrices = _columns(_flat(directions, size), None) if arms is None else _columns(directions, size * arms)
+        thickness = thickness * np.linalg.cond(matrices) / condition
+    return matrices
+
+
+def _flat(directions: Floats, height: Floats) -> Floats:
+    squeezed = directions * np.concatenate([np.ones_like(height), np.ones_like(height), height], axis=-1)
+    return np.asarray(squeezed / np.linalg.norm(squeezed, axis=-1, keepdims=True))
+
+
+def _columns(directions: Floats, arms: Floats | None) -> Floats:
+    """Structure matrices (B, n, m) of cables that pull at the arms r in the directions u, both (B, m, 3)."""
+    columns = directions if arms is None else np.concatenate([directions, np.cross(arms, directions)], axis=-1)
+    return np.ascontiguousarray(np.swapaxes(columns, 1, 2))
