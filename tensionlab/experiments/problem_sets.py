@@ -105,9 +105,7 @@ def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
     if name not in PROBLEM_SETS:
         raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
     if count < 1 or seed < 0:
-        raise ShapeError(
-            f"problem set {name!r} of {count} problems, seed {seed}: count is 1 or more, seed 0 or more"
-        )
+        raise ShapeError(f"problem set {name!r}: count {count} must be 1 or more, and seed {seed} 0 or more")
     return PROBLEM_SETS[name](count, seed)
 
 

@@ -9,7 +9,9 @@ from tensionlab.solvers.contract import Floats
 ARM = 0.3
 """Standard deviation of the coordinates of a platform's attachments, in m."""
 ROUNDS = 6
-"""Corrections after which a rig has the condition that was asked for."""
+"""Corrections of a nearly singular rig, after which its condition is right ..."""
+ACCURACY = 1e-3
+"""... to this share, or the rig is drawn again."""
 
 
 def unit(rng: np.random.Generator, *shape: int) -> Floats:
@@ -42,29 +44,39 @@ def near_singular(rng: np.random.Generator, n: int, m: int, condition: Floats) -
     """What are the structure matrices of random rigs that are nearly singular?
 
     A point rig (n = 3) is nearly singular because its cables are nearly in the plane z = 0, a platform (n = 6)
-    because it is small. The condition goes with one over the height of the cables above the plane, or over
-    the size of the platform, so that a few corrections of it suffice.
+    because it is small.
 
     Parameters
     ----------
     rng : Generator
     n : {3, 6}
     m : int
-        Cables of each rig.
+        Cables of each rig, n or more.
     condition : (B,) array
-        Largest over smallest singular value of each matrix, 100 and more.
+        Largest over smallest singular value of each matrix, 100 or more.
 
     Returns
     -------
     (B, n, m) array
     """
+    matrices = np.empty((len(condition), n, m))
+    left = np.arange(len(condition))
+    while left.size:
+        matrices[left] = _squeezed(rng, n, m, condition[left])
+        # A draw that is singular for another reason as well may miss its condition.
+        left = left[np.abs(np.linalg.cond(matrices[left]) / condition[left] - 1.0) > ACCURACY]
+    return matrices
+
+
+def _squeezed(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
+    """Rigs so flat, or so small, that most have the condition: it goes with one over that size."""
     directions = unit(rng, len(condition), m, 3)
     arms = None if n == 3 else rng.normal(size=(len(condition), m, 3))
-    thickness = 1.0 / condition
+    size = 1.0 / condition
     for _ in range(ROUNDS):
-        size = thickness[:, None, None]
-        matrices = _columns(_flat(directions, size), None) if arms is None else _columns(directions, size * arms)
-        thickness = thickness * np.linalg.cond(matrices) / condition
+        scale = size[:, None, None]
+        matrices = _columns(_flat(directions, scale), None) if arms is None else _columns(directions, scale * arms)
+        size = np.minimum(1.0, size * np.linalg.cond(matrices) / condition)
     return matrices
 
 

@@ -68,7 +68,7 @@ def asked(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
         In N (and N·m, about the reference point).
     """
     mass = 0.0 if rig.platform is None else rig.platform.mass
-    total = force + np.array([0.0, 0.0, mass * GRAVITY])
+    total: Floats = force + np.array([0.0, 0.0, mass * GRAVITY])
     if rig.n == 3:
         return total
     com = np.zeros(3) if rig.platform is None or rig.platform.com is None else np.asarray(rig.platform.com)
