@@ -36,7 +36,7 @@ def facets(structure: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Flo
     n, m = structure.shape[1:]
     chosen = np.array(list(combinations(range(m), n - 1)))
     spans = np.moveaxis(structure[:, :, chosen], 2, 1)
-    normals = np.linalg.svd(spans)[0][..., -1]
+    normals = np.linalg.qr(spans, mode="complete").Q[..., -1]
     gain = normals @ structure
     at_lower, at_upper = gain * lower[..., None, :], gain * upper[..., None, :]
     least, most = np.minimum(at_lower, at_upper).sum(axis=-1), np.maximum(at_lower, at_upper).sum(axis=-1)

@@ -13,7 +13,9 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Floats
 
-RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+_INSTALLED, _SOURCE = (house / "datasets" / "rigs" for house in Path(__file__).parents[1:3])
+RIGS = _INSTALLED if _INSTALLED.is_dir() else _SOURCE
+"""Inside the installed package, or in its source tree."""
 GRAVITY = 9.81
 """m/s²."""
 
@@ -42,11 +44,11 @@ def find_rig(name: str) -> Rig:
     Raises
     ------
     RigError
-        If the file is not there, as where tensionlab is installed without its source tree.
+        If the file is not there.
     """
     file = RIGS / f"{name}.toml"
     if not file.is_file():
-        raise RigError(f"{file}: no such file; problem sets of real rigs need a source tree with its datasets")
+        raise RigError(f"{file}: no such file; problem sets of real rigs need it, so install tensionlab again")
     return load_rig(file)
 
 
@@ -104,22 +106,20 @@ def over_workspace(rng: np.random.Generator, rig: Rig, count: int) -> tuple[Floa
     half = ROOM * np.abs(rig.anchors - rig.home).max(axis=0)
     strongest = float(rig.limits.upper.max())
     arm = float(np.linalg.norm(rig.attachments, axis=1).mean())
-    structures, wrenches, found = [], [], 0
+    structures, wrenches, missing = [], [], count
     for _ in range(DRAWS):
-        position = rig.home + rng.uniform(-half, half, size=(count, 3))
-        rotation = turns(unit(rng, count, 3), rng.uniform(0.0, TILT, size=count))
-        force, torque = (
-            PUSH * strongest * rng.uniform(0.0, 1.0, size=(count, 1)) * unit(rng, count, 3) for _ in range(2)
-        )
-        structure, wrench = rig.structure_matrix(position, rotation), asked(rig, force, rotation)
-        wrench[:, 3:] += arm * torque
+        position = rig.home + rng.uniform(-half, half, size=(missing, 3))
+        rotation = turns(unit(rng, missing, 3), rng.uniform(0.0, TILT, size=missing))
+        push, twist = PUSH * strongest * rng.uniform(size=(2, missing, 1)) * unit(rng, 2, missing, 3)
+        structure, wrench = rig.structure_matrix(position, rotation), asked(rig, push, rotation)
+        wrench[:, 3:] += arm * twist
         kept = clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > INSIDE * strongest
         structures.append(structure[kept])
         wrenches.append(wrench[kept])
-        found += int(kept.sum())
-        if found >= count:
-            return np.concatenate(structures)[:count], np.concatenate(wrenches)[:count]
-    raise RigError(f'rig "{rig.name}": {found} of {DRAWS * count} random poses can hold their wrench; too few')
+        missing -= int(kept.sum())
+        if not missing:
+            return np.concatenate(structures), np.concatenate(wrenches)
+    raise RigError(f'rig "{rig.name}": hardly any random pose can hold its wrench; {missing} of {count} not found')
 
 
 def path(
