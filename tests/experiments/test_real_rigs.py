@@ -59,6 +59,13 @@ def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
     assert 0.1 <= inside.mean() <= 0.9
 
 
+def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
+    rig = find_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
+    structure, wrench, _ = path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
+    inside = clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > 0.0
+    assert 0.1 <= inside.mean() <= 0.9
+
+
 def test_a_force_that_is_never_available_has_no_border():
     with pytest.raises(RigError, match=r"cube-8.*none of 200"):
         path(np.random.default_rng(0), find_rig("cube-8"), 50, 0.3, 1e3, False)
