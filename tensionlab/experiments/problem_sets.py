@@ -6,16 +6,15 @@ The objective of all of them is the least ``|t|²`` of tensions t inside their l
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
 from tensionlab.errors import ShapeError
 from tensionlab.experiments.directions import forces, grid18
-from tensionlab.experiments.random_rigs import near_singular, structures
+from tensionlab.experiments.random_rigs import Stream, near_singular, streams
 from tensionlab.experiments.reach import furthest
 from tensionlab.experiments.real_rigs import find_rig, over_workspace, path
 from tensionlab.solvers.contract import Floats
@@ -123,15 +122,15 @@ def _published(count: int, seed: int) -> ProblemSet:
 
 def _point(count: int, seed: int) -> ProblemSet:
     """Wrenches of random tensions."""
-    title = "random point rigs with 3 to 12 cables: the everyday problem"
-    streams = _streams("point", [(3, m) for m in range(3, 13)], count, seed)
-    return ProblemSet("point", title, tuple(_rendered(stream, stream.rigs()) for stream in streams), "all")
+    drawn = streams("point", [(3, m) for m in range(3, 13)], count, seed)
+    groups = tuple(_rendered(stream, stream.rigs()) for stream in drawn)
+    return ProblemSet("point", "random point rigs with 3 to 12 cables: the everyday problem", groups, "all")
 
 
 def _edge(count: int, seed: int) -> ProblemSet:
     """Scaled to just inside the furthest wrench in their direction."""
     groups = []
-    for stream in _streams("edge", [(3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (6, 8)], count, seed):
+    for stream in streams("edge", [(3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (6, 8)], count, seed):
         group = _rendered(stream, stream.rigs())
         most = furthest(group.structure, group.wrench, group.lower, group.upper)
         # Never scaled back past the wrench that is known to be available.
@@ -144,7 +143,7 @@ def _edge(count: int, seed: int) -> ProblemSet:
 def _unreachable(count: int, seed: int) -> ProblemSet:
     """Scaled to beyond the furthest wrench in their direction."""
     groups = []
-    for stream in _streams("unreachable", [(3, 3), (3, 4), (3, 8), (3, 12), (6, 8)], count, seed):
+    for stream in streams("unreachable", [(3, 3), (3, 4), (3, 8), (3, 12), (6, 8)], count, seed):
         group = _rendered(stream, stream.rigs())
         most = furthest(group.structure, group.wrench, group.lower, group.upper)
         tenth = np.arange(stream.size) % 10 == 9
@@ -156,7 +155,7 @@ def _unreachable(count: int, seed: int) -> ProblemSet:
 def _near_singular(count: int, seed: int) -> ProblemSet:
     """Wrenches of random tensions, on rigs of a given condition."""
     groups = []
-    for stream in _streams("near-singular", [(3, 3), (3, 4), (3, 8), (6, 8)], count, seed):
+    for stream in streams("near-singular", [(3, 3), (3, 4), (3, 8), (6, 8)], count, seed):
         structure = near_singular(stream.rng, stream.n, stream.m, stream.between(CONDITION))
         groups.append(_rendered(stream, structure))
     title = "cables nearly in a plane, platforms nearly a point: structure matrices of condition 1e2 to 1e7"
@@ -167,7 +166,7 @@ def _robots(count: int, seed: int) -> ProblemSet:
     """Random poses of the robots in the folder of rigs."""
     groups = []
     rigs = [find_rig(name) for name in ("ipanema-1", "ipanema-2", "cogiro", "spidar-g6x4")]
-    for rig, stream in zip(rigs, _streams("robots", [(rig.n, rig.m) for rig in rigs], count, seed), strict=True):
+    for rig, stream in zip(rigs, streams("robots", [(rig.n, rig.m) for rig in rigs], count, seed), strict=True):
         structure, wrench = over_workspace(stream.rng, rig, stream.size)
         groups.append(Group(rig.name, structure, wrench, rig.limits.lower, rig.limits.upper))
     title = "6-component robots over their workspaces, holding their weight and pushing: N and N·m mixed"
@@ -185,7 +184,7 @@ def _trajectory(count: int, seed: int) -> ProblemSet:
     rounds = -(-count // (PATH[1] * len(kinds)))
     rigs = [find_rig(name) for name, *_ in kinds] * rounds
     groups = []
-    for number, stream in enumerate(_streams("trajectory", [(rig.n, rig.m) for rig in rigs], count, seed)):
+    for number, stream in enumerate(streams("trajectory", [(rig.n, rig.m) for rig in rigs], count, seed)):
         rig, (_, speed, size, turning) = rigs[number], kinds[number % len(kinds)]
         way = path(stream.rng, rig, max(PATH[0], stream.size), speed, size, turning)
         label = f"{rig.name}, {'turning' if turning else 'constant'} force, path {number + 1}"
@@ -197,7 +196,7 @@ def _trajectory(count: int, seed: int) -> ProblemSet:
 def _mixed_limits(count: int, seed: int) -> ProblemSet:
     """Wrenches of random tensions, where one cable is stronger than the others."""
     groups = []
-    for stream in _streams("mixed-limits", [(3, 4), (3, 6), (3, 8), (6, 8)], count, seed):
+    for stream in streams("mixed-limits", [(3, 4), (3, 6), (3, 8), (6, 8)], count, seed):
         strong = np.arange(stream.m) == stream.rng.integers(stream.m, size=(stream.size, 1))
         limits = np.where(strong, STRONG[0], LOWER), np.where(strong, STRONG[1], UPPER)
         groups.append(_rendered(stream, stream.rigs(), limits))
@@ -218,33 +217,7 @@ PROBLEM_SETS: dict[str, Callable[[int, int], ProblemSet]] = {
 """Generators by name: of a count and a seed."""
 
 
-class _Stream(NamedTuple):
-    """The random numbers of one group, and its shape."""
-
-    rng: np.random.Generator
-    n: int
-    m: int
-    size: int
-
-    def rigs(self) -> Floats:
-        """Random structure matrices, (size, n, m)."""
-        return structures(self.rng, self.n, self.m, self.size)
-
-    def between(self, ends: tuple[float, float]) -> Floats:
-        """Numbers spread evenly over the orders of magnitude between two ends, (size,)."""
-        return np.asarray(np.exp(self.rng.uniform(np.log(ends[0]), np.log(ends[1]), self.size)))
-
-
-def _streams(name: str, shapes: list[tuple[int, int]], count: int, seed: int) -> list[_Stream]:
-    """Random numbers for each group: its own, so that the size of one does not change another."""
-    sizes = [max(1, (count + i) // len(shapes)) for i in reversed(range(len(shapes)))]
-    return [
-        _Stream(np.random.default_rng([zlib.crc32(name.encode()), seed, i]), n, m, size)
-        for i, ((n, m), size) in enumerate(zip(shapes, sizes, strict=True))
-    ]
-
-
-def _rendered(stream: _Stream, structure: Floats, limits: tuple[Floats, Floats] | None = None) -> Group:
+def _rendered(stream: Stream, structure: Floats, limits: tuple[Floats, Floats] | None = None) -> Group:
     """A group whose wrenches random tensions inside the limits render."""
     lower, upper = limits or (np.full(stream.m, LOWER), np.full(stream.m, UPPER))
     tensions = stream.rng.uniform(lower, upper, size=(stream.size, stream.m))

@@ -1,6 +1,9 @@
-"""Random rigs: points and platforms whose cables come from everywhere, and rigs that are nearly singular."""
+"""Random rigs: cables from everywhere to a point or a platform, and rigs that are nearly singular."""
 
 from __future__ import annotations
+
+import zlib
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +41,55 @@ def structures(rng: np.random.Generator, n: int, m: int, count: int) -> Floats:
     """
     directions = unit(rng, count, m, 3)
     return _columns(directions, None if n == 3 else rng.normal(scale=ARM, size=(count, m, 3)))
+
+
+class Stream(NamedTuple):
+    """Where the random numbers of a group of rigs come from, and its shape.
+
+    Attributes
+    ----------
+    rng : Generator
+    n, m, size : int
+        Wrench components and cables of each rig, and rigs.
+    """
+
+    rng: np.random.Generator
+    n: int
+    m: int
+    size: int
+
+    def rigs(self) -> Floats:
+        """Draw structure matrices, (size, n, m)."""
+        return structures(self.rng, self.n, self.m, self.size)
+
+    def between(self, ends: tuple[float, float]) -> Floats:
+        """Draw numbers spread evenly over the orders of magnitude between two ends, (size,)."""
+        return np.asarray(np.exp(self.rng.uniform(np.log(ends[0]), np.log(ends[1]), self.size)))
+
+
+def streams(name: str, shapes: list[tuple[int, int]], count: int, seed: int) -> list[Stream]:
+    """Which random numbers do the groups of a problem set draw from?
+
+    Each has a generator of its own, so that another count or shape in one does not change another.
+
+    Parameters
+    ----------
+    name : str
+        Of the set; sets with the same seed have nothing in common.
+    shapes : list of (int, int)
+        Wrench components and cables of each group.
+    count, seed : int
+        The count is spread evenly over the groups, at least one in each.
+
+    Returns
+    -------
+    list of Stream
+    """
+    sizes = [max(1, (count + i) // len(shapes)) for i in reversed(range(len(shapes)))]
+    return [
+        Stream(np.random.default_rng([zlib.crc32(name.encode()), seed, i]), n, m, size)
+        for i, ((n, m), size) in enumerate(zip(shapes, sizes, strict=True))
+    ]
 
 
 def near_singular(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
