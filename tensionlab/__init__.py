@@ -3,6 +3,7 @@
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
     MissingDependency,
+    PluginError,
     RigError,
     ShapeError,
     TensionlabError,
@@ -39,6 +40,7 @@ __all__ = [
     "Module",
     "Newton",
     "Platform",
+    "PluginError",
     "PoseEstimate",
     "Pseudoinverse",
     "QuadraticProgram",

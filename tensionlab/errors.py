@@ -6,6 +6,7 @@
     ├── ShapeError (ValueError)              arrays whose shapes or entries cannot form a problem
     ├── RigError (ValueError)                a rig that cannot exist; names file, module and key
     ├── UnknownSolver (LookupError)          a solver name that is not in the table
+    ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
     └── Unreachable                          an allocation that is not exact; carries the evidence
 """
@@ -32,6 +33,10 @@ class RigError(TensionlabError, ValueError):
 
 class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
     """A solver name that the table of solvers does not hold."""
+
+
+class PluginError(TensionlabError, ImportError):
+    """A solver that another distribution offers and that cannot be used; the message names the distribution."""
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name

@@ -14,7 +14,7 @@ from oracle import Truth, UnsureError, solve, support
 from problems import Case, batches, one, random_cases
 
 import tensionlab as tl
-from tensionlab.solvers import make
+from tensionlab.solvers import make, plugins
 from tensionlab.solvers.contract import TOLERANCE
 from tensionlab.solvers.linear import whitener
 from tensionlab.solvers.quadratic import installed_backends
@@ -30,6 +30,7 @@ VARIANTS = [
     *(f"qp:{backend}" for backend in installed_backends()),
     "pseudoinverse:reference",
     "pseudoinverse:middle",
+    *(name for name, found in plugins.find_all(tl.SOLVERS).items() if isinstance(found, type)),
 ]
 PAIRS = [(name, nearest) for name in VARIANTS for nearest in make(name).policies or (None,)]
 every_solver = pytest.mark.parametrize("name", VARIANTS)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+from distribution import install
 
 import tensionlab as tl
 from tensionlab.experiments.directions import grid18
@@ -19,6 +22,7 @@ from tensionlab.experiments.lineup import lineup
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 SOLVER, TESTS = re.findall(r"^```python\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
+(PROJECT,) = re.findall(r"^```toml\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
 FILE = "tensionlab/solvers/dual_ascent.py"
 
 
@@ -81,3 +85,36 @@ def test_it_keeps_the_style_of_the_house(text: str) -> None:
         ruff = [sys.executable, "-m", "ruff", *command, "--stdin-filename", name, "-"]
         run = subprocess.run(ruff, cwd=ROOT, input=text, capture_output=True, text=True, check=False)
         assert run.returncode == 0, run.stdout + run.stderr
+
+
+@pytest.fixture
+def outside(tmp_path: Path) -> dict[str, str]:
+    """The second guide followed: an environment whose path has the solver as a distribution of its own."""
+    project = tomllib.loads(PROJECT)
+    (module,) = project["tool"]["setuptools"]["py-modules"]
+    entries = project["project"]["entry-points"]["tensionlab.solvers"]
+    install(tmp_path, project["project"]["name"], entries, {module: SOLVER}, project["project"]["version"])
+    path = os.pathsep.join([str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    return os.environ | {"PYTHONPATH": path}
+
+
+def test_from_outside_it_is_a_solver_like_any_other(outside: dict[str, str]) -> None:
+    script = f"""{TESTS}
+for test in [value for name, value in vars().items() if name.startswith("test_")]:
+    test()
+print(tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dual-ascent:200").tensions.round(3).tolist())
+"""
+    run = subprocess.run([sys.executable, "-c", script], env=outside, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "[3.0, 1.0]\n"), run.stderr
+
+
+@pytest.mark.slow
+def test_from_outside_it_is_held_against_the_contract(outside: dict[str, str]) -> None:
+    (words,) = re.findall(r"`pytest (tests/test_contract\.py -k .*?)`", GUIDE)
+    *rest, chosen = words.split()
+    quick = f"{chosen} and not (equals or permuting or stronger)"  # half a minute, for so slow a solver
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *rest, quick]
+    run = subprocess.run(command, cwd=ROOT, env=outside, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
+    (passed,) = re.findall(r"(\d+) passed", run.stdout)
+    assert int(passed) >= 10

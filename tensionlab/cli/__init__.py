@@ -16,6 +16,7 @@ import typer
 from tensionlab import __version__
 from tensionlab.cli.allocate import allocate
 from tensionlab.cli.compare import compare
+from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
 from tensionlab.cli.solvers import solvers
 from tensionlab.errors import TensionlabError
@@ -34,6 +35,7 @@ app.command()(compare)
 app.command()(allocate)
 app.command()(solvers)
 app.add_typer(rig, name="rig")
+app.add_typer(problems, name="problems")
 
 
 def _version(wanted: bool) -> None:

@@ -120,6 +120,8 @@ def compare(
 
 def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | None]]) -> None:
     """The table, what its words mean, and where the files are."""
+    from tensionlab.solvers import SOLVERS
+
     console = output.console()
     narrow = console.width < output.WIDTH
     columns = [column for column in COLUMNS if column[2] or not narrow]
@@ -130,7 +132,7 @@ def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | N
     for row in result.rows:
         grid.add_row(*(write(row) for _, write, _ in columns))
     for name in result.missing:
-        grid.add_row(name, "not installed", style="dim")
+        grid.add_row(name, "not installed" if name.partition(":")[0] in SOLVERS else "broken", style="dim")
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")

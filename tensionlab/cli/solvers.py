@@ -19,10 +19,13 @@ def solvers(
 ) -> None:
     """List the solvers: what each minimises, which policies it honours, where it was published."""
     from tensionlab.experiments.lineup import every_solver
-    from tensionlab.solvers import make
+    from tensionlab.solvers import SOLVERS, make, plugins
 
+    broken = {name: str(found) for name, found in plugins.find_all(SOLVERS).items() if not isinstance(found, type)}
     entries: list[dict[str, Any]] = []
     for name, installed in every_solver().items():
+        if name in broken:
+            continue
         solver = make(name)
         found = SOURCE.search(inspect.getdoc(type(solver)) or "")
         entries.append(
@@ -35,7 +38,7 @@ def solvers(
             }
         )
     if json:
-        output.print_json({"solvers": entries})
+        output.print_json({"solvers": entries, "broken": broken})
         return
     grid = output.table()
     for heading in ("solver", "installed", "nearest", "minimises, among tensions that render the wrench"):
@@ -57,3 +60,5 @@ def solvers(
         if source:
             console.print(f"[bold]{family}[/bold]: {source}")
     console.print('\nA missing one: pip install "tensionlab\\[solvers]" brings every QP backend.', style="dim")
+    for fault in broken.values():
+        console.print(f"Left out: {fault}", style="red", markup=False, soft_wrap=True)

@@ -87,7 +87,7 @@ class Comparison:
     allocations : tuple of Allocation
         The answers behind each row, for K wrenches.
     missing : tuple of str
-        Solvers left out because their library is not installed.
+        Solvers left out because their library is not installed, or because another distribution's is broken.
     """
 
     rig: Rig

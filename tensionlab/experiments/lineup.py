@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tensionlab.errors import MissingDependency
-from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers import SOLVERS, make, plugins
 from tensionlab.solvers.contract import POLICIES, Nearest
 from tensionlab.solvers.quadratic import BACKENDS, installed_backends
 
@@ -14,13 +14,20 @@ Run = tuple[str, Nearest | None]
 
 
 def every_solver() -> dict[str, bool]:
-    """Which solvers there are, each variant by its own name, and whether its library is installed.
+    """Which solvers there are, each variant by its own name, and whether it can be used.
 
     Returns
     -------
     dict of str to bool
-        In the order of `SOLVERS`; ``qp`` with each backend, ``pseudoinverse`` with each start.
+        In the order of `SOLVERS`; ``qp`` with each backend, ``pseudoinverse`` with each start. Then those of
+        other distributions. False where a library is not installed, or another distribution's solver is broken.
     """
+    others = {name: isinstance(found, type) for name, found in plugins.find_all(SOLVERS).items()}
+    return _house() | {name: usable for name, usable in others.items() if name not in SOLVERS}
+
+
+def _house() -> dict[str, bool]:
+    """Solvers of the house, and whether their libraries are installed."""
     there = installed_backends()
     names: dict[str, bool] = {}
     for name in SOLVERS:
@@ -39,7 +46,7 @@ def lineup(solvers: Sequence[str] | None = None, nearest: str | None = None) -> 
     Parameters
     ----------
     solvers : sequence of str, optional
-        Names as in `SOLVERS`, with or without ``:variant``; None for every solver.
+        Names that `make` knows; None for every solver.
     nearest : str, optional
         Only this policy, and only solvers that honour it; None for all policies of each solver.
 
@@ -48,31 +55,33 @@ def lineup(solvers: Sequence[str] | None = None, nearest: str | None = None) -> 
     runs : list of (str, str or None)
         Solver and policy, in the order asked for.
     missing : list of str
-        Solvers whose library is not installed. Only where `solvers` is None: one asked for must be there.
+        Solvers whose library is not installed, and broken ones of other distributions. Only where `solvers` is
+        None: one asked for must be there.
 
     Raises
     ------
     ValueError
         If the policy does not exist, or a solver asked for does not honour it, or no solver is asked for.
-    UnknownSolver, MissingDependency
-        If a solver asked for does not exist, or is not installed.
+    UnknownSolver, MissingDependency, PluginError
+        If a solver asked for does not exist, or is not installed, or is another distribution's and broken.
     """
     if nearest is not None and nearest not in POLICIES:
         raise ValueError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")
-    every = every_solver()
+    every = every_solver() if solvers is None else _house()
     names = list(every) if solvers is None else list(dict.fromkeys(solvers))
     if not names:
         raise ValueError(f"no solver asked for; choose of {', '.join(every)}")
     runs: list[Run] = []
     missing: list[str] = []
     for name in names:
+        if solvers is None and not every[name]:
+            missing.append(name)
+            continue
         honoured = make(name).policies
         chosen = [policy for policy in honoured if nearest in (None, policy)]
         if not every.get(name, True):
-            if solvers is not None:
-                raise MissingDependency(f'{name} is not installed; pip install "tensionlab[solvers]" brings it')
-            missing.append(name)
-        elif nearest is None:
+            raise MissingDependency(f'{name} is not installed; pip install "tensionlab[solvers]" brings it')
+        if nearest is None:
             runs += [(name, policy) for policy in chosen] or [(name, None)]
         elif chosen or solvers is None:
             runs += [(name, policy) for policy in chosen]

@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from tensionlab.errors import UnknownSolver
+from tensionlab.solvers import plugins
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.convex import ConvexProgram
@@ -23,7 +24,7 @@ SOLVERS: dict[str, type[Any]] = {
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }
-"""Solvers by name. A new one is a file and a line here."""
+"""The house's own solvers by name. A new one is a file and a line here; `plugins` finds those of others."""
 
 
 def make(name: str) -> Solver:
@@ -32,22 +33,25 @@ def make(name: str) -> Solver:
     Parameters
     ----------
     name : str
-        A name in `SOLVERS`. What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
-        ``QuadraticProgram(backend="osqp")``.
+        A name in `SOLVERS`, or one that another distribution offers. What follows a colon sets the solver's
+        first hyper-parameter: ``"qp:osqp"`` is ``QuadraticProgram(backend="osqp")``.
 
     Raises
     ------
     UnknownSolver
-        If the name is not in the table.
+        If there is no such name.
+    PluginError
+        If another distribution offers the name, and what it offers cannot be used.
     ValueError
         If the solver refuses the hyper-parameter.
     """
     family, colon, choice = name.partition(":")
-    if family not in SOLVERS:
-        close = difflib.get_close_matches(family, SOLVERS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(SOLVERS)}"
+    solver_class = SOLVERS.get(family) or plugins.find(family)
+    if solver_class is None:
+        names = [*SOLVERS, *plugins.offered()]
+        close = difflib.get_close_matches(family, names, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
         raise UnknownSolver(f"no solver is called {family!r}; {hint}")
-    solver_class = SOLVERS[family]
     if not colon:
         solver: Solver = solver_class()
         return solver
@@ -55,9 +59,10 @@ def make(name: str) -> Solver:
     if not parameters:
         raise UnknownSolver(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
     first = parameters[0]
+    default: Any = first.default
     try:
-        value = getattr(solver_class, first.name).__class__(choice)  # of the default's type
-    except ValueError:
+        value = default.__class__(choice)
+    except (TypeError, ValueError):
         raise UnknownSolver(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
     variant: Solver = solver_class(**{first.name: value})
     return variant

@@ -2,7 +2,8 @@
 
 A solver is a frozen dataclass of its hyper-parameters with one method, ``solve``. It sees a batch that has
 already been checked and flattened, so it never validates; it returns tensions, and never a verdict, because
-`tensionlab.allocation` measures every answer itself. `CONTRIBUTING.md` shows one from start to end.
+`tensionlab.allocation` measures every answer itself. `CONTRIBUTING.md` shows one from start to end, and how
+another distribution brings its own, through the entry point group ``tensionlab.solvers``.
 """
 
 from __future__ import annotations

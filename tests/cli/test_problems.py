@@ -1,0 +1,66 @@
+import json
+
+import pyarrow.parquet as pq
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.experiments.problem_sets import PROBLEM_SETS
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab problems` in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main(["problems", *(str(word) for word in words)])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+def test_every_set_is_listed_with_its_promise(run):
+    listed = {each["set"]: each["reachable"] for each in json.loads(run("list", "--json")[1])["sets"]}
+    assert list(listed) == list(PROBLEM_SETS)
+    assert (listed["edge"], listed["unreachable"], listed["published"]) == ("all", "none", "mixed")
+    code, out, _ = run("list")
+    assert code == 0
+    assert all(name in out for name in PROBLEM_SETS)
+
+
+def test_the_groups_of_a_set_are_shown_with_what_is_in_reach(run):
+    _, out, _ = run("show", "published", "--json")
+    groups = json.loads(out)["groups"]
+    assert [group["reachable"] for group in groups] == [182, 153]
+    assert [(group["problems"], group["components"], group["cables"]) for group in groups] == [(182, 3, 4)] * 2
+    assert groups[0]["wrench_median"] == pytest.approx(1.5)
+    code, out, _ = run("show", "near-singular", "--count", 400, "--seed", 2)
+    assert code == 0
+    assert "n = 6, m = 8" in out
+
+
+def test_a_set_is_written_with_as_many_rows_as_asked_for(run, tmp_path):
+    file = tmp_path / "point.parquet"
+    code, out, _ = run("export", "--set", "point", "--out", file, "--count", 30)
+    assert code == 0
+    assert "30 problems" in out
+    assert pq.read_table(file).num_rows == 30
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["show", "edgy"], "choose one of published"),
+        (["export", "--set", "edgy", "--out", "x.parquet"], "choose one of published"),
+        (["export", "--set", "edge", "--out", "none/x.parquet"], "no folder"),
+        (["export", "--set", "edge", "--out", "x.parquet", "--count", "0"], "count"),
+        (["show", "edge", "--seed", "-1"], "seed"),
+    ],
+)
+def test_bad_input_is_status_2(run, words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(*words)
+    assert code == 2
+    assert message in err
+    assert not list(tmp_path.iterdir())

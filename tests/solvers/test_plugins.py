@@ -1,0 +1,181 @@
+"""Solvers of other distributions: found when asked for, never before, and harmless when broken."""
+
+import json
+import subprocess
+import sys
+from itertools import count
+from pathlib import Path
+
+import pytest
+from distribution import install
+
+import tensionlab as tl
+from tensionlab.cli import main
+from tensionlab.errors import PluginError, UnknownSolver
+from tensionlab.experiments.lineup import every_solver, lineup
+from tensionlab.solvers import make, plugins
+
+RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
+GOOD = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from tensionlab.solvers.contract import Answer
+
+
+@dataclass(frozen=True)
+class Fixed:
+    \"\"\"What if every cable pulls alike?
+
+    Source: a fable.
+    \"\"\"
+
+    newtons: float = 2.0
+
+    objective: ClassVar[str] = "nothing: all tensions alike"
+    policies: ClassVar[tuple[str, ...]] = ()
+
+    def __post_init__(self):
+        if self.newtons < 0:
+            raise ValueError("cables cannot push")
+
+    def solve(self, problem):
+        size, m = problem.lower.shape
+        return Answer(tensions=np.full((size, m), self.newtons), iterations=np.zeros(size, dtype=int))
+"""
+NUMBER = count()
+
+
+@pytest.fixture
+def offer(tmp_path, monkeypatch):
+    """Offer a solver: a module of this text, the entry point ``name = module:target``."""
+
+    def call(name, text=GOOD, target="Fixed", distribution="fable-solvers"):
+        module = f"fable_{next(NUMBER)}"  # modules stay loaded: each has a name of its own
+        folder = tmp_path / module
+        install(folder, distribution, {name: f"{module}:{target}"}, {module: text})
+        monkeypatch.syspath_prepend(folder)
+
+    return call
+
+
+def test_nobody_offers_a_solver_here():
+    assert plugins.offered() == {}
+
+
+def test_a_solver_of_another_distribution_is_one_like_any(offer):
+    offer("fixed")
+    found = tl.allocate([[1.0, -1.0]], [0.0], (1.0, 5.0), solver="fixed")
+    assert found.status == tl.Status.EXACT
+    assert found.tensions.tolist() == [2.0, 2.0]
+    assert make("fixed:3.5").newtons == 3.5
+    assert every_solver()["fixed"]
+    assert ("fixed", None) in lineup()[0]
+    assert lineup(["fixed"]) == ([("fixed", None)], [])
+    assert "fixed" not in tl.SOLVERS
+
+
+def test_variants_are_checked_as_those_of_the_house(offer):
+    offer("fixed")
+    with pytest.raises(UnknownSolver, match=r"'fixed:much', 'much' is no value for fixed's newtons"):
+        make("fixed:much")
+    with pytest.raises(ValueError, match="cannot push"):
+        make("fixed:-1")
+
+
+def test_names_that_nobody_offers_are_unknown_and_hinted_at(offer):
+    offer("fixed")
+    with pytest.raises(UnknownSolver, match="did you mean 'fixed'"):
+        make("fixt")
+    with pytest.raises(UnknownSolver, match=r"newton, .*fixed"):
+        make("xyz")
+
+
+def test_the_house_keeps_its_names(offer, capsys):
+    offer("newton")
+    assert type(make("newton")) is tl.Newton
+    assert every_solver()["newton"]
+    with pytest.raises(SystemExit):
+        main(["solvers"])
+    out = capsys.readouterr().out
+    assert "fable-solvers 1.0 offers a solver 'newton'" in out
+
+
+BROKEN = {
+    "import": ("import nowhere_to_be_found", "Fixed", "ModuleNotFoundError: .*nowhere_to_be_found"),
+    "raise": ("raise RuntimeError('out of order')", "Fixed", "RuntimeError: out of order"),
+    "syntax": ("class Fixed", "Fixed", "SyntaxError"),
+    "attribute": (GOOD, "Broken", "AttributeError: .*Broken"),
+    "function": ("def Fixed(): pass", "Fixed", "lacks objective, policies, solve"),
+    "plain class": (GOOD.replace("@dataclass(frozen=True)\n", ""), "Fixed", "no dataclass|AttributeError"),
+    "no solve": (GOOD.replace("def solve", "def slove"), "Fixed", "lacks solve"),
+    "policies": (GOOD.replace("= ()", '= ("closest",)'), "Fixed", "policy 'closest'; there are force"),
+    "a word for policies": (GOOD.replace("= ()", '= "force"'), "Fixed", "lacks policies"),
+    "no default": (GOOD.replace(": float = 2.0", ": float"), "Fixed", "TypeError: .*newtons"),
+    "bad default": (GOOD.replace("= 2.0", "= -2.0"), "Fixed", "cannot push"),
+}
+
+
+@pytest.mark.parametrize(("text", "target", "message"), BROKEN.values(), ids=BROKEN)
+def test_a_broken_solver_is_an_error_only_when_asked_for(offer, capsys, text, target, message):
+    offer("fixed", text, target)
+    for ask in (lambda: make("fixed"), lambda: lineup(["fixed"])):
+        with pytest.raises(PluginError, match=rf"fixed.* of fable-solvers 1\.0 .*({message})"):
+            ask()
+    assert every_solver()["fixed"] is False
+    runs, missing = lineup()
+    assert "fixed" in missing
+    assert "fixed" not in {name for name, _ in runs}
+    assert lineup(["newton"], "force") == ([("newton", "force")], [])
+    with pytest.raises(SystemExit) as left:
+        main(["solvers", "--json"])
+    assert not left.value.code
+    listed = json.loads(capsys.readouterr().out)
+    assert "fable-solvers" in listed["broken"]["fixed"]
+    assert "newton" in {entry["solver"] for entry in listed["solvers"]}
+
+
+def test_one_name_from_two_distributions_is_an_error_that_names_both(offer):
+    offer("fixed")
+    offer("fixed", distribution="myth-solvers")
+    with pytest.raises(PluginError, match=r"(fable|myth)-solvers 1\.0 and (fable|myth)-solvers 1\.0"):
+        make("fixed")
+    assert every_solver()["fixed"] is False
+
+
+def test_a_name_with_a_colon_is_left_out(offer):
+    offer("fixed:2")
+    assert every_solver()["fixed:2"] is False
+    assert "fixed:2" in lineup()[1]
+
+
+def run(folder, *words):
+    """What a program prints that has the folder on its path."""
+    script = f"import sys; sys.path.insert(0, {str(folder)!r}); "
+    command = [sys.executable, "-c", script + words[0], *words[1:]]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def test_importing_tensionlab_neither_loads_nor_looks_for_it(tmp_path):
+    install(tmp_path, "fable-solvers", {"fixed": "fable:Fixed"}, {"fable": "raise RuntimeError('loaded')"})
+    script = "import tensionlab as tl; tl.allocate([[1.0, -1.0]], [0.0], (1.0, 5.0))\n"
+    loaded = "print([name for name in ('fable', 'importlib.metadata') if name in sys.modules])"
+    assert run(tmp_path, script + loaded) == run(tmp_path, loaded) == "[]\n"
+
+
+def test_the_command_line_lists_and_compares_it(tmp_path):
+    install(tmp_path, "fable-solvers", {"fixed": "fable:Fixed"}, {"fable": GOOD})
+    install(tmp_path, "myth-solvers", {"lost": "myth:Lost"}, {"myth": ""})
+    cli = "from tensionlab.cli import main; main()"
+    out = run(tmp_path, cli, "solvers")
+    assert "nothing: all tensions alike" in out
+    assert "fixed: a fable." in out
+    assert "Left out: solver 'lost' of myth-solvers 1.0" in out
+    few = "import tensionlab as tl; [tl.SOLVERS.pop(name) for name in list(tl.SOLVERS) if name != 'newton']; "
+    out = run(tmp_path, few + cli, "compare", str(RIG), "--directions", "fibonacci:2")
+    assert [line.split()[:2] for line in out.splitlines() if line.startswith(("fixed", "lost"))] == [
+        ["fixed", "–"],
+        ["lost", "broken"],
+    ]
