@@ -49,4 +49,43 @@ def judge(
     tolerance: float,
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[int8], NDArray[float64], bool]: ...
+def allocate(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    policy: int,
+    largest: float,
+    tolerance: float,
+    rank_tolerance: float,
+) -> (
+    tuple[
+        NDArray[float64],
+        NDArray[float64],
+        NDArray[float64],
+        NDArray[int8],
+        NDArray[float64],
+        NDArray[int64],
+        NDArray[float64],
+    ]
+    | None
+): ...
+
+class Single:
+    def __init__(
+        self,
+        lower: NDArray[float64],
+        upper: NDArray[float64],
+        reference: NDArray[float64],
+        weights: NDArray[float64],
+        policy: int,
+        largest: float,
+        tolerance: float,
+        rank_tolerance: float,
+    ) -> None: ...
+    def __call__(self, structure: object, wrench: object, numbers: NDArray[float64]) -> tuple[int, int] | None: ...
+
+def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def instruction_set() -> str: ...

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from tensionlab import _native
 from tensionlab.errors import ShapeError
-from tensionlab.measure import Allocation, measure
+from tensionlab.measure import Allocation, exact, exact_single, measure
 from tensionlab.solvers import make
-from tensionlab.solvers.contract import Floats, Nearest, Problem, Solver
+from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Floats, Nearest, Problem, Solver
+from tensionlab.solvers.newton import Newton
 
 LARGEST = 1e100
 """Entries of this size or more are refused: their squares would overflow."""
@@ -57,12 +58,9 @@ class Allocator:
         self.nearest = _policy(self.solver, nearest)
         self.lower, self.upper = _limits(limits)
         self.reference = self._resolve(reference)
-        self.weights = np.ones(1) if wrench_weights is None else _finite("wrench_weights", wrench_weights, 1)
-        if self.weights.ndim != 1 or not (self.weights > 0).all():
-            raise ShapeError(
-                f"wrench_weights must be positive numbers, one for each wrench component; got {self.weights}"
-            )
+        self.weights = _weights(wrench_weights)
         self._size = (0, 0)
+        self._single: _native.Single | None = None
 
     def _resolve(self, reference: ArrayLike | None) -> Floats:
         if reference is None:
@@ -73,20 +71,28 @@ class Allocator:
             if reference == "middle":
                 return (self.lower + self.upper) / 2
             raise ValueError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
-        return _finite("reference", reference, 0)
+        return _finite("reference", reference, 0).copy()
 
     def __call__(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
         """Choose tensions for these structure matrices (..., n, m) and wrenches (..., n)."""
-        problem, shape = self._problem(_finite("structure", structure, 2), _finite("wrench", wrench, 1))
+        if type(structure) is np.ndarray and structure.ndim == 2:
+            if structure.shape != self._size:
+                self._adapt(*structure.shape)
+            found = None if self._single is None else exact_single(self._single, structure, wrench)
+            if found is not None:
+                return found
+        matrices, vectors = _numbers("structure", structure, 2), _numbers("wrench", wrench, 1)
+        problem, shape = self._problem(matrices, vectors)
+        if isinstance(self.solver, Newton):
+            found = exact(problem, shape, LARGEST)
+            if found is not None:
+                return found
+        _check("structure", matrices)
+        _check("wrench", vectors)
         return measure(problem, self.solver.solve(problem), shape)
 
     def _problem(self, structure: Floats, wrench: Floats) -> tuple[Problem, tuple[int, ...]]:
         n, m = structure.shape[-2:]
-        if not (1 <= n <= _native.MAX_COMPONENTS and 1 <= m <= _native.MAX_CABLES):
-            raise ShapeError(
-                f"structure has {n} wrench components and {m} cables; it must have 1 to "
-                f"{_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
-            )
         if wrench.shape[-1] != n:
             raise ShapeError(
                 f"wrench has {wrench.shape[-1]} components where structure {structure.shape} has {n} rows"
@@ -106,6 +112,11 @@ class Allocator:
 
     def _adapt(self, n: int, m: int) -> None:
         """Spread limits, reference and weights over m cables and n components."""
+        if not (1 <= n <= _native.MAX_COMPONENTS and 1 <= m <= _native.MAX_CABLES):
+            raise ShapeError(
+                f"structure has {n} wrench components and {m} cables; it must have 1 to "
+                f"{_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
+            )
 
         def spread(name: str, array: Floats, count: int, what: str) -> Floats:
             own = array.shape[-1:]
@@ -113,13 +124,25 @@ class Allocator:
                 return array
             if own not in ((), (1,)):
                 raise ShapeError(f"{name} has {own[0]} entries where structure has {count} {what}")
-            return np.repeat(array if own else array[None], count, axis=-1)
+            return (array if own else array[None]).repeat(count, axis=-1)
 
         self._lower = spread("lower", self.lower, m, "cables")
         self._upper = spread("upper", self.upper, m, "cables")
         self._reference = spread("reference", self.reference, m, "cables")
         self._weights = spread("wrench_weights", self.weights, n, "rows")
         self._size = (n, m)
+        self._single = None
+        if isinstance(self.solver, Newton) and self._lower.ndim == self._upper.ndim == self._reference.ndim == 1:
+            self._single = _native.Single(
+                self._lower,
+                self._upper,
+                self._reference,
+                self._weights,
+                POLICIES.index(self.nearest or "force"),
+                LARGEST,
+                TOLERANCE,
+                RANK_TOLERANCE,
+            )
 
 
 def allocate(
@@ -181,12 +204,22 @@ def _limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Float
         crossed = low > high
     except ValueError:
         raise ShapeError(f"lower has shape {low.shape}, upper {high.shape}; they do not broadcast") from None
-    if np.any(crossed):
+    if crossed.any():
         entry = tuple(int(i) for i in np.argwhere(crossed)[0]) if crossed.ndim else ()
         values = [float(each[entry]) for each in np.broadcast_arrays(low, high)]
         where = f"[{', '.join(map(str, entry))}]" if entry else ""
         raise ShapeError(f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N")
     return low, high
+
+
+def _weights(weights: ArrayLike | None) -> Floats:
+    """Wrench weights, positive; one that stands for all where none are given."""
+    if weights is None:
+        return np.ones(1)
+    values = _finite("wrench_weights", weights, 1)
+    if values.ndim != 1 or not (values > 0).all():
+        raise ShapeError(f"wrench_weights must be positive numbers, one for each wrench component; got {values}")
+    return values.copy()
 
 
 def _policy(solver: Solver, nearest: Nearest | None) -> Nearest | None:
@@ -204,6 +237,12 @@ def _policy(solver: Solver, nearest: Nearest | None) -> Nearest | None:
 
 def _finite(name: str, array: ArrayLike, axes: int) -> Floats:
     """The array as contiguous floats with at least so many axes, or an error that names the entry."""
+    values = _numbers(name, array, axes)
+    _check(name, values)
+    return values
+
+
+def _numbers(name: str, array: ArrayLike, axes: int) -> Floats:
     try:
         values: Floats = np.asarray(array, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
@@ -211,11 +250,14 @@ def _finite(name: str, array: ArrayLike, axes: int) -> Floats:
     if values.ndim < axes:
         kind = "a matrix" if axes == 2 else "a vector"
         raise ShapeError(f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}")
-    if not np.abs(values).max(initial=0.0) < LARGEST:  # not so for NaN either
+    return values
+
+
+def _check(name: str, values: Floats) -> None:
+    if not _native.all_within(values, LARGEST):
         index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < LARGEST))[0])
         where = f"{name}[{', '.join(map(str, index))}]" if index else name
         raise ShapeError(f"{where} is {values[index]}; every entry must be a finite number, below {LARGEST:g}")
-    return values
 
 
 def _leading_axes(structure: Floats, wrench: Floats, *per_cable: Floats) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,14 +136,71 @@ def measure(problem: Problem, answer: Answer, shape: tuple[int, ...]) -> Allocat
             separation[unproved] = proof
         failed = map(int, np.flatnonzero(status == Status.FAILED))
         failures = {row: answer.failures.get(row, "the solver returned NaN") for row in failed}
+    iterations = np.asarray(answer.iterations, dtype=np.int64)
+    return _shaped(shape, tensions, wrench, residual, status, scale, iterations, separation, failures)
+
+
+def exact(problem: Problem, shape: tuple[int, ...], largest: float) -> Allocation | None:
+    """What does `Newton` choose, and what is proved about it?
+
+    The same as `measure` of its answer, in one pass over the batch (native/bind_allocate.cpp). None if an entry of
+    a structure matrix or a wrench is not a number below ``largest``.
+    """
+    found = _native.allocate(
+        problem.structure,
+        problem.wrench,
+        problem.lower,
+        problem.upper,
+        problem.reference,
+        problem.weights,
+        POLICIES.index(problem.nearest or "force"),
+        largest,
+        TOLERANCE,
+        RANK_TOLERANCE,
+    )
+    return None if found is None else _shaped(shape, *found, {})
+
+
+def exact_single(solve: _native.Single, structure: Floats, wrench: object) -> Allocation | None:
+    """The same for one problem, prepared; None if the arguments are not two plain arrays of the right shapes."""
+    n, m = structure.shape
+    numbers = np.empty(m + 2 * n + 2)
+    found = solve(structure, wrench, numbers)
+    if found is None:
+        return None
+    status: Any = np.int8(found[0])
+    iterations: Any = np.int64(found[1])
     return Allocation(
-        tensions=tensions.reshape(*shape, m),
-        wrench=wrench.reshape(*shape, n),
-        residual=residual.reshape(shape),
-        status=status.reshape(shape),
-        scale=scale.reshape(shape),
-        iterations=np.asarray(answer.iterations, dtype=np.int64).reshape(shape),
-        separation=separation.reshape(*shape, n),
+        tensions=numbers[:m],
+        wrench=numbers[m : m + n],
+        residual=numbers[-2],
+        status=status,
+        scale=numbers[-1],
+        iterations=iterations,
+        separation=numbers[m + n : -2],
+    )
+
+
+def _shaped(
+    shape: tuple[int, ...],
+    tensions: Floats,
+    wrench: Floats,
+    residual: Floats,
+    status: NDArray[np.int8],
+    scale: Floats,
+    iterations: Integers,
+    separation: Floats,
+    failures: Mapping[int, str],
+) -> Allocation:
+    """An allocation with the leading axes asked for; where there are none, numbers are NumPy scalars."""
+    return Allocation(
+        tensions=tensions.reshape(*shape, tensions.shape[1]),
+        wrench=wrench.reshape(*shape, wrench.shape[1]),
+        residual=residual.reshape(shape)[()],
+        status=status.reshape(shape)[()],
+        scale=scale.reshape(shape)[()],
+        iterations=iterations.reshape(shape)[()],
+        separation=separation.reshape(*shape, separation.shape[1]),
         failures=failures,
     )
 

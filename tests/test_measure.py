@@ -108,3 +108,37 @@ def test_the_summary_says_what_was_found():
     both = tl.allocate([[1.0, -1.0]], [[1.0], [20.0]], (0.5, 6.0))
     assert str(both) == "Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5"
     assert str(tl.allocate(np.ones((0, 1, 2)), [1.0], (0.5, 6.0))) == "Allocation of 0 wrenches: none"
+
+
+@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize("stretch", [1.0, 2.0])
+@pytest.mark.parametrize(("n", "m"), [(2, 3), (3, 8), (6, 8), (6, 3)])
+def test_one_pass_over_a_batch_one_call_a_problem_and_solver_then_judge_agree(n, m, stretch, nearest):
+    weights = np.linspace(1.0, 2.0, n)
+    problem = problems(n, m, 700, nearest, stretch, weights)  # more than the compiled loop takes at a time
+    limits = LOWER, UPPER
+    apart = measure(problem, tl.Newton().solve(problem), (700,))
+    whole = tl.allocate(problem.structure, problem.wrench, limits, nearest=nearest, wrench_weights=weights)
+    allocator = tl.Allocator(limits, nearest=nearest, wrench_weights=weights)
+    for name in ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation"):
+        expected = getattr(apart, name)
+        np.testing.assert_array_equal(getattr(whole, name), expected, name)
+        singles = [getattr(allocator(problem.structure[i], problem.wrench[i]), name) for i in range(50)]
+        np.testing.assert_array_equal(singles, expected[:50], name)
+
+
+def test_a_single_call_forgets_nothing_and_shares_nothing():
+    limits = np.full(8, LOWER), np.full(8, UPPER)
+    problem = problems(3, 8, 3, "force", 1.0, np.ones(3))
+    allocator = tl.Allocator(limits)
+    first, second = (allocator(problem.structure[i], problem.wrench[i]) for i in (1, 2))
+    limits[0][:] = 3.0  # the allocator has its own
+    again = allocator(problem.structure[1], problem.wrench[1])
+    np.testing.assert_array_equal(again.tensions, first.tensions)
+    assert not np.shares_memory(first.tensions, second.tensions)
+    with pytest.raises(tl.ShapeError, match=r"wrench\[1\] is nan"):
+        allocator(problem.structure[1], np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(tl.ShapeError, match=r"structure\[0, 2\] is inf"):
+        allocator(np.where(np.arange(8) == 2, np.inf, problem.structure[1]), problem.wrench[1])
+    with pytest.raises(tl.ShapeError, match="3 rows"):
+        allocator(problem.structure[1], np.zeros(2))

@@ -7,6 +7,7 @@ namespace tensionlab {
 
 void bind_judge(nanobind::module_&);
 void bind_newton(nanobind::module_&);
+void bind_allocate(nanobind::module_&);
 void bind_closed_form(nanobind::module_&);
 void bind_dykstra(nanobind::module_&);
 

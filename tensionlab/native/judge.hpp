@@ -9,20 +9,20 @@
 
 #include <cmath>
 #include <cstdint>
-#include <initializer_list>
 #include <limits>
 
+#include "judge_batch.hpp"
 #include "lanes.hpp"
 #include "linear.hpp"
 
 namespace tensionlab {
 
 enum class Verdict : std::int8_t { exact = 0, nearest = 1, iteration_limit = 2, failed = 3 };
-enum class Rule { none, force, tension, direction };
 
 inline namespace TENSIONLAB_BUILD {
 
-template <int N, int M>
+// L numbers at a time.
+template <int L, int N, int M>
 class Judge {
  public:
   struct Problem {
@@ -38,23 +38,16 @@ class Judge {
 
   // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
   Finding judge(const Problem& problem, double* tensions, double* rendered, double* separation) const {
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    for (int i = 0; i < m_; ++i) {
-      if (!std::isfinite(tensions[i])) return fail(tensions, rendered, separation);
-      if (tensions[i] < problem.lower[i]) tensions[i] = problem.lower[i];
-      if (tensions[i] > problem.upper[i]) tensions[i] = problem.upper[i];
-    }
+    if (!clip(problem, tensions)) return fail(tensions, rendered, separation);
     double error[N], error_square = 0, rendered_square = 0, heaviest = 0;
     for (int k = 0; k < n_; ++k) {
-      const double* row = problem.structure + k * m_;
-      rendered[k] = 0;
-      for (int i = 0; i < m_; ++i) rendered[k] += row[i] * tensions[i];
+      rendered[k] = product(problem.structure + k * m_, tensions);
       error[k] = problem.wrench[k] - rendered[k];
       error_square += weights_[k] * error[k] * error[k];
       rendered_square += weights_[k] * rendered[k] * rendered[k];
       heaviest = larger(heaviest, weights_[k]);
     }
-    Finding finding{Verdict::iteration_limit, std::sqrt(error_square), nan};
+    Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
     // Weights say which error to prefer where there must be one. They make no error vanish.
     const double plain = std::sqrt(dot(error, error)), asked = std::sqrt(dot(problem.wrench, problem.wrench));
     if (std::isfinite(plain) && plain <= tolerance_ * larger(1.0, asked)) {
@@ -81,6 +74,36 @@ class Judge {
   }
 
  private:
+  using V = Lanes<double, L>;
+
+  // Puts the tensions inside their limits; false if one is no number.
+  bool clip(const Problem& problem, double* tensions) const {
+    V strange = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) {
+      const V tension = load<double, L>(tensions + i);
+      strange += tension - tension;  // not nought where infinite or not a number
+      store(smaller(larger(tension, load<double, L>(problem.lower + i)), load<double, L>(problem.upper + i)),
+            tensions + i);
+    }
+    bool clean = !any(!(strange == V{}));
+    for (; i < m_; ++i) {
+      clean = clean && std::isfinite(tensions[i]);
+      tensions[i] = smaller(larger(tensions[i], problem.lower[i]), problem.upper[i]);
+    }
+    return clean;
+  }
+
+  double product(const double* row, const double* tensions) const {
+    V sums = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) sums += load<double, L>(row + i) * load<double, L>(tensions + i);
+    double sum = 0;
+    for (int l = 0; l < L; ++l) sum += read<double>(sums, l);
+    for (; i < m_; ++i) sum += row[i] * tensions[i];
+    return sum;
+  }
+
   Finding fail(double* tensions, double* rendered, double* separation) const {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     for (int i = 0; i < m_; ++i) tensions[i] = nan;

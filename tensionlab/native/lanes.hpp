@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstring>
 
 #if defined(__SSE2__)
 #include <immintrin.h>
@@ -75,6 +76,18 @@ inline Lanes<double, 8> larger(const Lanes<double, 8>& a, const Lanes<double, 8>
   return _mm512_maskz_max_pd(0xff, a, b);
 }
 #endif
+
+// Consecutive numbers, which need not be aligned.
+template <class Real, int L>
+inline Lanes<Real, L> load(const Real* numbers) {
+  Lanes<Real, L> v;
+  std::memcpy(&v, numbers, sizeof v);
+  return v;
+}
+template <class Real, class V>
+inline void store(const V& v, Real* numbers) {
+  std::memcpy(numbers, &v, sizeof v);
+}
 
 // Lane l of a value, to write or to read.
 template <class Real, class V>

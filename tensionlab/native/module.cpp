@@ -15,6 +15,7 @@ NB_MODULE(_native, module) {
   module.def("instruction_set", [] { return std::string(instruction_set_name()); });
   bind_judge(module);
   bind_newton(module);
+  bind_allocate(module);
   bind_closed_form(module);
   bind_dykstra(module);
 }
