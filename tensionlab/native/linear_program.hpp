@@ -1,24 +1,24 @@
-// A linear program over tensions whose limits close in, exactly.
+// A linear program over tensions whose limits close in, solved exactly.
 //
 //   maximise S   subject to   A t + g S = f,   l_i(S) <= t_i <= u_i(S)
 //
-// The limits of every cable close in on each other as S grows, linearly between two values of S and not at all
-// outside them. tension_programs.hpp puts the tension programs into this form. As an ordinary linear program it
-// would have a row for every limit that moves; here a step costs no more than a product with A, because S itself
-// takes the place of one basic variable.
+// The limits of each cable approach each other as S grows, linearly between two values of S and not at all beyond
+// them. tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it would
+// have a row for every limit that moves; here it has those of A.
 //
-// Method: the dual simplex method for bounded variables, on the facets of the set of wrenches that A can make.
-// Any direction y bounds S from above: y'f may not exceed the most that y'(A t + g S) can be, which puts every
-// cable at the limit to which y pulls it. A step looks at the tensions where that bound is reached. If the free
-// cables (those with y'A_i = 0) can make up what is missing inside their limits, they prove each other best. If not,
-// the missing wrench, or the free cable that breaks its limit by most, is a direction in which to turn y, and the
-// bound falls along it: from breakpoint to breakpoint, at each of which a cable changes limits, until one of them
-// would rather become free (the long-step rule: one step passes many bases). All limits are finite, so there is no
-// first phase. An orthogonal basis of the free cables, built anew whenever one leaves, makes columns that depend on
-// each other harmless. Steps of length nought are counted, and after some Bland's rule takes over, which cannot cycle.
+// Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) may be no more
+// than the most that y'A t can be, with every cable at the limit to which y pulls it. Where that bound is attained,
+// only free cables (those with y'A_i = 0) are still to be chosen. If they make up the wrench that is missing inside
+// their limits, the bound is the answer. Otherwise y turns: towards what no free cable can make up, or so as to hold
+// the free cable that breaks its limit by most at that limit. The bound falls along the turn. At breakpoints other
+// cables change limits, until the one that would stop the fall becomes free (the long-step rule: a step passes many
+// bases). All limits are finite, so that no first phase is needed. An orthogonal basis of the free columns, built anew
+// whenever one leaves, takes dependent columns and rows as they come. After some steps of no length Bland's rule takes
+// over, which cannot cycle.
 //
-// Sources: Lemke (1954) for the dual method; Wagner (1958) for bounded variables; Kirillova et al. (1979) and
-// Maros (2003) for the long step; Bland (1977). No heap, no exceptions.
+// Sources: Lemke (1954), "The dual method of solving the linear programming problem"; Maros (2003), "A generalized dual
+// phase-2 simplex algorithm", for the long step; Bland (1977), "New finite pivoting rules for the simplex method".
+// No heap, no exceptions.
 #pragma once
 
 #include <cmath>
@@ -29,7 +29,7 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// lower + rise s and upper - fall s, where s is S or the end of [open, shut] that S is beyond.
+// lower + rise s <= t <= upper - fall s, where s is S or, beyond [open, shut], the nearer end.
 template <class Real>
 struct ClosingLimits {
   Real lower, upper, rise, fall, open, shut;
@@ -41,21 +41,18 @@ class LinearProgram {
   explicit LinearProgram(int m) : m_(m) {}
 
   // The program: set all of these, then solve.
-  Real columns[M][N] = {}, gain[N] = {}, target[N] = {};
+  Real rows[N][M] = {}, gain[N] = {}, target[N] = {};        // A, g, f
   ClosingLimits<Real> limits[M] = {};
-  Real least = -std::numeric_limits<Real>::infinity();  // no tensions have an S below
+  Real least = std::numeric_limits<Real>::lowest();          // no tensions have a smaller S
 
-  static constexpr int kStepLimit = 50 + 10 * M;
-
-  // From a direction that bounds S, or from nought where nothing is missing while all limits are shut. Returns
-  // whether there are such tensions, for any S at all.
+  // start: a direction that bounds S; nought where nothing is missing while all limits are shut. Returns whether there
+  // are tensions for any S at all, or false after kStepLimit steps, far beyond what any known problem takes.
   bool solve(const Real* start) {
     begin(start);
-    const Cut first = measure(direction_, along_);
-    if (!(first.rate < 0 || first.excess > 0)) return true;
     for (steps_ = 1; steps_ <= kStepLimit; ++steps_) {
-      Cut cut = measure(direction_, along_), none{0, 0};
-      if (!descend(cut, none, 0)) return false;
+      Cut cut = measure(direction_, along_), still{0, 0};
+      if (steps_ == 1 && !(cut.rate < 0 || cut.excess > 0)) return true;
+      if (!descend(cut, still, 0)) return false;
       if (!turn()) return true;
       if (!search()) return false;
     }
@@ -64,113 +61,108 @@ class LinearProgram {
 
   int steps() const { return steps_; }
 
-  // The limits that all of the best tensions keep, and no others that satisfy A t + g S = f: a cable that the
-  // direction pulls stays where it is pulled to.
+  // Limits of cable i that all of the best tensions keep. Of the tensions with A t + g S = f no others keep them: a
+  // cable that y pulls must stay where it is pulled to.
   void face(int i, Real* lower, Real* upper) const {
-    *lower = end(i, false).at(value_);
-    *upper = end(i, true).at(value_);
+    *lower = lower_[i].at(value_);
+    *upper = upper_[i].at(value_);
     if (free_[i] || magnitude(along_[i]) <= kTie * length_[i]) return;
-    (upper_[i] ? *lower : *upper) = upper_[i] ? *upper : *lower;
+    (at_upper_[i] ? *lower : *upper) = at_upper_[i] ? *upper : *lower;
   }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
-  static constexpr Real kMissing = 64 * kUlp;    // a wrench that may be missing, against all that there is
-  static constexpr Real kDepends = 4096 * kUlp;  // a column less its part along others, against the column
-  static constexpr Real kTie = 65536 * kUlp;       // a pull that may be nought, against the column
-  static constexpr int kPatience = 2 * N;        // steps of length nought before Bland's rule
   static constexpr Real kInfinite = std::numeric_limits<Real>::infinity();
+  static constexpr Real kMissing = 64 * kUlp;    // a wrench that may be missing, against all that there is
+  static constexpr Real kDepends = 4096 * kUlp;  // what a turn leaves of a column that depends on the free ones
+  static constexpr Real kTie = 65536 * kUlp;     // a pull that counts as none, against the column
+  static constexpr int kPatience = 2 * N;        // steps of no length before Bland's rule
+  static constexpr int kStepLimit = 50 + 10 * M;
 
-  // Where the limits of a cable are in their course, from S = infinity downwards.
-  enum class Course { shut, moving, open };
-
+  // constant + rate S.
   struct End {
     Real constant, rate;
-    Real at(Real s) const { return rate == 0 ? constant : constant + rate * s; }
+    Real at(Real s) const { return constant + rate * s; }
   };
 
-  // For a direction d: d'(f - A t - g S) is excess - rate S, with all cables but the free ones at their ends.
+  // d'(f - A t - g S) = excess - rate S for a direction d, with all cables but the free ones held at their ends.
   struct Cut {
     Real excess, rate;
   };
 
   void begin(const Real* start) {
-    steps_ = stalled_ = count_ = 0;
-    value_ = -kInfinite;
-    size_ = 0;
+    stalled_ = count_ = 0;
+    value_ = size_ = 0;
     for (int k = 0; k < N; ++k) size_ += magnitude(target[k]);
-    for (int i = 0; i < m_; ++i) {
-      length_[i] = std::sqrt(dot(columns[i], columns[i]));
-      const ClosingLimits<Real>& c = limits[i];
-      course_[i] = c.shut > c.open ? Course::shut : Course::open;
-      free_[i] = false;
-      const Real lower = c.lower + c.rise * c.open, upper = c.upper - c.fall * c.open;
-      size_ += length_[i] * larger(magnitude(lower), magnitude(upper));
-      value_ = larger(value_, next_kink(i));
+    for (int i = 0; i < m_; ++i) length_[i] = 0;
+    for (int k = 0; k < N; ++k) {
+      for (int i = 0; i < m_; ++i) length_[i] = larger(length_[i], magnitude(rows[k][i]));
     }
     copy(start, direction_);
     normalise(direction_);
+    times(direction_, along_);
+    top_ = -kInfinite;
     for (int i = 0; i < m_; ++i) {
-      along_[i] = dot(direction_, columns[i]);
-      upper_[i] = along_[i] > 0;
+      const ClosingLimits<Real>& c = limits[i];
+      size_ += length_[i] * larger(magnitude(c.lower + c.rise * c.open), magnitude(c.upper - c.fall * c.open));
+      free_[i] = false;
+      at_upper_[i] = along_[i] > 0;
+      follow(i, kInfinite);
+      top_ = larger(top_, kink_[i]);
     }
   }
 
-  // The lower or upper end of cable i, as a function of S.
-  End end(int i, bool upper) const {
+  // The ends of cable i for S just below top, down to the next kink in their course.
+  void follow(int i, Real top) {
     const ClosingLimits<Real>& c = limits[i];
-    const Real constant = upper ? c.upper : c.lower, rate = upper ? -c.fall : c.rise;
-    if (course_[i] == Course::moving) return {constant, rate};
-    const Real s = course_[i] == Course::shut ? c.shut : c.open;
-    return {rate == 0 ? constant : constant + rate * s, 0};
+    const bool shut = top > c.shut, moving = !shut && top > c.open;
+    const Real s = shut ? c.shut : c.open;
+    lower_[i] = moving ? End{c.lower, c.rise} : End{c.lower + c.rise * s, 0};
+    upper_[i] = moving ? End{c.upper, -c.fall} : End{c.upper - c.fall * s, 0};
+    kink_[i] = shut ? c.shut : moving ? c.open : -kInfinite;
+    hold(i);
   }
 
-  Real next_kink(int i) const {
-    if (course_[i] == Course::shut) return limits[i].shut;
-    return course_[i] == Course::moving ? limits[i].open : -kInfinite;
+  void hold(int i) {
+    const End& end = at_upper_[i] ? upper_[i] : lower_[i];
+    held_[i] = free_[i] ? Real(0) : end.constant;
+    held_rate_[i] = free_[i] ? Real(0) : end.rate;
   }
 
   Cut measure(const Real* d, const Real* along) const {
     Cut cut{dot(d, target), dot(d, gain)};
     for (int i = 0; i < m_; ++i) {
-      if (free_[i]) continue;
-      const End e = end(i, upper_[i]);
-      cut.excess -= along[i] * e.constant;
-      cut.rate += along[i] * e.rate;
+      cut.excess -= along[i] * held_[i];
+      cut.rate += along[i] * held_rate_[i];
     }
     return cut;
   }
 
-  // Lower S to what the direction y + theta d allows. Cables begin or end to move on the way, which changes both
+  // Lower S to what the direction y + theta turn allows. Limits begin or cease to move on the way, which changes both
   // cuts. Returns false where no S will do.
-  bool descend(Cut& y, Cut& d, Real theta) {
+  bool descend(Cut& y, Cut& change, Real theta) {
     for (;;) {
-      const Real excess = y.excess + theta * d.excess, rate = y.rate + theta * d.rate;
-      Real kink = -kInfinite;
-      for (int i = 0; i < m_; ++i) kink = larger(kink, next_kink(i));
-      const Real allowed = rate < 0 ? excess / rate : -kInfinite;
-      if (allowed < least || (allowed == -kInfinite && kink == -kInfinite)) return false;
-      if (allowed >= kink) {
-        value_ = allowed;
-        return true;
-      }
+      const Real rate = y.rate + theta * change.rate;
+      value_ = rate < 0 ? (y.excess + theta * change.excess) / rate : -kInfinite;
+      if (value_ >= top_) return value_ >= least;
+      const Real passed = top_;
+      top_ = -kInfinite;
       for (int i = 0; i < m_; ++i) {
-        if (course_[i] == Course::shut && limits[i].shut >= kink) course_[i] = Course::moving;
-        if (course_[i] == Course::moving && limits[i].open >= kink) course_[i] = Course::open;
+        if (kink_[i] >= passed) follow(i, passed);
+        top_ = larger(top_, kink_[i]);
       }
       y = measure(direction_, along_);
-      if (theta != 0) d = measure(turn_, turn_along_);
+      change = measure(turn_, turn_along_);
     }
   }
 
-  // The direction in which to turn y. Returns false where the tensions are the best.
+  // Choose how to turn y. Returns false where the bound is attained.
   bool turn() {
-    Real missing[N], share[N];
-    for (int k = 0; k < N; ++k) missing[k] = target[k] - gain[k] * value_;
-    for (int i = 0; i < m_; ++i) {
-      if (free_[i]) continue;
-      const Real tension = end(i, upper_[i]).at(value_);
-      for (int k = 0; k < N; ++k) missing[k] -= tension * columns[i][k];
+    Real tension[M], missing[N], share[N];
+    for (int i = 0; i < m_; ++i) tension[i] = held_[i] + held_rate_[i] * value_;
+    for (int k = 0; k < N; ++k) {
+      missing[k] = target[k] - gain[k] * value_;
+      for (int i = 0; i < m_; ++i) missing[k] -= rows[k][i] * tension[i];
     }
     for (int j = 0; j < count_; ++j) {
       share[j] = dot(basis_[j], missing);
@@ -179,16 +171,13 @@ class LinearProgram {
     copy(missing, turn_);
     if (normalise(turn_) > kMissing * size_ && count_ + 1 < N) return true;
     const int worst = worst_free(share);
-    if (worst < 0) return false;
-    release(worst);
-    return true;
+    if (worst >= 0) release(worst);
+    return worst >= 0;
   }
 
-  // Which free cable breaks its limits by most, and which one that is (upper_); -1 if none does. share: the part of
-  // the missing wrench along each column of the basis. Measured is the wrench that would be missing if it stayed
-  // at its limit.
+  // Which free cable breaks its limits by most; -1 if none does. Measured is the wrench that would be missing if it
+  // stayed at its limit. share: the part of the missing wrench along each vector of the basis.
   int worst_free(const Real* share) {
-    const bool bland = stalled_ > kPatience;
     Real tension[N], worst = kMissing * size_;
     int found = -1;
     for (int j = count_ - 1; j >= 0; --j) {
@@ -198,114 +187,116 @@ class LinearProgram {
     }
     for (int j = 0; j < count_; ++j) {
       const int i = order_[j];
-      const Real below = end(i, false).at(value_) - tension[j], above = tension[j] - end(i, true).at(value_);
-      const Real broken = larger(below, above);
-      if (!(broken > 0)) continue;
-      // The length of row j of the inverse triangle is 1 / distance of the column from the span of the others.
+      const Real below = lower_[i].at(value_) - tension[j], above = tension[j] - upper_[i].at(value_);
+      if (!(below > 0 || above > 0)) continue;
+      // Row j of the inverse triangle is as long as one over the distance of the column from the span of the others.
       Real row[N] = {}, square = 0;
       for (int k = j; k < count_; ++k) {
-        Real sum = k == j ? Real(1) : Real(0);
-        for (int p = j; p < k; ++p) sum -= row[p] * triangle_[p][k];
-        row[k] = sum / triangle_[k][k];
+        row[k] = k == j ? Real(1) : Real(0);
+        for (int p = j; p < k; ++p) row[k] -= row[p] * triangle_[p][k];
+        row[k] /= triangle_[k][k];
         square += row[k] * row[k];
       }
-      const Real wrench = broken / std::sqrt(square);
-      if (!(wrench > kMissing * size_) || !(bland ? found < 0 || i < order_[found] : wrench > worst)) continue;
-      worst = wrench;
+      const Real broken = larger(below, above) / std::sqrt(square);
+      if (bland() && found >= 0 ? broken <= kMissing * size_ || i > order_[found] : broken <= worst) continue;
+      worst = broken;
       found = j;
-      upper_[i] = above > below;
+      at_upper_[i] = above > below;
     }
     return found;
   }
 
-  // Cable order_[j] is no longer free. Turn so that it is pulled to its end, and the others stay free.
+  // The cable in place j is no longer free: turn to where its end pulls, and none of the other free cables.
   void release(int j) {
-    const int leaving = order_[j];
+    const int leaving = order_[j], last = count_;
     free_[leaving] = false;
-    along_[leaving] = 0;
-    const int last = count_;
+    hold(leaving);
     count_ = j;
     for (int k = j + 1; k < last; ++k) extend(order_[k]);
-    copy(columns[leaving], turn_);
+    for (int k = 0; k < N; ++k) turn_[k] = at_upper_[leaving] ? rows[k][leaving] : -rows[k][leaving];
     clean(turn_);
-    const Real length = normalise(turn_);
-    if (!upper_[leaving] && length > 0) {
-      for (int k = 0; k < N; ++k) turn_[k] = -turn_[k];
-    }
+    normalise(turn_);
   }
 
-  // Turn y until its bound on S no longer falls. Returns false where no S will do.
+  // Turn y until the bound falls no further. Returns false where no S will do.
   bool search() {
-    const bool bland = stalled_ > kPatience;
+    times(turn_, turn_along_);
+    Real breakpoint[M];
     for (int i = 0; i < m_; ++i) {
-      turn_along_[i] = free_[i] ? Real(0) : dot(turn_, columns[i]);
-      if (magnitude(turn_along_[i]) <= kDepends * length_[i]) turn_along_[i] = 0;
+      if (free_[i] || magnitude(turn_along_[i]) <= kDepends * length_[i]) turn_along_[i] = 0;
+      const Real pace = at_upper_[i] ? -turn_along_[i] : turn_along_[i];
+      const Real distance = at_upper_[i] ? along_[i] : -along_[i];
+      breakpoint[i] = pace > 0 ? (distance > 0 ? distance / pace : Real(0)) : kInfinite;
     }
     Cut cut = measure(direction_, along_), change = measure(turn_, turn_along_);
     for (;;) {
-      int next = -1;
-      Real theta = kInfinite;
-      for (int i = 0; i < m_; ++i) {
-        const Real pace = upper_[i] ? -turn_along_[i] : turn_along_[i];
-        if (free_[i] || !(pace > 0)) continue;
-        const Real distance = upper_[i] ? along_[i] : -along_[i];
-        const Real at = distance > 0 ? distance / pace : Real(0);
-        if (at < theta) {
-          theta = at;
-          next = i;
-        }
-      }
-      if (next < 0) {
-        // The bound falls all the way: the turn itself is the better direction.
-        stalled_ = 0;
+      int next = 0;
+      for (int i = 1; i < m_; ++i) next = breakpoint[i] < breakpoint[next] ? i : next;
+      const Real theta = breakpoint[next];
+      if (theta == kInfinite) {
+        // The bound falls all the way, so that the turn itself is the better direction.
         copy(turn_, direction_);
+        stalled_ = 0;
         settle();
         return true;
       }
       if (!descend(cut, change, theta)) return false;
-      if (!bland) {
-        upper_[next] = !upper_[next];
+      if (!bland()) {
+        breakpoint[next] = kInfinite;
+        at_upper_[next] = !at_upper_[next];
+        hold(next);
         cut = measure(direction_, along_);
         change = measure(turn_, turn_along_);
       }
-      if (bland || change.excess - change.rate * value_ <= kMissing * size_) {
-        stalled_ = theta > 0 ? 0 : stalled_ + 1;
+      if (bland() || change.excess - change.rate * value_ <= kMissing * size_) {
         free_[next] = true;
+        hold(next);
         extend(next);
         for (int k = 0; k < N; ++k) direction_[k] += theta * turn_[k];
+        stalled_ = theta > 0 ? 0 : stalled_ + 1;
         settle();
         return true;
       }
     }
   }
 
-  // Make the direction normal to all free cables, of unit length.
+  // Make y normal to the free columns and of unit length.
   void settle() {
     clean(direction_);
     normalise(direction_);
-    for (int i = 0; i < m_; ++i) along_[i] = free_[i] ? Real(0) : dot(direction_, columns[i]);
+    times(direction_, along_);
+    for (int j = 0; j < count_; ++j) along_[order_[j]] = 0;
   }
 
-  // One more column for the basis of the free cables.
+  // One more column for the basis of the free ones.
   void extend(int i) {
-    Real* column = basis_[count_];
-    copy(columns[i], column);
-    for (int j = 0; j < count_; ++j) triangle_[j][count_] = 0;
+    Real *vector = basis_[count_], part[N] = {};
+    for (int k = 0; k < N; ++k) vector[k] = rows[k][i];
     for (int pass = 0; pass < 2; ++pass) {
       for (int j = 0; j < count_; ++j) {
-        const Real part = dot(basis_[j], column);
-        triangle_[j][count_] += part;
-        subtract(basis_[j], part, column);
+        const Real more = dot(basis_[j], vector);
+        part[j] += more;
+        subtract(basis_[j], more, vector);
       }
     }
-    triangle_[count_][count_] = normalise(column);
+    for (int j = 0; j < count_; ++j) triangle_[j][count_] = part[j];
+    triangle_[count_][count_] = normalise(vector);
     order_[count_++] = i;
   }
 
-  // Take out of x its part in the span of the free cables; twice is enough.
+  // Take out of x its part in the span of the free columns; twice, because rounding leaves some of it the first time.
   void clean(Real* x) const {
     for (int pass = 0; pass < 2; ++pass) {
       for (int j = 0; j < count_; ++j) subtract(basis_[j], dot(basis_[j], x), x);
+    }
+  }
+
+  bool bland() const { return stalled_ > kPatience; }
+
+  void times(const Real* d, Real* along) const {
+    for (int i = 0; i < m_; ++i) along[i] = d[0] * rows[0][i];
+    for (int k = 1; k < N; ++k) {
+      for (int i = 0; i < m_; ++i) along[i] += d[k] * rows[k][i];
     }
   }
 
@@ -330,13 +321,14 @@ class LinearProgram {
   }
 
   int m_, steps_ = 0, stalled_ = 0;
-  Real value_ = 0, size_ = 0;  // the bound on S; what errors are measured against
-  Real direction_[N] = {}, turn_[N] = {};
-  Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A_i, turn'A_i, |A_i|
-  bool upper_[M] = {}, free_[M] = {};                         // at the upper end, or at neither
-  Course course_[M] = {};
+  Real value_ = 0, top_ = 0, size_ = 0;  // the bound on S, the next kink of any limit, what errors are measured against
+  Real direction_[N] = {}, turn_[N] = {};                     // y and where it turns
+  Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A, turn'A, sizes of the columns
+  End lower_[M] = {}, upper_[M] = {};
+  Real held_[M] = {}, held_rate_[M] = {}, kink_[M] = {};  // the end at which a cable is held, nought if it is free
+  bool at_upper_[M] = {}, free_[M] = {};
   int count_ = 0, order_[N] = {};                // the free cables, in the order of the basis
-  Real basis_[N][N] = {}, triangle_[N][N] = {};  // A_free = basis * triangle; a row of basis_ is a column
+  Real basis_[N][N] = {}, triangle_[N][N] = {};  // A_free = basis' triangle, each vector of the basis a row
 };
 
 }  // namespace TENSIONLAB_BUILD

@@ -53,7 +53,7 @@ class TensionProgram {
     for (int k = 0; k < n; ++k) {
       const Real* row = problem.structure + k * m_;
       linear_.target[k] = start[k] = problem.wrench[k];
-      for (int i = 0; i < m_; ++i) linear_.columns[i][k] = row[i];
+      for (int i = 0; i < m_; ++i) linear_.rows[k][i] = row[i];
     }
     for (int i = 0; i < m_; ++i) {
       const Real a = problem.lower[i], b = problem.upper[i];
@@ -61,9 +61,9 @@ class TensionProgram {
       if (sum) limits = {a, b, 0, 0, 0, 0};
       if (program_ == Program::minimax) limits = {a, 0, 0, 1, -b, -a};
       if (program_ == Program::safe) limits = {a, b, 1, alpha_, 0, (b - a) / (1 + alpha_)};
-      if (sum) linear_.columns[i][n] = 1;
+      if (sum) linear_.rows[n][i] = 1;
       const Real closed = limits.lower + limits.rise * limits.shut;
-      for (int k = 0; k < n; ++k) start[k] -= closed * linear_.columns[i][k];
+      for (int k = 0; k < n; ++k) start[k] -= closed * linear_.rows[k][i];
     }
     if (sum) {
       // To begin with nothing counts but the sum. Otherwise it is what the cables miss that have no room at all.
