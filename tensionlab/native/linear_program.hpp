@@ -3,22 +3,22 @@
 //   maximise S   subject to   A t + g S = f,   l_i(S) <= t_i <= u_i(S)
 //
 // The limits of each cable approach each other as S grows, linearly between two values of S and not at all beyond
-// them. tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it would
-// have a row for every limit that moves; here it has those of A.
+// them. tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it
+// would have a row for every limit that moves; here it has those of A.
 //
-// Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) may be no more
-// than the most that y'A t can be, with every cable at the limit to which y pulls it. Where that bound is attained,
-// only free cables (those with y'A_i = 0) are still to be chosen. If they make up the wrench that is missing inside
-// their limits, the bound is the answer. Otherwise y turns: towards what no free cable can make up, or so as to hold
-// the free cable that breaks its limit by most at that limit. The bound falls along the turn. At breakpoints other
-// cables change limits, until the one that would stop the fall becomes free (the long-step rule: a step passes many
-// bases). All limits are finite, so that no first phase is needed. An orthogonal basis of the free columns, built anew
-// whenever one leaves, takes dependent columns and rows as they come. After some steps of no length Bland's rule takes
-// over, which cannot cycle.
+// Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) may be no
+// more than the most that y'A t can be, with every cable at the limit to which y pulls it. Where that bound is
+// attained, only free cables (those with y'A_i = 0) are still to be chosen. If they make up the wrench that is
+// missing inside their limits, the bound is the answer. Otherwise y turns: towards what no free cable can make up,
+// or so as to hold the free cable that breaks its limit by most at that limit. The bound falls along the turn. At
+// breakpoints other cables change limits, until the one that would stop the fall becomes free (the long-step rule:
+// a step passes many bases). All limits are finite, so that no first phase is needed. An orthogonal basis of the
+// free columns, built anew whenever one leaves, takes dependent columns and rows as they come. After some steps of
+// no length Bland's rule takes over, which cannot cycle.
 //
-// Sources: Lemke (1954), "The dual method of solving the linear programming problem"; Maros (2003), "A generalized dual
-// phase-2 simplex algorithm", for the long step; Bland (1977), "New finite pivoting rules for the simplex method".
-// No heap, no exceptions.
+// Sources: Lemke (1954), "The dual method of solving the linear programming problem"; Maros (2003), "A generalized
+// dual phase-2 simplex algorithm", for the long step; Bland (1977), "New finite pivoting rules for the simplex
+// method". No heap, no exceptions.
 #pragma once
 
 #include <cmath>
@@ -41,12 +41,12 @@ class LinearProgram {
   explicit LinearProgram(int m) : m_(m) {}
 
   // The program: set all of these, then solve.
-  Real rows[N][M] = {}, gain[N] = {}, target[N] = {};        // A, g, f
+  Real rows[N][M] = {}, gain[N] = {}, target[N] = {};  // A, g, f
   ClosingLimits<Real> limits[M] = {};
-  Real least = std::numeric_limits<Real>::lowest();          // no tensions have a smaller S
+  Real least = std::numeric_limits<Real>::lowest();  // no tensions have a smaller S
 
-  // start: a direction that bounds S; nought where nothing is missing while all limits are shut. Returns whether there
-  // are tensions for any S at all, or false after kStepLimit steps, far beyond what any known problem takes.
+  // start: a direction that bounds S; nought where nothing is missing while all limits are shut. Returns whether
+  // there are tensions for any S at all, or false after kStepLimit steps, far beyond what any known problem takes.
   bool solve(const Real* start) {
     begin(start);
     for (steps_ = 1; steps_ <= kStepLimit; ++steps_) {
@@ -61,22 +61,21 @@ class LinearProgram {
 
   int steps() const { return steps_; }
 
-  // Limits of cable i that all of the best tensions keep. Of the tensions with A t + g S = f no others keep them: a
-  // cable that y pulls must stay where it is pulled to.
+  // Limits of cable i that all of the best tensions keep. Of the tensions with A t + g S = f no others keep them:
+  // a cable that y pulls must stay where it is pulled to.
   void face(int i, Real* lower, Real* upper) const {
     *lower = lower_[i].at(value_);
     *upper = upper_[i].at(value_);
-    if (free_[i] || magnitude(along_[i]) <= kTie * length_[i]) return;
+    if (along_[i] == 0) return;
     (at_upper_[i] ? *lower : *upper) = at_upper_[i] ? *upper : *lower;
   }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr Real kInfinite = std::numeric_limits<Real>::infinity();
-  static constexpr Real kMissing = 64 * kUlp;    // a wrench that may be missing, against all that there is
-  static constexpr Real kDepends = 4096 * kUlp;  // what a turn leaves of a column that depends on the free ones
-  static constexpr Real kTie = 65536 * kUlp;     // a pull that counts as none, against the column
-  static constexpr int kPatience = 2 * N;        // steps of no length before Bland's rule
+  static constexpr Real kMissing = 64 * kUlp;   // a wrench that may be missing, against all that there is
+  static constexpr Real kNought = 4096 * kUlp;  // a pull on a cable that counts as none, against its column
+  static constexpr int kPatience = 2 * N;       // steps of no length before Bland's rule
   static constexpr int kStepLimit = 50 + 10 * M;
 
   // constant + rate S.
@@ -100,12 +99,12 @@ class LinearProgram {
     }
     copy(start, direction_);
     normalise(direction_);
-    times(direction_, along_);
+    for (int i = 0; i < m_; ++i) free_[i] = false;
+    pull(direction_, along_);
     top_ = -kInfinite;
     for (int i = 0; i < m_; ++i) {
       const ClosingLimits<Real>& c = limits[i];
       size_ += length_[i] * larger(magnitude(c.lower + c.rise * c.open), magnitude(c.upper - c.fall * c.open));
-      free_[i] = false;
       at_upper_[i] = along_[i] > 0;
       follow(i, kInfinite);
       top_ = larger(top_, kink_[i]);
@@ -138,8 +137,8 @@ class LinearProgram {
     return cut;
   }
 
-  // Lower S to what the direction y + theta turn allows. Limits begin or cease to move on the way, which changes both
-  // cuts. Returns false where no S will do.
+  // Lower S to what the direction y + theta turn allows. Limits begin or cease to move on the way, which changes
+  // both cuts. Returns false where no S will do.
   bool descend(Cut& y, Cut& change, Real theta) {
     for (;;) {
       const Real rate = y.rate + theta * change.rate;
@@ -168,15 +167,20 @@ class LinearProgram {
       share[j] = dot(basis_[j], missing);
       subtract(basis_[j], share[j], missing);
     }
-    copy(missing, turn_);
-    if (normalise(turn_) > kMissing * size_ && count_ + 1 < N) return true;
-    const int worst = worst_free(share);
-    if (worst >= 0) release(worst);
-    return worst >= 0;
+    if (normalise(missing) > kMissing * size_ && count_ + 1 < N) {
+      copy(missing, turn_);
+    } else {
+      const int worst = worst_free(share);
+      if (worst < 0) return false;
+      release(worst);
+    }
+    clean(turn_);
+    normalise(turn_);
+    return true;
   }
 
-  // Which free cable breaks its limits by most; -1 if none does. Measured is the wrench that would be missing if it
-  // stayed at its limit. share: the part of the missing wrench along each vector of the basis.
+  // Which free cable breaks its limits by most; -1 if none does. Measured is the wrench that would be missing if
+  // it stayed at its limit. share: the part of the missing wrench along each vector of the basis.
   int worst_free(const Real* share) {
     Real tension[N], worst = kMissing * size_;
     int found = -1;
@@ -189,7 +193,8 @@ class LinearProgram {
       const int i = order_[j];
       const Real below = lower_[i].at(value_) - tension[j], above = tension[j] - upper_[i].at(value_);
       if (!(below > 0 || above > 0)) continue;
-      // Row j of the inverse triangle is as long as one over the distance of the column from the span of the others.
+      // Row j of the inverse triangle is as long as one over the distance of the column from the span of the
+      // others.
       Real row[N] = {}, square = 0;
       for (int k = j; k < count_; ++k) {
         row[k] = k == j ? Real(1) : Real(0);
@@ -214,16 +219,13 @@ class LinearProgram {
     count_ = j;
     for (int k = j + 1; k < last; ++k) extend(order_[k]);
     for (int k = 0; k < N; ++k) turn_[k] = at_upper_[leaving] ? rows[k][leaving] : -rows[k][leaving];
-    clean(turn_);
-    normalise(turn_);
   }
 
   // Turn y until the bound falls no further. Returns false where no S will do.
   bool search() {
-    times(turn_, turn_along_);
+    pull(turn_, turn_along_);
     Real breakpoint[M];
     for (int i = 0; i < m_; ++i) {
-      if (free_[i] || magnitude(turn_along_[i]) <= kDepends * length_[i]) turn_along_[i] = 0;
       const Real pace = at_upper_[i] ? -turn_along_[i] : turn_along_[i];
       const Real distance = at_upper_[i] ? along_[i] : -along_[i];
       breakpoint[i] = pace > 0 ? (distance > 0 ? distance / pace : Real(0)) : kInfinite;
@@ -264,12 +266,12 @@ class LinearProgram {
   void settle() {
     clean(direction_);
     normalise(direction_);
-    times(direction_, along_);
-    for (int j = 0; j < count_; ++j) along_[order_[j]] = 0;
+    pull(direction_, along_);
   }
 
   // One more column for the basis of the free ones.
   void extend(int i) {
+    if (count_ >= N) return;  // never: y is normal to them all. The compiler cannot know.
     Real *vector = basis_[count_], part[N] = {};
     for (int k = 0; k < N; ++k) vector[k] = rows[k][i];
     for (int pass = 0; pass < 2; ++pass) {
@@ -284,7 +286,8 @@ class LinearProgram {
     order_[count_++] = i;
   }
 
-  // Take out of x its part in the span of the free columns; twice, because rounding leaves some of it the first time.
+  // Take out of x its part in the span of the free columns; twice, because rounding leaves some of it the first
+  // time.
   void clean(Real* x) const {
     for (int pass = 0; pass < 2; ++pass) {
       for (int j = 0; j < count_; ++j) subtract(basis_[j], dot(basis_[j], x), x);
@@ -293,10 +296,14 @@ class LinearProgram {
 
   bool bland() const { return stalled_ > kPatience; }
 
-  void times(const Real* d, Real* along) const {
+  // d'A; nought for free cables, and for those that depend on them but for rounding.
+  void pull(const Real* d, Real* along) const {
     for (int i = 0; i < m_; ++i) along[i] = d[0] * rows[0][i];
     for (int k = 1; k < N; ++k) {
       for (int i = 0; i < m_; ++i) along[i] += d[k] * rows[k][i];
+    }
+    for (int i = 0; i < m_; ++i) {
+      along[i] = free_[i] || magnitude(along[i]) <= kNought * length_[i] ? Real(0) : along[i];
     }
   }
 
@@ -321,7 +328,8 @@ class LinearProgram {
   }
 
   int m_, steps_ = 0, stalled_ = 0;
-  Real value_ = 0, top_ = 0, size_ = 0;  // the bound on S, the next kink of any limit, what errors are measured against
+  Real value_ = 0, top_ = 0,
+       size_ = 0;  // the bound on S, the next kink of any limit, what errors are measured against
   Real direction_[N] = {}, turn_[N] = {};                     // y and where it turns
   Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A, turn'A, sizes of the columns
   End lower_[M] = {}, upper_[M] = {};

@@ -4,9 +4,9 @@
 //   minimax        minimise max t, which is -S                  W t = w,  a <= t <= min(b, -S)
 //   optimally safe maximise S, a + S <= t <= b - alpha S        W t = w
 //
-// In the last two a cable that has no more room keeps what it has: one whose lower limit is above the least largest
-// tension stays there, and one that is too narrow for the margin S has the most margin that it can have. That changes
-// no optimum; it spares the other cables a poor one.
+// In the last two a cable that has no more room keeps what it has: one whose lower limit is above the least
+// largest tension stays there, and one that is too narrow for the margin S has the most margin that it can have.
+// That changes no optimum; it spares the other cables a poor one.
 #pragma once
 
 #include "linear_program.hpp"
@@ -28,8 +28,8 @@ class TensionProgram {
   // alpha: of the optimally safe tensions only.
   TensionProgram(int m, Program program, Real alpha) : m_(m), program_(program), alpha_(alpha), linear_(m) {}
 
-  // The limits that all of the best tensions keep, and no others that render the wrench; those of the problem where
-  // it is out of reach. Returns the steps taken.
+  // The limits that all of the best tensions keep, and no others that render the wrench; those of the problem
+  // where it is out of reach. Returns the steps taken.
   int tighten(const Problem& problem, Real* lower, Real* upper) {
     const bool found = load(problem);
     for (int i = 0; i < m_; ++i) {
