@@ -7,14 +7,13 @@
 // would have a row for every limit that moves; here it has those of A.
 //
 // Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) may be no
-// more than the most that y'A t can be, with every cable at the limit to which y pulls it. Where that bound is
-// attained, only free cables (those with y'A_i = 0) are still to be chosen. If they make up the wrench that is
+// more than the most that y'A t can be, with every cable held at the limit to which y pulls it. Where that bound
+// is attained only free cables, those with y'A_i = 0, are still to be chosen. If they make up the wrench that is
 // missing inside their limits, the bound is the answer. Otherwise y turns: towards what no free cable can make up,
-// or so as to hold the free cable that breaks its limit by most at that limit. The bound falls along the turn. At
-// breakpoints other cables change limits, until the one that would stop the fall becomes free (the long-step rule:
-// a step passes many bases). All limits are finite, so that no first phase is needed. An orthogonal basis of the
-// free columns, built anew whenever one leaves, takes dependent columns and rows as they come. After some steps of
-// no length Bland's rule takes over, which cannot cycle.
+// or so as to hold the free cable that breaks its limits by most. The bound falls along the turn. At breakpoints
+// other cables change limits, until the one that would stop the fall becomes free (the long-step rule: one step
+// passes many bases). All limits are finite, so that no first phase is needed; dependent rows and columns are like
+// any others. After some steps of no length Bland's rule takes over, which cannot cycle.
 //
 // Sources: Lemke (1954), "The dual method of solving the linear programming problem"; Maros (2003), "A generalized
 // dual phase-2 simplex algorithm", for the long step; Bland (1977), "New finite pivoting rules for the simplex
@@ -24,6 +23,7 @@
 #include <cmath>
 #include <limits>
 
+#include "free_columns.hpp"
 #include "lanes.hpp"
 
 namespace tensionlab {
@@ -40,13 +40,15 @@ class LinearProgram {
  public:
   explicit LinearProgram(int m) : m_(m) {}
 
-  // The program: set all of these, then solve.
+  // The program: set all of these, then solve. No tensions have an S below least, and an S above most is as good
+  // as most.
   Real rows[N][M] = {}, gain[N] = {}, target[N] = {};  // A, g, f
   ClosingLimits<Real> limits[M] = {};
-  Real least = std::numeric_limits<Real>::lowest();  // no tensions have a smaller S
+  Real least = std::numeric_limits<Real>::lowest(), most = std::numeric_limits<Real>::max();
 
-  // start: a direction that bounds S; nought where nothing is missing while all limits are shut. Returns whether
-  // there are tensions for any S at all, or false after kStepLimit steps, far beyond what any known problem takes.
+  // start: a direction that bounds S, such as what is missing while all limits are shut; nought if nothing is.
+  // Returns whether there are tensions for any S at all, or false after kStepLimit steps, far beyond what any
+  // known problem takes.
   bool solve(const Real* start) {
     begin(start);
     for (steps_ = 1; steps_ <= kStepLimit; ++steps_) {
@@ -61,12 +63,14 @@ class LinearProgram {
 
   int steps() const { return steps_; }
 
-  // Limits of cable i that all of the best tensions keep. Of the tensions with A t + g S = f no others keep them:
-  // a cable that y pulls must stay where it is pulled to.
+  // Limits of cable i that all of the best tensions keep, while no others with A t + g S = f do: a cable that y
+  // pulls must stay where it is held.
   void face(int i, Real* lower, Real* upper) const {
-    *lower = lower_[i].at(value_);
-    *upper = upper_[i].at(value_);
-    if (along_[i] == 0) return;
+    const ClosingLimits<Real>& c = limits[i];
+    const Real s = smaller(larger(smaller(value_, most), c.open), c.shut);
+    *lower = c.lower + c.rise * s;
+    *upper = c.upper - c.fall * s;
+    if (value_ >= most || along_[i] == 0) return;
     (at_upper_[i] ? *lower : *upper) = at_upper_[i] ? *upper : *lower;
   }
 
@@ -84,27 +88,28 @@ class LinearProgram {
     Real at(Real s) const { return constant + rate * s; }
   };
 
-  // d'(f - A t - g S) = excess - rate S for a direction d, with all cables but the free ones held at their ends.
+  // d'(f - A t - g S) = excess - rate S for a direction d, with all cables held at their ends but the free ones.
   struct Cut {
     Real excess, rate;
   };
 
   void begin(const Real* start) {
-    stalled_ = count_ = 0;
-    value_ = size_ = 0;
-    for (int k = 0; k < N; ++k) size_ += magnitude(target[k]);
-    for (int i = 0; i < m_; ++i) length_[i] = 0;
-    for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < m_; ++i) length_[i] = larger(length_[i], magnitude(rows[k][i]));
-    }
-    copy(start, direction_);
-    normalise(direction_);
-    for (int i = 0; i < m_; ++i) free_[i] = false;
-    pull(direction_, along_);
+    stalled_ = 0;
+    value_ = kInfinite;
     top_ = -kInfinite;
+    size_ = 0;
+    for (int k = 0; k < N; ++k) size_ += magnitude(target[k]);
     for (int i = 0; i < m_; ++i) {
       const ClosingLimits<Real>& c = limits[i];
+      length_[i] = 0;
+      for (int k = 0; k < N; ++k) length_[i] = larger(length_[i], magnitude(rows[k][i]));
       size_ += length_[i] * larger(magnitude(c.lower + c.rise * c.open), magnitude(c.upper - c.fall * c.open));
+      free_[i] = false;
+    }
+    columns_.clear();
+    copy<N>(start, direction_);
+    settle();
+    for (int i = 0; i < m_; ++i) {
       at_upper_[i] = along_[i] > 0;
       follow(i, kInfinite);
       top_ = larger(top_, kink_[i]);
@@ -129,7 +134,7 @@ class LinearProgram {
   }
 
   Cut measure(const Real* d, const Real* along) const {
-    Cut cut{dot(d, target), dot(d, gain)};
+    Cut cut{dot<N>(d, target), dot<N>(d, gain)};
     for (int i = 0; i < m_; ++i) {
       cut.excess -= along[i] * held_[i];
       cut.rate += along[i] * held_rate_[i];
@@ -140,11 +145,14 @@ class LinearProgram {
   // Lower S to what the direction y + theta turn allows. Limits begin or cease to move on the way, which changes
   // both cuts. Returns false where no S will do.
   bool descend(Cut& y, Cut& change, Real theta) {
-    for (;;) {
-      const Real rate = y.rate + theta * change.rate;
-      value_ = rate < 0 ? (y.excess + theta * change.excess) / rate : -kInfinite;
+    const Real rounding = kMissing * size_ * (1 + theta);
+    for (Real passed = kInfinite;;) {
+      const Real excess = y.excess + theta * change.excess, rate = y.rate + theta * change.rate;
+      value_ = smaller(rate < 0 ? excess / rate : -kInfinite, passed);
+      // A kink is passed only where that makes a difference: beyond it the bound may have no slope left.
+      if (excess - rate * top_ <= rounding) value_ = larger(value_, top_);
       if (value_ >= top_) return value_ >= least;
-      const Real passed = top_;
+      passed = top_;
       top_ = -kInfinite;
       for (int i = 0; i < m_; ++i) {
         if (kink_[i] >= passed) follow(i, passed);
@@ -157,53 +165,43 @@ class LinearProgram {
 
   // Choose how to turn y. Returns false where the bound is attained.
   bool turn() {
-    Real tension[M], missing[N], share[N];
+    Real tension[M], share[N] = {};
     for (int i = 0; i < m_; ++i) tension[i] = held_[i] + held_rate_[i] * value_;
     for (int k = 0; k < N; ++k) {
-      missing[k] = target[k] - gain[k] * value_;
-      for (int i = 0; i < m_; ++i) missing[k] -= rows[k][i] * tension[i];
+      turn_[k] = target[k] - gain[k] * value_;
+      for (int i = 0; i < m_; ++i) turn_[k] -= rows[k][i] * tension[i];
     }
-    for (int j = 0; j < count_; ++j) {
-      share[j] = dot(basis_[j], missing);
-      subtract(basis_[j], share[j], missing);
+    columns_.take_out(turn_, share);
+    if (!(normalise<N>(turn_) > kMissing * size_ && columns_.count() + 1 < N)) {
+      columns_.solve(share);
+      const int place = worst_free(share);
+      if (place < 0) return false;
+      // Turn to where its end pulls, and none of the other free cables.
+      const int leaving = columns_.cable(place);
+      for (int k = 0; k < N; ++k) turn_[k] = at_upper_[leaving] ? rows[k][leaving] : -rows[k][leaving];
+      columns_.drop(place);
+      free_[leaving] = false;
+      hold(leaving);
+      columns_.take_out(turn_, share);
+      normalise<N>(turn_);
     }
-    if (normalise(missing) > kMissing * size_ && count_ + 1 < N) {
-      copy(missing, turn_);
-    } else {
-      const int worst = worst_free(share);
-      if (worst < 0) return false;
-      release(worst);
-    }
-    clean(turn_);
-    normalise(turn_);
+    columns_.take_out(turn_, share);
+    normalise<N>(turn_);
     return true;
   }
 
-  // Which free cable breaks its limits by most; -1 if none does. Measured is the wrench that would be missing if
-  // it stayed at its limit. share: the part of the missing wrench along each vector of the basis.
-  int worst_free(const Real* share) {
-    Real tension[N], worst = kMissing * size_;
+  // The place of the free cable that breaks its limits by most; -1 if none does. Measured is the wrench that would
+  // be missing if it stayed at its limit.
+  int worst_free(const Real* tension) {
+    Real worst = kMissing * size_;
     int found = -1;
-    for (int j = count_ - 1; j >= 0; --j) {
-      tension[j] = share[j];
-      for (int k = j + 1; k < count_; ++k) tension[j] -= triangle_[j][k] * tension[k];
-      tension[j] /= triangle_[j][j];
-    }
-    for (int j = 0; j < count_; ++j) {
-      const int i = order_[j];
+    for (int j = 0; j < columns_.count(); ++j) {
+      const int i = columns_.cable(j);
       const Real below = lower_[i].at(value_) - tension[j], above = tension[j] - upper_[i].at(value_);
       if (!(below > 0 || above > 0)) continue;
-      // Row j of the inverse triangle is as long as one over the distance of the column from the span of the
-      // others.
-      Real row[N] = {}, square = 0;
-      for (int k = j; k < count_; ++k) {
-        row[k] = k == j ? Real(1) : Real(0);
-        for (int p = j; p < k; ++p) row[k] -= row[p] * triangle_[p][k];
-        row[k] /= triangle_[k][k];
-        square += row[k] * row[k];
-      }
-      const Real broken = larger(below, above) / std::sqrt(square);
-      if (bland() && found >= 0 ? broken <= kMissing * size_ || i > order_[found] : broken <= worst) continue;
+      const Real broken = larger(below, above) * columns_.distance(j);
+      if (!(broken > (bland() ? kMissing * size_ : worst))) continue;
+      if (bland() && found >= 0 && i > columns_.cable(found)) continue;
       worst = broken;
       found = j;
       at_upper_[i] = above > below;
@@ -211,20 +209,10 @@ class LinearProgram {
     return found;
   }
 
-  // The cable in place j is no longer free: turn to where its end pulls, and none of the other free cables.
-  void release(int j) {
-    const int leaving = order_[j], last = count_;
-    free_[leaving] = false;
-    hold(leaving);
-    count_ = j;
-    for (int k = j + 1; k < last; ++k) extend(order_[k]);
-    for (int k = 0; k < N; ++k) turn_[k] = at_upper_[leaving] ? rows[k][leaving] : -rows[k][leaving];
-  }
-
   // Turn y until the bound falls no further. Returns false where no S will do.
   bool search() {
-    pull(turn_, turn_along_);
     Real breakpoint[M];
+    pull(turn_, turn_along_);
     for (int i = 0; i < m_; ++i) {
       const Real pace = at_upper_[i] ? -turn_along_[i] : turn_along_[i];
       const Real distance = at_upper_[i] ? along_[i] : -along_[i];
@@ -237,7 +225,7 @@ class LinearProgram {
       const Real theta = breakpoint[next];
       if (theta == kInfinite) {
         // The bound falls all the way, so that the turn itself is the better direction.
-        copy(turn_, direction_);
+        copy<N>(turn_, direction_);
         stalled_ = 0;
         settle();
         return true;
@@ -251,50 +239,34 @@ class LinearProgram {
         change = measure(turn_, turn_along_);
       }
       if (bland() || change.excess - change.rate * value_ <= kMissing * size_) {
-        free_[next] = true;
-        hold(next);
-        extend(next);
-        for (int k = 0; k < N; ++k) direction_[k] += theta * turn_[k];
-        stalled_ = theta > 0 ? 0 : stalled_ + 1;
-        settle();
+        release(next, theta);
         return true;
       }
     }
   }
 
+  // The turn ends at theta, where cable i becomes free.
+  void release(int i, Real theta) {
+    Real column[N];
+    for (int k = 0; k < N; ++k) {
+      column[k] = rows[k][i];
+      direction_[k] += theta * turn_[k];
+    }
+    columns_.add(i, column);
+    free_[i] = true;
+    hold(i);
+    stalled_ = theta > 0 ? 0 : stalled_ + 1;
+    settle();
+  }
+
   // Make y normal to the free columns and of unit length.
   void settle() {
-    clean(direction_);
-    normalise(direction_);
+    Real share[N] = {};
+    columns_.take_out(direction_, share);
+    columns_.take_out(direction_, share);
+    normalise<N>(direction_);
     pull(direction_, along_);
   }
-
-  // One more column for the basis of the free ones.
-  void extend(int i) {
-    if (count_ >= N) return;  // never: y is normal to them all. The compiler cannot know.
-    Real *vector = basis_[count_], part[N] = {};
-    for (int k = 0; k < N; ++k) vector[k] = rows[k][i];
-    for (int pass = 0; pass < 2; ++pass) {
-      for (int j = 0; j < count_; ++j) {
-        const Real more = dot(basis_[j], vector);
-        part[j] += more;
-        subtract(basis_[j], more, vector);
-      }
-    }
-    for (int j = 0; j < count_; ++j) triangle_[j][count_] = part[j];
-    triangle_[count_][count_] = normalise(vector);
-    order_[count_++] = i;
-  }
-
-  // Take out of x its part in the span of the free columns; twice, because rounding leaves some of it the first
-  // time.
-  void clean(Real* x) const {
-    for (int pass = 0; pass < 2; ++pass) {
-      for (int j = 0; j < count_; ++j) subtract(basis_[j], dot(basis_[j], x), x);
-    }
-  }
-
-  bool bland() const { return stalled_ > kPatience; }
 
   // d'A; nought for free cables, and for those that depend on them but for rounding.
   void pull(const Real* d, Real* along) const {
@@ -307,36 +279,18 @@ class LinearProgram {
     }
   }
 
-  static Real normalise(Real* x) {
-    const Real length = std::sqrt(dot(x, x));
-    for (int k = 0; k < N; ++k) x[k] = length > 0 ? x[k] / length : Real(0);
-    return length;
-  }
-
-  static void subtract(const Real* x, Real factor, Real* from) {
-    for (int k = 0; k < N; ++k) from[k] -= factor * x[k];
-  }
-
-  static void copy(const Real* from, Real* to) {
-    for (int k = 0; k < N; ++k) to[k] = from[k];
-  }
-
-  static Real dot(const Real* x, const Real* y) {
-    Real sum = 0;
-    for (int k = 0; k < N; ++k) sum += x[k] * y[k];
-    return sum;
-  }
+  bool bland() const { return stalled_ > kPatience; }
 
   int m_, steps_ = 0, stalled_ = 0;
-  Real value_ = 0, top_ = 0,
-       size_ = 0;  // the bound on S, the next kink of any limit, what errors are measured against
+  Real value_ = 0;                                            // the bound on S
+  Real top_ = 0;                                              // the next kink in the course of any limit
+  Real size_ = 0;                                             // what errors are measured against
   Real direction_[N] = {}, turn_[N] = {};                     // y and where it turns
   Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A, turn'A, sizes of the columns
   End lower_[M] = {}, upper_[M] = {};
   Real held_[M] = {}, held_rate_[M] = {}, kink_[M] = {};  // the end at which a cable is held, nought if it is free
   bool at_upper_[M] = {}, free_[M] = {};
-  int count_ = 0, order_[N] = {};                // the free cables, in the order of the basis
-  Real basis_[N][N] = {}, triangle_[N][N] = {};  // A_free = basis' triangle, each vector of the basis a row
+  FreeColumns<Real, N> columns_;
 };
 
 }  // namespace TENSIONLAB_BUILD

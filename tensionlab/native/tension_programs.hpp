@@ -4,10 +4,11 @@
 //   minimax        minimise max t, which is -S                  W t = w,  a <= t <= min(b, -S)
 //   optimally safe maximise S, a + S <= t <= b - alpha S        W t = w
 //
-// In the last two a cable that has no more room keeps what it has: one whose lower limit is above the least
-// largest tension stays there, and one that is too narrow for the margin S has the most margin that it can have.
-// That changes no optimum; it spares the other cables a poor one.
+// In the last two a cable without play, which can do nothing about it, counts for nothing: neither as the largest
+// tension nor as the least margin.
 #pragma once
+
+#include <limits>
 
 #include "linear_program.hpp"
 
@@ -55,6 +56,7 @@ class TensionProgram {
       linear_.target[k] = start[k] = problem.wrench[k];
       for (int i = 0; i < m_; ++i) linear_.rows[k][i] = row[i];
     }
+    linear_.most = std::numeric_limits<Real>::max();
     for (int i = 0; i < m_; ++i) {
       const Real a = problem.lower[i], b = problem.upper[i];
       ClosingLimits<Real>& limits = linear_.limits[i];
@@ -62,6 +64,8 @@ class TensionProgram {
       if (program_ == Program::minimax) limits = {a, 0, 0, 1, -b, -a};
       if (program_ == Program::safe) limits = {a, b, 1, alpha_, 0, (b - a) / (1 + alpha_)};
       if (sum) linear_.rows[n][i] = 1;
+      // Where the first cable has no more room S has its best value, though the others could go on.
+      if (!sum && a < b) linear_.most = smaller(linear_.most, limits.shut);
       const Real closed = limits.lower + limits.rise * limits.shut;
       for (int k = 0; k < n; ++k) start[k] -= closed * linear_.rows[k][i];
     }
