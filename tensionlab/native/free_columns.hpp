@@ -73,16 +73,20 @@ class FreeColumns {
     }
   }
 
-  // Distance of a column from the span of the others: one over the length of its row of the inverse triangle.
-  Real distance(int place) const {
-    Real row[N] = {}, square = 0;
+  // A column less its part in the span of the others: its length, and what a vector with the parts share has along
+  // it. Row `place` of the inverse triangle has both.
+  Real own(int place, const Real* share, Real* along) const {
+    Real row[N] = {}, square = 0, sum = 0;
     for (int k = place; k < count_; ++k) {
       row[k] = k == place ? Real(1) : Real(0);
       for (int j = place; j < k; ++j) row[k] -= row[j] * triangle_[j][k];
       row[k] /= triangle_[k][k];
       square += row[k] * row[k];
+      sum += row[k] * share[k];
     }
-    return 1 / std::sqrt(square);
+    const Real length = 1 / std::sqrt(square);
+    *along = sum * length;
+    return length;
   }
 
  private:

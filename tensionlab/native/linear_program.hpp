@@ -2,9 +2,9 @@
 //
 //   maximise S   subject to   A t + g S = f,   l_i(S) <= t_i <= u_i(S)
 //
-// The limits of each cable approach each other as S grows, linearly between two values of S and not at all beyond
-// them. tension_programs.hpp puts the tension programs into this form. Written as an ordinary linear program it
-// would have a row for every limit that moves; here it has those of A.
+// The limits of each cable approach each other as S grows (closing_limits.hpp). tension_programs.hpp puts the
+// tension programs into this form. Written as an ordinary linear program it would have a row for every limit that
+// moves; here it has those of A.
 //
 // Method: dual simplex for bounded variables. Any direction y bounds S from above, because y'(f - g S) may be no
 // more than the most that y'A t can be, with every cable held at the limit to which y pulls it. Where that bound
@@ -23,27 +23,22 @@
 #include <cmath>
 #include <limits>
 
+#include "closing_limits.hpp"
 #include "free_columns.hpp"
 #include "lanes.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// lower + rise s <= t <= upper - fall s, where s is S or, beyond [open, shut], the nearer end.
-template <class Real>
-struct ClosingLimits {
-  Real lower, upper, rise, fall, open, shut;
-};
-
 template <class Real, int N, int M>
 class LinearProgram {
  public:
   explicit LinearProgram(int m) : m_(m) {}
 
-  // The program: set all of these, then solve. No tensions have an S below least, and an S above most is as good
-  // as most.
+  // The program: set all of these and cables.limits, then solve. No tensions have an S below least; an S above
+  // most is as good as most.
   Real rows[N][M] = {}, gain[N] = {}, target[N] = {};  // A, g, f
-  ClosingLimits<Real> limits[M] = {};
+  HeldCables<Real, M> cables;
   Real least = std::numeric_limits<Real>::lowest(), most = std::numeric_limits<Real>::max();
 
   // start: a direction that bounds S, such as what is missing while all limits are shut; nought if nothing is.
@@ -55,7 +50,7 @@ class LinearProgram {
       Cut cut = measure(direction_, along_), still{0, 0};
       if (steps_ == 1 && !(cut.rate < 0 || cut.excess > 0)) return true;
       if (!descend(cut, still, 0)) return false;
-      if (!turn()) return true;
+      if (!turn(cut.rate)) return true;
       if (!search()) return false;
     }
     return false;
@@ -63,15 +58,26 @@ class LinearProgram {
 
   int steps() const { return steps_; }
 
-  // Limits of cable i that all of the best tensions keep, while no others with A t + g S = f do: a cable that y
-  // pulls must stay where it is held.
-  void face(int i, Real* lower, Real* upper) const {
-    const ClosingLimits<Real>& c = limits[i];
-    const Real s = smaller(larger(smaller(value_, most), c.open), c.shut);
-    *lower = c.lower + c.rise * s;
-    *upper = c.upper - c.fall * s;
-    if (value_ >= most || along_[i] == 0) return;
-    (at_upper_[i] ? *lower : *upper) = at_upper_[i] ? *upper : *lower;
+  // Limits that all of the best tensions keep, while no others with A t + g S = f do.
+  void face(Real* lower, Real* upper) const {
+    const Real best = smaller(value_, most);
+    int ties = 0;
+    for (int i = 0; i < m_; ++i) {
+      lower[i] = cables.limits[i].least(best);
+      upper[i] = cables.limits[i].most(best);
+      ties += along_[i] == 0 && lower[i] < upper[i] ? 1 : 0;
+    }
+    if (best < value_) return;
+    for (int i = 0; i < m_; ++i) {
+      // A cable that y pulls must stay where it is held.
+      if (along_[i] != 0) (cables.at_upper[i] ? lower[i] : upper[i]) = cables.at_upper[i] ? upper[i] : lower[i];
+    }
+    if (ties > columns_.count() || forgiven_ > 0) return;
+    for (int j = 0; j < columns_.count(); ++j) {
+      // Independent columns that are alone in making up the rest leave no choice either.
+      const int i = columns_.cable(j);
+      lower[i] = upper[i] = smaller(larger(tension_[j], lower[i]), upper[i]);
+    }
   }
 
  private:
@@ -82,12 +88,6 @@ class LinearProgram {
   static constexpr int kPatience = 2 * N;       // steps of no length before Bland's rule
   static constexpr int kStepLimit = 50 + 10 * M;
 
-  // constant + rate S.
-  struct End {
-    Real constant, rate;
-    Real at(Real s) const { return constant + rate * s; }
-  };
-
   // d'(f - A t - g S) = excess - rate S for a direction d, with all cables held at their ends but the free ones.
   struct Cut {
     Real excess, rate;
@@ -96,48 +96,24 @@ class LinearProgram {
   void begin(const Real* start) {
     stalled_ = 0;
     value_ = kInfinite;
-    top_ = -kInfinite;
-    size_ = 0;
+    size_ = forgiven_ = 0;
+    columns_.clear();
     for (int k = 0; k < N; ++k) size_ += magnitude(target[k]);
     for (int i = 0; i < m_; ++i) {
-      const ClosingLimits<Real>& c = limits[i];
+      cables.free[i] = false;
       length_[i] = 0;
       for (int k = 0; k < N; ++k) length_[i] = larger(length_[i], magnitude(rows[k][i]));
-      size_ += length_[i] * larger(magnitude(c.lower + c.rise * c.open), magnitude(c.upper - c.fall * c.open));
-      free_[i] = false;
     }
-    columns_.clear();
     copy<N>(start, direction_);
     settle();
-    for (int i = 0; i < m_; ++i) {
-      at_upper_[i] = along_[i] > 0;
-      follow(i, kInfinite);
-      top_ = larger(top_, kink_[i]);
-    }
-  }
-
-  // The ends of cable i for S just below top, down to the next kink in their course.
-  void follow(int i, Real top) {
-    const ClosingLimits<Real>& c = limits[i];
-    const bool shut = top > c.shut, moving = !shut && top > c.open;
-    const Real s = shut ? c.shut : c.open;
-    lower_[i] = moving ? End{c.lower, c.rise} : End{c.lower + c.rise * s, 0};
-    upper_[i] = moving ? End{c.upper, -c.fall} : End{c.upper - c.fall * s, 0};
-    kink_[i] = shut ? c.shut : moving ? c.open : -kInfinite;
-    hold(i);
-  }
-
-  void hold(int i) {
-    const End& end = at_upper_[i] ? upper_[i] : lower_[i];
-    held_[i] = free_[i] ? Real(0) : end.constant;
-    held_rate_[i] = free_[i] ? Real(0) : end.rate;
+    cables.begin(m_, along_);
   }
 
   Cut measure(const Real* d, const Real* along) const {
     Cut cut{dot<N>(d, target), dot<N>(d, gain)};
     for (int i = 0; i < m_; ++i) {
-      cut.excess -= along[i] * held_[i];
-      cut.rate += along[i] * held_rate_[i];
+      cut.excess -= along[i] * cables.held[i];
+      cut.rate += along[i] * cables.held_rate[i];
     }
     return cut;
   }
@@ -148,63 +124,91 @@ class LinearProgram {
     const Real rounding = kMissing * size_ * (1 + theta);
     for (Real passed = kInfinite;;) {
       const Real excess = y.excess + theta * change.excess, rate = y.rate + theta * change.rate;
+      const Real kink = cables.kink();
       value_ = smaller(rate < 0 ? excess / rate : -kInfinite, passed);
       // A kink is passed only where that makes a difference: beyond it the bound may have no slope left.
-      if (excess - rate * top_ <= rounding) value_ = larger(value_, top_);
-      if (value_ >= top_) return value_ >= least;
-      passed = top_;
-      top_ = -kInfinite;
-      for (int i = 0; i < m_; ++i) {
-        if (kink_[i] >= passed) follow(i, passed);
-        top_ = larger(top_, kink_[i]);
-      }
+      if (excess - rate * kink <= rounding) value_ = larger(value_, kink);
+      if (value_ >= kink) return value_ >= least;
+      passed = kink;
+      cables.pass_kink();
       y = measure(direction_, along_);
       change = measure(turn_, turn_along_);
     }
   }
 
-  // Choose how to turn y. Returns false where the bound is attained.
-  bool turn() {
-    Real tension[M], share[N] = {};
-    for (int i = 0; i < m_; ++i) tension[i] = held_[i] + held_rate_[i] * value_;
-    for (int k = 0; k < N; ++k) {
-      turn_[k] = target[k] - gain[k] * value_;
-      for (int i = 0; i < m_; ++i) turn_[k] -= rows[k][i] * tension[i];
+  // Whether a wrench is missing along the turn. S is known from y's cut alone, and poorly where its rate is small:
+  // what another S would make up but for rounding is not missing. `rate` is that of y as far as it is turned.
+  bool missing(Real wrench, Real rate, Real y_rate, Real turn_rate) {
+    const Real square = y_rate * y_rate + turn_rate * turn_rate, least_wrench = kMissing * size_;
+    if (!(wrench > least_wrench)) return false;
+    if (rate == 0 || wrench * magnitude(rate) > least_wrench * std::sqrt(square)) return true;
+    if (wrench > forgiven_) {
+      forgiven_ = wrench;
+      shift_ = wrench * turn_rate / square;
     }
-    columns_.take_out(turn_, share);
-    if (!(normalise<N>(turn_) > kMissing * size_ && columns_.count() + 1 < N)) {
-      columns_.solve(share);
-      const int place = worst_free(share);
-      if (place < 0) return false;
-      // Turn to where its end pulls, and none of the other free cables.
+    return false;
+  }
+
+  // Choose how to turn y. Returns false where the bound is attained.
+  bool turn(Real rate) {
+    Real closing[N], part[N] = {}, closing_part[N] = {};
+    size_ = 0;
+    for (int i = 0; i < m_; ++i) size_ += length_[i] * magnitude(cables.held[i] + cables.held_rate[i] * value_);
+    for (int k = 0; k < N; ++k) {
+      size_ += magnitude(target[k]);
+      turn_[k] = target[k];
+      closing[k] = gain[k];
+      for (int i = 0; i < m_; ++i) {
+        turn_[k] -= rows[k][i] * cables.held[i];
+        closing[k] += rows[k][i] * cables.held_rate[i];
+      }
+      turn_[k] -= closing[k] * value_;
+    }
+    columns_.take_out(turn_, part);
+    columns_.take_out(closing, closing_part);
+    for (int j = 0; j < columns_.count(); ++j) size_ += magnitude(part[j]);
+    forgiven_ = 0;
+    const Real length = normalise<N>(turn_);
+    if (!(columns_.count() + 1 < N && missing(length, rate, rate, dot<N>(turn_, closing)))) {
+      // The free cables make up all that there is.
+      copy<N>(part, tension_);
+      columns_.solve(tension_);
+      const int place = worst_free(closing_part, rate);
+      if (place < 0) {
+        if (forgiven_ > 0) value_ += shift_;
+        return false;
+      }
       const int leaving = columns_.cable(place);
-      for (int k = 0; k < N; ++k) turn_[k] = at_upper_[leaving] ? rows[k][leaving] : -rows[k][leaving];
+      const bool upper = tension_[place] > cables.end(leaving, true).at(value_);
+      for (int k = 0; k < N; ++k) turn_[k] = upper ? rows[k][leaving] : -rows[k][leaving];
+      cables.hold(leaving, upper);
       columns_.drop(place);
-      free_[leaving] = false;
-      hold(leaving);
-      columns_.take_out(turn_, share);
+      columns_.take_out(turn_, part);
       normalise<N>(turn_);
     }
-    columns_.take_out(turn_, share);
+    columns_.take_out(turn_, part);
     normalise<N>(turn_);
     return true;
   }
 
   // The place of the free cable that breaks its limits by most; -1 if none does. Measured is the wrench that would
   // be missing if it stayed at its limit.
-  int worst_free(const Real* tension) {
-    Real worst = kMissing * size_;
+  int worst_free(const Real* closing_part, Real rate) {
+    Real worst = 0;
     int found = -1;
     for (int j = 0; j < columns_.count(); ++j) {
       const int i = columns_.cable(j);
-      const Real below = lower_[i].at(value_) - tension[j], above = tension[j] - upper_[i].at(value_);
+      const auto &lower = cables.end(i, false), &upper = cables.end(i, true);
+      const Real below = lower.at(value_) - tension_[j], above = tension_[j] - upper.at(value_);
       if (!(below > 0 || above > 0)) continue;
-      const Real broken = larger(below, above) * columns_.distance(j);
-      if (!(broken > (bland() ? kMissing * size_ : worst))) continue;
-      if (bland() && found >= 0 && i > columns_.cable(found)) continue;
-      worst = broken;
+      Real closing;
+      const Real length = columns_.own(j, closing_part, &closing);
+      const Real wrench = length * larger(below, above);
+      const Real turn_rate = above > 0 ? closing + length * upper.rate : -closing - length * lower.rate;
+      if (!missing(wrench, rate, rate, turn_rate)) continue;
+      if (found >= 0 && (bland() ? i > columns_.cable(found) : wrench <= worst)) continue;
+      worst = wrench;
       found = j;
-      at_upper_[i] = above > below;
     }
     return found;
   }
@@ -214,8 +218,8 @@ class LinearProgram {
     Real breakpoint[M];
     pull(turn_, turn_along_);
     for (int i = 0; i < m_; ++i) {
-      const Real pace = at_upper_[i] ? -turn_along_[i] : turn_along_[i];
-      const Real distance = at_upper_[i] ? along_[i] : -along_[i];
+      const Real pace = cables.at_upper[i] ? -turn_along_[i] : turn_along_[i];
+      const Real distance = cables.at_upper[i] ? along_[i] : -along_[i];
       breakpoint[i] = pace > 0 ? (distance > 0 ? distance / pace : Real(0)) : kInfinite;
     }
     Cut cut = measure(direction_, along_), change = measure(turn_, turn_along_);
@@ -233,12 +237,12 @@ class LinearProgram {
       if (!descend(cut, change, theta)) return false;
       if (!bland()) {
         breakpoint[next] = kInfinite;
-        at_upper_[next] = !at_upper_[next];
-        hold(next);
+        cables.hold(next, !cables.at_upper[next]);
         cut = measure(direction_, along_);
         change = measure(turn_, turn_along_);
       }
-      if (bland() || change.excess - change.rate * value_ <= kMissing * size_) {
+      const Real rate = cut.rate + theta * change.rate, wrench = change.excess - change.rate * value_;
+      if (bland() || !missing(wrench, rate, cut.rate, change.rate)) {
         release(next, theta);
         return true;
       }
@@ -253,17 +257,16 @@ class LinearProgram {
       direction_[k] += theta * turn_[k];
     }
     columns_.add(i, column);
-    free_[i] = true;
-    hold(i);
+    cables.release(i);
     stalled_ = theta > 0 ? 0 : stalled_ + 1;
     settle();
   }
 
   // Make y normal to the free columns and of unit length.
   void settle() {
-    Real share[N] = {};
-    columns_.take_out(direction_, share);
-    columns_.take_out(direction_, share);
+    Real part[N] = {};
+    columns_.take_out(direction_, part);
+    columns_.take_out(direction_, part);
     normalise<N>(direction_);
     pull(direction_, along_);
   }
@@ -275,22 +278,19 @@ class LinearProgram {
       for (int i = 0; i < m_; ++i) along[i] += d[k] * rows[k][i];
     }
     for (int i = 0; i < m_; ++i) {
-      along[i] = free_[i] || magnitude(along[i]) <= kNought * length_[i] ? Real(0) : along[i];
+      along[i] = cables.free[i] || magnitude(along[i]) <= kNought * length_[i] ? Real(0) : along[i];
     }
   }
 
   bool bland() const { return stalled_ > kPatience; }
 
   int m_, steps_ = 0, stalled_ = 0;
-  Real value_ = 0;                                            // the bound on S
-  Real top_ = 0;                                              // the next kink in the course of any limit
-  Real size_ = 0;                                             // what errors are measured against
-  Real direction_[N] = {}, turn_[N] = {};                     // y and where it turns
+  Real value_ = 0, size_ = 0;              // the bound on S; what errors are measured against
+  Real forgiven_ = 0, shift_ = 0;          // the largest wrench let pass, and the S that it asks for
+  Real direction_[N] = {}, turn_[N] = {};  // y and where it turns
   Real along_[M] = {}, turn_along_[M] = {}, length_[M] = {};  // y'A, turn'A, sizes of the columns
-  End lower_[M] = {}, upper_[M] = {};
-  Real held_[M] = {}, held_rate_[M] = {}, kink_[M] = {};  // the end at which a cable is held, nought if it is free
-  bool at_upper_[M] = {}, free_[M] = {};
   FreeColumns<Real, N> columns_;
+  Real tension_[N] = {};  // of the free cables
 };
 
 }  // namespace TENSIONLAB_BUILD

@@ -33,12 +33,13 @@ class TensionProgram {
   // where it is out of reach. Returns the steps taken.
   int tighten(const Problem& problem, Real* lower, Real* upper) {
     const bool found = load(problem);
+    if (found) linear_.face(lower, upper);
     for (int i = 0; i < m_; ++i) {
       const Real a = problem.lower[i], b = problem.upper[i];
-      lower[i] = a;
-      upper[i] = b;
-      if (!found) continue;
-      linear_.face(i, &lower[i], &upper[i]);
+      if (!found) {
+        lower[i] = a;
+        upper[i] = b;
+      }
       lower[i] = smaller(larger(lower[i], a), b);
       upper[i] = smaller(larger(upper[i], lower[i]), b);  // rounding may have crossed them
     }
@@ -59,7 +60,7 @@ class TensionProgram {
     linear_.most = std::numeric_limits<Real>::max();
     for (int i = 0; i < m_; ++i) {
       const Real a = problem.lower[i], b = problem.upper[i];
-      ClosingLimits<Real>& limits = linear_.limits[i];
+      ClosingLimits<Real>& limits = linear_.cables.limits[i];
       if (sum) limits = {a, b, 0, 0, 0, 0};
       if (program_ == Program::minimax) limits = {a, 0, 0, 1, -b, -a};
       if (program_ == Program::safe) limits = {a, b, 1, alpha_, 0, (b - a) / (1 + alpha_)};
