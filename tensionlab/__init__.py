@@ -22,6 +22,7 @@ from tensionlab.solvers import SOLVERS, Solver, Status
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
 from tensionlab.solvers.newton import Newton
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
 from tensionlab.solvers.quadratic import QuadraticProgram
@@ -36,9 +37,12 @@ __all__ = [
     "ConvexProgram",
     "Dykstra",
     "Frame",
+    "LeastSum",
+    "Minimax",
     "MissingDependency",
     "Module",
     "Newton",
+    "OptimallySafe",
     "Platform",
     "PluginError",
     "PoseEstimate",

@@ -37,6 +37,15 @@ def dykstra(
     iteration_limit: int,
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def tighten(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    weights: NDArray[float64],
+    program: int,
+    alpha: float,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[int64]]: ...
 def judge(
     structure: NDArray[float64],
     wrench: NDArray[float64],

@@ -58,6 +58,7 @@ DOORS = {
     "mpl_toolkits": {"plots.py"},
 }
 NATIVE = {
+    "solvers/linear_program.py",
     "solvers/newton.py",
     "solvers/dykstra.py",
     "solvers/pseudoinverse.py",

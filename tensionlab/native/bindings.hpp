@@ -6,6 +6,7 @@
 namespace tensionlab {
 
 void bind_judge(nanobind::module_&);
+void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);
 void bind_allocate(nanobind::module_&);
 void bind_closed_form(nanobind::module_&);

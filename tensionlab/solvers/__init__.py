@@ -12,6 +12,7 @@ from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
 from tensionlab.solvers.newton import Newton
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
 from tensionlab.solvers.quadratic import QuadraticProgram
@@ -21,6 +22,9 @@ SOLVERS: dict[str, type[Any]] = {
     "dykstra": Dykstra,
     "pseudoinverse": Pseudoinverse,
     "closed-form": ClosedForm,
+    "least-sum": LeastSum,
+    "minimax": Minimax,
+    "safe": OptimallySafe,
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }

@@ -1,0 +1,111 @@
+"""Tensions from linear programs: the least sum, the least largest tension, the largest margin to the limits.
+
+The best tensions of such a program are those that render the wrench inside tighter limits: the largest tension or
+the margin is a limit like any other, and a cable on which the optimum depends stays at its own. A compiled dual
+simplex method finds the tighter limits (`tensionlab/native/linear_program.hpp`). Where they leave a choice, `Newton`
+takes the tensions closest to the reference, so that the answer depends neither on the order of the cables nor on
+the path of the method, and changes little with the wrench. A simplex method alone stops at some corner, and jumps.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+from tensionlab import _native
+from tensionlab.solvers.contract import Answer, Nearest, Problem
+from tensionlab.solvers.newton import Newton
+
+Program = Literal["sum", "largest", "margin"]
+PROGRAMS: tuple[Program, ...] = ("sum", "largest", "margin")
+
+
+@dataclass(frozen=True)
+class LeastSum:
+    """Which tensions render the wrench with the least sum?
+
+    Minimises ``sum(t)`` subject to ``W t = w`` and the limits. Of equally good tensions it takes those closest to
+    the reference. They change continuously with the wrench, but jump when the rig moves through a pose in which
+    two sets of cables are equally good. Out of reach they are those of the closest wrench, and no verdict is
+    promised. Iterations are simplex and Newton steps.
+
+    Source: Shiang, Cannon and Gorman, "Optimal force distribution applied to a robotic crane with flexible
+    cables", 2000.
+    """
+
+    objective: ClassVar[str] = "least sum of tensions"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        return _closest_of_the_best(problem, "sum")
+
+
+@dataclass(frozen=True)
+class Minimax:
+    """Which tensions render the wrench with the least largest tension?
+
+    Minimises ``max(t)`` subject to ``W t = w`` and the limits, as the linear program of the least τ with
+    ``t <= τ``. A cable without play, which can do nothing about it, does not count. Of equally good tensions it
+    takes those closest to the reference; they change continuously with the wrench. Out of reach they are those of
+    the closest wrench, and no verdict is promised. Iterations are simplex and Newton steps.
+
+    Source: Gosselin and Grenier, "On the determination of the force distribution in overconstrained cable-driven
+    parallel mechanisms", 2011, where it is the limit of the p-norms.
+    """
+
+    objective: ClassVar[str] = "least largest tension"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        return _closest_of_the_best(problem, "largest")
+
+
+@dataclass(frozen=True)
+class OptimallySafe:
+    """Which tensions render the wrench with the largest margin to the limits?
+
+    Maximises S subject to ``W t = w`` and ``lower + S <= t <= upper - alpha S``. A cable without play, which has
+    no margin to gain, does not count. Of equally safe tensions it takes those closest to the reference; they
+    change continuously with the wrench. Where S is negative the wrench is out of reach; the tensions are then
+    those of the closest wrench, and no verdict is promised. Iterations are simplex and Newton steps.
+
+    Source: Borgstrom, Jordan, Borgstrom, Stealey, Sukhatme, Batalin and Kaiser, "Rapid computation of optimally
+    safe tension distributions for parallel cable-driven robots", 2009.
+
+    Parameters
+    ----------
+    alpha : float
+        How much margin to the upper limits is worth, against margin to the lower ones. 1 keeps equally far from
+        both; 0 asks only that no cable comes near to its lower limit.
+    """
+
+    alpha: float = 1.0
+
+    objective: ClassVar[str] = "largest margin to the limits"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.alpha < math.inf:
+            raise ValueError(f"OptimallySafe(alpha={self.alpha}): must be a number, 0 or more")
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        return _closest_of_the_best(problem, "margin", self.alpha)
+
+
+def _closest_of_the_best(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
+    """Which tensions closest to the reference are best for the program?"""
+    lower, upper, steps = _native.tighten(
+        problem.structure,
+        problem.wrench,
+        problem.lower,
+        problem.upper,
+        problem.weights,
+        PROGRAMS.index(program),
+        alpha,
+    )
+    closest = Newton().solve(replace(problem, lower=lower, upper=upper))
+    return Answer(tensions=closest.tensions, iterations=steps + closest.iterations)
