@@ -23,7 +23,9 @@ from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.polygon import Polygon
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 
 __version__ = "0.1.0"
@@ -41,8 +43,10 @@ __all__ = [
     "Newton",
     "Platform",
     "PluginError",
+    "Polygon",
     "PoseEstimate",
     "Pseudoinverse",
+    "Puncture",
     "QuadraticProgram",
     "Rig",
     "RigError",

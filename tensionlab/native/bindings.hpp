@@ -5,6 +5,7 @@
 
 namespace tensionlab {
 
+void bind_equilibrium(nanobind::module_&);
 void bind_judge(nanobind::module_&);
 void bind_newton(nanobind::module_&);
 void bind_closed_form(nanobind::module_&);

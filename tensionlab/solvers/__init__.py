@@ -13,7 +13,9 @@ from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.polygon import Polygon
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 
 SOLVERS: dict[str, type[Any]] = {
@@ -21,6 +23,8 @@ SOLVERS: dict[str, type[Any]] = {
     "dykstra": Dykstra,
     "pseudoinverse": Pseudoinverse,
     "closed-form": ClosedForm,
+    "puncture": Puncture,
+    "polygon": Polygon,
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }
