@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 from tensionlab import _native
 from tensionlab.errors import ShapeError
 from tensionlab.measure import Allocation, measure
-from tensionlab.solvers import make
-from tensionlab.solvers.contract import Floats, Nearest, Problem, Solver
+from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers.contract import Floats, Nearest, Problem, Solver, refusal
 
 LARGEST = 1e100
 """Entries of this size or more are refused: their squares would overflow."""
@@ -106,6 +106,9 @@ class Allocator:
 
     def _adapt(self, n: int, m: int) -> None:
         """Spread limits, reference and weights over m cables and n components."""
+        if reason := refusal(self.solver, n, m):
+            able = ", ".join(name for name in SOLVERS if not refusal(make(name), n, m))
+            raise ValueError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
 
         def spread(name: str, array: Floats, count: int, what: str) -> Floats:
             own = array.shape[-1:]
@@ -163,7 +166,7 @@ def allocate(
     UnknownSolver
         If no solver has that name.
     ValueError
-        If the solver cannot honour the policy.
+        If the solver cannot honour the policy, or serves no problems of this size.
     """
     return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
 

@@ -42,7 +42,8 @@ class Strips {
       const Real length = std::sqrt(dot(normal, normal)), low = lower[cable], high = upper[cable];
       size_ = larger(size_, larger(magnitude(low), magnitude(high)));
       if (length <= Is::parallel) continue;
-      normal_[count_] = normal;
+      normal_x_[count_] = normal.x;
+      normal_y_[count_] = normal.y;
       length_[count_] = length;
       origin_[count_] = origin[i];
       lower_[count_] = low;
@@ -57,14 +58,17 @@ class Strips {
     const Real width = Is::thin * size_;
     if (goal == Goal::centroid) return polygon.centroid(width);
     Point<Real> sum{0, 0};
-    for (int i = 0; i < count_; ++i) sum = sum + normal_[i];
+    for (int i = 0; i < count_; ++i) sum = sum + normal(i);
     return polygon.lowest(sum, Is::kept * size_).centroid(width);
   }
 
  private:
+  // Where the tension of a cable rises most.
+  Point<Real> normal(int cable) const { return {normal_x_[cable], normal_y_[cable]}; }
+
   bool contains(Point<Real> p) const {
     for (int i = 0; i < count_; ++i) {
-      const Real t = origin_[i] + dot(normal_[i], p);
+      const Real t = origin_[i] + dot(normal(i), p);
       if (!(t >= lower_[i] && t <= upper_[i])) return false;
     }
     return true;
@@ -74,7 +78,7 @@ class Strips {
   Polygon segment() const {
     Real low = -std::numeric_limits<Real>::max(), high = -low;
     for (int i = 0; i < count_; ++i) {
-      const Real p = (lower_[i] - origin_[i]) / normal_[i].x, q = (upper_[i] - origin_[i]) / normal_[i].x;
+      const Real p = (lower_[i] - origin_[i]) / normal_x_[i], q = (upper_[i] - origin_[i]) / normal_x_[i];
       low = larger(low, smaller(p, q));
       high = smaller(high, larger(p, q));
     }
@@ -94,47 +98,50 @@ class Strips {
       if (length_[k] > length_[i]) i = k;
     }
     for (int k = 0; k < count_; ++k) {
-      if (magnitude(cross(normal_[i], normal_[k])) > magnitude(cross(normal_[i], normal_[j]))) j = k;
+      if (magnitude(cross(normal(i), normal(k))) > magnitude(cross(normal(i), normal(j)))) j = k;
     }
-    const Real area = cross(normal_[i], normal_[j]);
+    const Real area = cross(normal(i), normal(j));
     const Real p = lower_[i] - origin_[i], q = lower_[j] - origin_[j];
     *first = area < 0 ? i : j;
-    return {(p * normal_[j].y - q * normal_[i].y) / area, (q * normal_[i].x - p * normal_[j].x) / area};
+    return (1 / area) * Point<Real>{p * normal_y_[j] - q * normal_y_[i], q * normal_x_[i] - p * normal_x_[j]};
   }
 
   // Along the line of a cable: its strip lies to the left. side: 1 on the lower line, -1 on the upper one.
   Point<Real> along(int cable, Real side) const {
-    return {side * normal_[cable].y / length_[cable], -side * normal_[cable].x / length_[cable]};
+    const Real scale = side / length_[cable];
+    return {scale * normal_y_[cable], -scale * normal_x_[cable]};
   }
 
   // Where the walk is on its way, and the next line on it.
   struct Look {
-    int missed = 0;   // cables outside their limits here ...
-    Real worst = 0;   // ... and by how much at most
-    int next = -1;    // the cable whose line is met first ...
-    Real far = 0;     // ... how far away ...
-    bool in = false;  // ... and whether it is entered there
+    Real missed = 0;                              // cables outside their limits here ...
+    Real worst = 0;                               // ... and by how much at most
+    int next = -1;                                // the cable whose line is met first ...
+    Real far = std::numeric_limits<Real>::max();  // ... how far away ...
+    bool in = false;                              // ... and whether it is entered there
   };
+  // Selections instead of branches, which the processor could only guess.
   Look look(Point<Real> here, Point<Real> way, int on) const {
     Look found;
-    const Real slack = Is::kept * size_;
+    const Real slack = Is::kept * size_, never = found.far;
+    Real far[M], behind[M];
     for (int i = 0; i < count_; ++i) {
-      const Real t = origin_[i] + dot(normal_[i], here), rate = dot(normal_[i], way);
-      const bool below = t<lower_[i] - slack, above = t> upper_[i] + slack;
-      found.worst = larger(found.worst, larger(lower_[i] - t, t - upper_[i]));
-      found.missed += below || above;
-      if (i == on || magnitude(rate) <= Is::parallel * length_[i]) continue;
-      const bool rises = rate > 0;
-      if (rises ? above : below) continue;  // and ever further away
-      const bool in = rises ? below : above;
-      const Real line = rises == in ? lower_[i] : upper_[i];
-      const Real far = larger((line - t) / rate, Real(0));
-      if (found.next < 0 || far < found.far) {
-        found.next = i;
-        found.far = far;
-        found.in = in;
-      }
+      const Real t = origin_[i] + normal_x_[i] * here.x + normal_y_[i] * here.y;
+      const Real rate = normal_x_[i] * way.x + normal_y_[i] * way.y, speed = magnitude(rate);
+      const Real under = lower_[i] - t, over = t - upper_[i], miss = larger(under, over);
+      const Real beyond = rate > 0 ? over : under;
+      behind[i] = rate > 0 ? under : over;
+      const Real gap = larger(behind[i] > slack ? behind[i] : -beyond, Real(0));
+      far[i] = (speed > Is::parallel * length_[i]) & (beyond <= slack) ? gap / speed : never;
+      found.worst = larger(found.worst, miss);
+      found.missed += miss > slack ? Real(1) : Real(0);
     }
+    far[on] = never;
+    for (int i = 0; i < count_; ++i) {
+      found.next = far[i] < found.far ? i : found.next;
+      found.far = smaller(far[i], found.far);
+    }
+    found.in = found.next >= 0 && behind[found.next] > slack;
     return found;
   }
 
@@ -142,7 +149,7 @@ class Strips {
     int on;
     Point<Real> here = corner(&on), way = along(on, 1), first = way, best = here;
     Real least = std::numeric_limits<Real>::max();
-    int fewest = count_ + 1;
+    Real fewest = least;
     bool half = false;
     Polygon round;
     for (steps = 0; steps < (2 * count_ + 2) * (count_ + 1); ++steps) {
@@ -166,7 +173,7 @@ class Strips {
       here = here + ahead.far * way;
       if (ahead.in) continue;
       on = ahead.next;
-      way = along(on, dot(normal_[on], way) < 0 ? Real(1) : Real(-1));
+      way = along(on, dot(normal(on), way) < 0 ? Real(1) : Real(-1));
     }
     if (fewest > 0) {  // out of reach: where the limits are missed by least
       round.count = 0;
@@ -177,8 +184,7 @@ class Strips {
 
   int dimension_, count_ = 0;
   Real size_ = 0;
-  Point<Real> normal_[M];
-  Real length_[M], origin_[M], lower_[M], upper_[M];
+  Real normal_x_[M] = {}, normal_y_[M] = {}, length_[M], origin_[M], lower_[M], upper_[M];
 };
 
 // Tensions for one problem, inside their limits. Returns the redundancy; more than two is left unanswered.

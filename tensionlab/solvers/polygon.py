@@ -54,6 +54,15 @@ class Polygon:
         if self.goal not in get_args(Goal):
             raise ValueError(f"Polygon(goal={self.goal!r}): must be one of {', '.join(get_args(Goal))}")
 
+    def refuses(self, n: int, m: int) -> str | None:
+        """Why are these too many cables? None if they are not."""
+        if m - n <= LARGEST_REDUNDANCY:
+            return None
+        return (
+            f"{m} cables for {n} wrench components have redundancy {m - n}, and a polygon has "
+            f"{LARGEST_REDUNDANCY} dimensions"
+        )
+
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
         tensions, iterations, redundancy = _native.polygon(
