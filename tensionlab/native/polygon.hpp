@@ -74,16 +74,24 @@ class Strips {
     return true;
   }
 
-  // Redundancy one: an interval. Redundancy none: a point. Where the interval is empty, halfway between its ends.
+  // Redundancy one: an interval. Redundancy none: a point. Where the interval is empty, the two cables that want
+  // it so miss their limits by the same.
   Polygon segment() const {
-    Real low = -std::numeric_limits<Real>::max(), high = -low;
+    const Real most = std::numeric_limits<Real>::max();
+    Real low = -most, high = most, low_length = 0, high_length = 0;
     for (int i = 0; i < count_; ++i) {
       const Real p = (lower_[i] - origin_[i]) / normal_x_[i], q = (upper_[i] - origin_[i]) / normal_x_[i];
-      low = larger(low, smaller(p, q));
-      high = smaller(high, larger(p, q));
+      if (smaller(p, q) > low) {
+        low = smaller(p, q);
+        low_length = length_[i];
+      }
+      if (larger(p, q) < high) {
+        high = larger(p, q);
+        high_length = length_[i];
+      }
     }
     if (count_ == 0) low = high = 0;
-    if (low > high) low = high = low + (high - low) / 2;
+    if (low > high) low = high = low + (high - low) * (high_length / (low_length + high_length));
     Polygon ends;
     ends.add({low, 0});
     ends.add({high, 0});
