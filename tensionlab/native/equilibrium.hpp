@@ -12,8 +12,8 @@ template <class Real, int N, int M>
 struct LooseCables {
   int n, count = 0;
   int index[M];         // which they are, in order
-  Real columns[N * M];  // of W, each contiguous
-  Real wrench[N];       // what is left for them
+  Real columns[N * M];  // of W, each contiguous ...
+  Real wrench[N];       // ... and what is left for them, both times a power of two that makes W of size one
 
   // structure: n rows of m numbers.
   LooseCables(const Real* structure, const Real* asked, const Real* lower, const Real* upper, int components,
@@ -31,6 +31,15 @@ struct LooseCables {
         }
       }
       if (loose) index[count++] = i;
+    }
+    Real largest = 0;
+    for (int e = 0; e < count * n; ++e) largest = larger(largest, magnitude(columns[e]));
+    if (largest > 0) {
+      int exponent;
+      std::frexp(largest, &exponent);
+      const Real unit = std::ldexp(Real(1), exponent > -1000 ? -exponent : 1000);
+      for (int e = 0; e < count * n; ++e) columns[e] *= unit;
+      for (int k = 0; k < n; ++k) wrench[k] *= unit;
     }
   }
 };

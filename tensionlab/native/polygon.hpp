@@ -16,11 +16,14 @@ inline namespace TENSIONLAB_BUILD {
 
 enum class Goal { centroid, least_sum, least_squares };
 
+// Shares of the size of a problem: of the limits next to zero, of the point of the plane closest to them, and of
+// how far from it one looks. A limit without meaning, 1e9 N for none, then makes no other one coarse.
 template <class Real>
 struct PolygonTolerance {
-  static constexpr Real kept = Real(1e-10);      // a limit missed by less, times the largest limit, is kept
-  static constexpr Real parallel = Real(1e-12);  // a line at less than this angle is never met
-  static constexpr Real thin = Real(1e-11);  // a polygon narrower than this, times the largest limit, is an edge
+  static constexpr Real kept = Real(1e-10);     // a limit missed by less is kept
+  static constexpr Real parallel = Real(1e-9);  // a line at less than this angle is never met
+  static constexpr Real side_by_side = Real(1e-4);
+  static constexpr Real thin = Real(1e-11);  // a polygon narrower than this is an edge
 };
 
 template <class Real, int M>
@@ -40,7 +43,7 @@ class Strips {
       const int cable = plane.cables.index[i];
       const Point<Real> normal{dimension_ > 0 ? basis[0][i] : Real(0), dimension_ > 1 ? basis[1][i] : Real(0)};
       const Real length = std::sqrt(dot(normal, normal)), low = lower[cable], high = upper[cable];
-      size_ = larger(size_, larger(magnitude(low), magnitude(high)));
+      size_ = larger(size_, larger(magnitude(origin[i]), smaller(magnitude(low), magnitude(high))));
       if (length <= Is::parallel) continue;
       normal_x_[count_] = normal.x;
       normal_y_[count_] = normal.y;
@@ -66,10 +69,13 @@ class Strips {
   // Where the tension of a cable rises most.
   Point<Real> normal(int cable) const { return {normal_x_[cable], normal_y_[cable]}; }
 
+  Real tension(int cable, Point<Real> p) const {
+    return origin_[cable] + normal_x_[cable] * p.x + normal_y_[cable] * p.y;
+  }
+
   bool contains(Point<Real> p) const {
     for (int i = 0; i < count_; ++i) {
-      const Real t = origin_[i] + dot(normal(i), p);
-      if (!(t >= lower_[i] && t <= upper_[i])) return false;
+      if (!(tension(i, p) >= lower_[i] && tension(i, p) <= upper_[i])) return false;
     }
     return true;
   }
@@ -98,20 +104,17 @@ class Strips {
     return ends;
   }
 
-  // The crossing of the lower lines of the two cables that cross best, and the one whose line leads into the strip
-  // of the other.
-  Point<Real> corner(int* first) const {
-    int i = 0, j = 0;
-    for (int k = 1; k < count_; ++k) {
-      if (length_[k] > length_[i]) i = k;
-    }
-    for (int k = 0; k < count_; ++k) {
-      if (magnitude(cross(normal(i), normal(k))) > magnitude(cross(normal(i), normal(j)))) j = k;
-    }
+  // Where one cable has tension p and another q, from a point near it.
+  Point<Real> crossing(int i, Real p, int j, Real q, Point<Real> near) const {
+    p -= tension(i, near);
+    q -= tension(j, near);
     const Real area = cross(normal(i), normal(j));
-    const Real p = lower_[i] - origin_[i], q = lower_[j] - origin_[j];
-    *first = area < 0 ? i : j;
-    return (1 / area) * Point<Real>{p * normal_y_[j] - q * normal_y_[i], q * normal_x_[i] - p * normal_x_[j]};
+    return near +
+           (1 / area) * Point<Real>{p * normal_y_[j] - q * normal_y_[i], q * normal_x_[i] - p * normal_x_[j]};
+  }
+
+  bool crosses(int i, int j) const {
+    return magnitude(cross(normal(i), normal(j))) > Is::side_by_side * length_[i] * length_[j];
   }
 
   // Along the line of a cable: its strip lies to the left. side: 1 on the lower line, -1 on the upper one.
@@ -120,70 +123,110 @@ class Strips {
     return {scale * normal_y_[cable], -scale * normal_x_[cable]};
   }
 
-  // Where the walk is on its way, and the next line on it.
+  // The walk: along which line, from where, which way, and the limits that are kept from here on.
+  struct Walker {
+    int on;
+    Real line;  // the tension of that cable
+    Point<Real> here, way;
+    bool low[M] = {}, high[M] = {};
+  };
+
+  // At the crossing of the two cables that cross best, on the lines of their limits next to zero, and along the
+  // one that leads into the strip of the other.
+  Walker start() const {
+    int i = 0, j = 0;
+    for (int k = 1; k < count_; ++k) {
+      if (length_[k] > length_[i]) i = k;
+    }
+    for (int k = 0; k < count_; ++k) {
+      if (magnitude(cross(normal(i), normal(k))) > magnitude(cross(normal(i), normal(j)))) j = k;
+    }
+    const Real side_i = magnitude(lower_[i]) <= magnitude(upper_[i]) ? Real(1) : Real(-1);
+    const Real side_j = magnitude(lower_[j]) <= magnitude(upper_[j]) ? Real(1) : Real(-1);
+    const Real p = side_i > 0 ? lower_[i] : upper_[i], q = side_j > 0 ? lower_[j] : upper_[j];
+    const Point<Real> here = crossing(i, p, j, q, {0, 0}), way = along(i, side_i);
+    Walker walker{i, p, here, way};
+    if (!(side_j * dot(normal(j), way) > 0)) walker = {j, q, here, along(j, side_j)};
+    walker.low[i] = walker.high[i] = walker.low[j] = walker.high[j] = true;
+    return walker;
+  }
+
+  // What the walker sees.
   struct Look {
-    Real missed = 0;                              // cables outside their limits here ...
-    Real worst = 0;                               // ... and by how much at most
+    int kept = 0;                                 // limits kept here, or before
+    Real worst = 0;                               // by how much a limit is missed here at most
     int next = -1;                                // the cable whose line is met first ...
     Real far = std::numeric_limits<Real>::max();  // ... how far away ...
     bool in = false;                              // ... and whether it is entered there
   };
   // Selections instead of branches, which the processor could only guess.
-  Look look(Point<Real> here, Point<Real> way, int on) const {
+  Look look(Walker& walker) const {
     Look found;
-    const Real slack = Is::kept * size_, never = found.far;
-    Real far[M], behind[M];
+    const Real slack = Is::kept * (size_ + magnitude(walker.here.x) + magnitude(walker.here.y)), never = found.far;
+    Real far[M];
     for (int i = 0; i < count_; ++i) {
-      const Real t = origin_[i] + normal_x_[i] * here.x + normal_y_[i] * here.y;
-      const Real rate = normal_x_[i] * way.x + normal_y_[i] * way.y, speed = magnitude(rate);
-      const Real under = lower_[i] - t, over = t - upper_[i], miss = larger(under, over);
-      const Real beyond = rate > 0 ? over : under;
-      behind[i] = rate > 0 ? under : over;
-      const Real gap = larger(behind[i] > slack ? behind[i] : -beyond, Real(0));
-      far[i] = (speed > Is::parallel * length_[i]) & (beyond <= slack) ? gap / speed : never;
-      found.worst = larger(found.worst, miss);
-      found.missed += miss > slack ? Real(1) : Real(0);
+      const Real t = tension(i, walker.here), rate = dot(normal(i), walker.way), speed = magnitude(rate);
+      const Real under = lower_[i] - t, over = t - upper_[i];
+      walker.low[i] |= under <= slack;
+      walker.high[i] |= over <= slack;
+      found.kept += walker.low[i] + walker.high[i];
+      found.worst = larger(found.worst, larger(under, over));
+      const bool inside = rate > 0 ? walker.low[i] : walker.high[i],
+                 turns = rate > 0 ? walker.high[i] : walker.low[i];
+      const Real gap = larger(rate > 0 ? (inside ? -over : under) : (inside ? -under : over), Real(0));
+      far[i] = (speed > Is::parallel * length_[i]) & (turns | !inside) ? gap / speed : never;
     }
-    far[on] = never;
+    far[walker.on] = never;
     for (int i = 0; i < count_; ++i) {
       found.next = far[i] < found.far ? i : found.next;
       found.far = smaller(far[i], found.far);
     }
-    found.in = found.next >= 0 && behind[found.next] > slack;
+    if (found.next >= 0) {
+      const bool rises = dot(normal(found.next), walker.way) > 0;
+      found.in = !(rises ? walker.low[found.next] : walker.high[found.next]);
+    }
     return found;
   }
 
   Polygon walk() {
-    int on;
-    Point<Real> here = corner(&on), way = along(on, 1), first = way, best = here;
+    Walker walker = start();
+    Point<Real> first = walker.way, best = walker.here;
     Real least = std::numeric_limits<Real>::max();
-    Real fewest = least;
+    int kept = 0;
     bool half = false;
     Polygon round;
-    for (steps = 0; steps < (2 * count_ + 2) * (count_ + 1); ++steps) {
-      const Look ahead = look(here, way, on);
+    for (steps = 0; steps < (2 * count_ + 1) * (2 * count_ + 2); ++steps) {
+      const Look ahead = look(walker);
       if (ahead.worst < least) {
         least = ahead.worst;
-        best = here;
+        best = walker.here;
       }
-      if (ahead.missed < fewest) {
-        fewest = ahead.missed;
+      if (ahead.kept > kept) {
+        kept = ahead.kept;
         round.count = 0;
-        first = way;
+        first = walker.way;
         half = false;
       }
-      round.add(here);
-      const Real turned = cross(first, way);
-      const bool beyond = turned < -Is::parallel || (dot(first, way) < 0 && turned <= Is::parallel);
+      round.add(walker.here);
+      const Real turned = cross(first, walker.way);
+      const bool beyond = turned < -Is::parallel || (dot(first, walker.way) < 0 && turned <= Is::parallel);
       if (half && !beyond) break;
       half = half || beyond;
       if (ahead.next < 0) break;
-      here = here + ahead.far * way;
+
+      const bool rises = dot(normal(ahead.next), walker.way) > 0;
+      const Real line = rises == ahead.in ? lower_[ahead.next] : upper_[ahead.next];
+      walker.here = walker.here + ahead.far * walker.way;
+      // A second step removes the rounding of a long first one, where the lines do not run side by side.
+      if (crosses(walker.on, ahead.next)) {
+        walker.here = crossing(walker.on, walker.line, ahead.next, line, walker.here);
+      }
       if (ahead.in) continue;
-      on = ahead.next;
-      way = along(on, dot(normal(on), way) < 0 ? Real(1) : Real(-1));
+      walker.on = ahead.next;
+      walker.line = line;
+      walker.way = along(ahead.next, rises ? Real(-1) : Real(1));
     }
-    if (fewest > 0) {  // out of reach: where the limits are missed by least
+    if (kept < 2 * count_) {  // out of reach: where the limits are missed by least
       round.count = 0;
       round.add(best);
     }
@@ -202,9 +245,12 @@ int polygon_tensions(const LooseCables<Real, N, M>& loose, const Real* lower, co
   const Equilibrium<Real, N, M> plane(loose, rank_tolerance);
   const int redundancy = plane.redundancy();
   if (redundancy > 2) return redundancy;
-  Real middle[M], origin[M], basis[2][M];
-  for (int i = 0; i < loose.count; ++i) middle[i] = (lower[loose.index[i]] + upper[loose.index[i]]) / 2;
-  plane.closest(middle, origin);
+  Real near[M], origin[M], basis[2][M];
+  for (int i = 0; i < loose.count; ++i) {
+    const Real low = lower[loose.index[i]], high = upper[loose.index[i]];
+    near[i] = magnitude(low) <= magnitude(high) ? low : high;
+  }
+  plane.closest(near, origin);
   plane.null_space(basis);
   Point<Real> wanted{0, 0};
   for (int i = 0; i < loose.count; ++i) {
