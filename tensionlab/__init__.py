@@ -24,7 +24,9 @@ from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
 from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.polygon import Polygon
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 
 __version__ = "0.1.0"
@@ -45,8 +47,10 @@ __all__ = [
     "OptimallySafe",
     "Platform",
     "PluginError",
+    "Polygon",
     "PoseEstimate",
     "Pseudoinverse",
+    "Puncture",
     "QuadraticProgram",
     "Rig",
     "RigError",

@@ -46,6 +46,24 @@ def tighten(
     program: int,
     alpha: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[int64]]: ...
+def polygon(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    goal: int,
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[int64], NDArray[int64]]: ...
+def puncture(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    weights: NDArray[float64],
+    rank_tolerance: float,
+) -> NDArray[float64]: ...
 def judge(
     structure: NDArray[float64],
     wrench: NDArray[float64],

@@ -15,8 +15,17 @@ from numpy.typing import ArrayLike
 from tensionlab import _native
 from tensionlab.errors import ShapeError
 from tensionlab.measure import Allocation, exact, exact_single, measure
-from tensionlab.solvers import make
-from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Floats, Nearest, Problem, Solver
+from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers.contract import (
+    POLICIES,
+    RANK_TOLERANCE,
+    TOLERANCE,
+    Floats,
+    Nearest,
+    Problem,
+    Solver,
+    refusal,
+)
 from tensionlab.solvers.newton import Newton
 
 LARGEST = 1e100
@@ -117,6 +126,9 @@ class Allocator:
                 f"structure has {n} wrench components and {m} cables; it must have 1 to "
                 f"{_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
             )
+        if reason := refusal(self.solver, n, m):
+            able = ", ".join(name for name in SOLVERS if not refusal(make(name), n, m))
+            raise ValueError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
 
         def spread(name: str, array: Floats, count: int, what: str) -> Floats:
             own = array.shape[-1:]
@@ -186,7 +198,7 @@ def allocate(
     UnknownSolver
         If no solver has that name.
     ValueError
-        If the solver cannot honour the policy.
+        If the solver cannot honour the policy, or serves no problems of this size.
     """
     return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
 

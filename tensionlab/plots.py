@@ -103,9 +103,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         _draw_statuses(panels[0], rows, lines)
         panels[0].set(xlabel="forces", xlim=(0, count))
         for name in comparison.missing:
-            panels[0].text(
-                0.02 * count, names.index(name), "not installed", va="center", color=GREY, style="italic"
-            )
+            panels[0].text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
         errors = [max(row.residual_max, FLOOR) for row in rows]
         _draw_points(panels[1], rows, lines, errors)
         panels[1].axvspan(FLOOR / 10, TOLERANCE, color="#F2F2F2", zorder=0)

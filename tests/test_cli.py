@@ -9,10 +9,12 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.cli import join_numbers, main, output
+from tensionlab.experiments import lineup
 
 RIGS = Path(__file__).parents[1] / "datasets" / "rigs"
 PUBLISHED = str(RIGS / "bartels2026-validation.toml")
 NARROW = str(RIGS / "bartels2026-validation-0.3m.toml")
+CUBE = str(RIGS / "cube-8.toml")
 KEYS = """
 solver nearest exact nearest_count iteration_limit failed residual_mean residual_max angle_mean_deg
 angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s
@@ -115,6 +117,21 @@ def test_compare_writes_json_a_picture_and_a_table_with_its_manifest(run, tmp_pa
     manifest = json.loads(pq.read_schema(out_file).metadata[b"tensionlab"])
     assert manifest == report["manifest"]
     assert manifest["versions"]["tensionlab"] == tl.__version__
+
+
+def test_what_does_not_serve_the_rig_is_left_out_with_a_reason_and_refused_by_name(run, monkeypatch):
+    monkeypatch.setattr(lineup, "every_solver", lambda: {"newton": True, "polygon:1-norm": True, "qp:osqp": False})
+    reason = "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
+    code, out, _ = run("compare", CUBE)
+    assert code == 0
+    assert f"left out: polygon:1-norm, {reason}" in out
+    assert "left out: qp:osqp, not installed" in out
+    code, out, _ = run("compare", CUBE, "--json")
+    assert json.loads(out)["left_out"] == {"polygon:1-norm": reason, "qp:osqp": "not installed"}
+    for words in (["compare", CUBE, "--solvers"], ["allocate", CUBE, "--wrench", "0 1 0", "--solver"]):
+        code, _, err = run(*words, "polygon")
+        assert code == 2
+        assert "redundancy 5" in err
 
 
 def test_json_says_null_where_there_is_no_number(run):

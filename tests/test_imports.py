@@ -63,6 +63,8 @@ NATIVE = {
     "solvers/dykstra.py",
     "solvers/pseudoinverse.py",
     "solvers/closed_form.py",
+    "solvers/polygon.py",
+    "solvers/puncture.py",
     "allocation.py",
     "measure.py",
     "experiments/benchmark.py",

@@ -55,7 +55,7 @@ def allocate(
 
     loaded = load_rig(rig)
     try:
-        lineup([solver], nearest)  # refuses a policy that the solver does not honour
+        lineup([solver], nearest, (loaded.n, loaded.m))  # refuses what the solver does not do
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     asked = output.numbers(wrench)

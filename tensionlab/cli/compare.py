@@ -81,7 +81,7 @@ def compare(
     loaded = load_rig(rig)
     names = None if solvers is None else [name.strip() for name in solvers.split(",") if name.strip()]
     try:
-        lineup(names, nearest)
+        lineup(names, nearest, (loaded.n, loaded.m))
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
     with output.progress(f"Comparing on {loaded.name}") as progress:
@@ -110,7 +110,7 @@ def compare(
                 "vectors": len(result.wrenches),
                 "magnitude": magnitude,
                 "rows": rows,
-                "not_installed": result.missing,
+                "left_out": result.missing,
                 "manifest": manifest,
             }
         )
@@ -120,8 +120,6 @@ def compare(
 
 def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | None]]) -> None:
     """The table, what its words mean, and where the files are."""
-    from tensionlab.solvers import SOLVERS
-
     console = output.console()
     narrow = console.width < output.WIDTH
     columns = [column for column in COLUMNS if column[2] or not narrow]
@@ -132,10 +130,12 @@ def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | N
     for row in result.rows:
         grid.add_row(*(write(row) for _, write, _ in columns))
     for name in result.missing:
-        grid.add_row(name, "not installed" if name.partition(":")[0] in SOLVERS else "broken", style="dim")
+        grid.add_row(name, "left out", style="dim")
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")
+    for name, reason in result.missing.items():
+        console.print(f"left out: {name}, {reason}", style="dim", soft_wrap=True)
     if narrow:
         console.print(f"A terminal of {output.WIDTH} columns shows more of them; --json has all.", style="dim")
     for name, path in files:

@@ -86,8 +86,8 @@ class Comparison:
         One a solver and policy.
     allocations : tuple of Allocation
         The answers behind each row, for K wrenches.
-    missing : tuple of str
-        Solvers left out because their library is not installed, or because another distribution's is broken.
+    missing : dict of str to str
+        Solvers left out, and why.
     """
 
     rig: Rig
@@ -96,7 +96,7 @@ class Comparison:
     wrenches: Floats
     rows: tuple[Row, ...]
     allocations: tuple[Allocation, ...]
-    missing: tuple[str, ...]
+    missing: dict[str, str]
 
 
 def compare(
@@ -139,7 +139,7 @@ def compare(
     ValueError, UnknownSolver, MissingDependency
         As `lineup`; ShapeError if position or directions do not fit the rig.
     """
-    runs, missing = lineup(solvers, nearest)
+    runs, missing = lineup(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
     structure = rig.structure_matrix(place, frames=at_rest(rig))
     if directions is None:
@@ -201,7 +201,7 @@ def compare(
             batch_s=batch[column],
         )
         rows.append(row)
-    return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), tuple(missing))
+    return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing)
 
 
 def at_rest(rig: Rig) -> dict[str, tuple[Floats, None]]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import get_args
 
 from tensionlab.errors import MissingDependency
 from tensionlab.solvers import SOLVERS, make, plugins
-from tensionlab.solvers.contract import POLICIES, Nearest
+from tensionlab.solvers.contract import POLICIES, Nearest, refusal
+from tensionlab.solvers.polygon import Goal
 from tensionlab.solvers.quadratic import BACKENDS, installed_backends
 
 Run = tuple[str, Nearest | None]
@@ -19,7 +21,7 @@ def every_solver() -> dict[str, bool]:
     Returns
     -------
     dict of str to bool
-        In the order of `SOLVERS`; ``qp`` with each backend, ``pseudoinverse`` with each start. Then those of
+        In the order of `SOLVERS`; ``qp``, ``pseudoinverse`` and ``polygon`` in all their variants. Then those of
         other distributions. False where a library is not installed, or another distribution's solver is broken.
     """
     others = {name: isinstance(found, type) for name, found in plugins.find_all(SOLVERS).items()}
@@ -35,13 +37,17 @@ def _house() -> dict[str, bool]:
             names |= {f"qp:{backend}": backend in there for backend in BACKENDS}
         elif name == "pseudoinverse":
             names |= {"pseudoinverse:reference": True, "pseudoinverse:middle": True}
+        elif name == "polygon":
+            names |= {f"polygon:{goal}": True for goal in get_args(Goal)}
         else:
             names[name] = True
     return names
 
 
-def lineup(solvers: Sequence[str] | None = None, nearest: str | None = None) -> tuple[list[Run], list[str]]:
-    """Which solvers run with which policies, and which are not installed.
+def lineup(
+    solvers: Sequence[str] | None = None, nearest: str | None = None, size: tuple[int, int] | None = None
+) -> tuple[list[Run], dict[str, str]]:
+    """Which solvers run with which policies, and which are left out.
 
     Parameters
     ----------
@@ -49,19 +55,22 @@ def lineup(solvers: Sequence[str] | None = None, nearest: str | None = None) -> 
         Names that `make` knows; None for every solver.
     nearest : str, optional
         Only this policy, and only solvers that honour it; None for all policies of each solver.
+    size : (int, int), optional
+        Wrench components n and cables m of the rig, for solvers that don't serve every size.
 
     Returns
     -------
     runs : list of (str, str or None)
         Solver and policy, in the order asked for.
-    missing : list of str
-        Solvers whose library is not installed, and broken ones of other distributions. Only where `solvers` is
-        None: one asked for must be there.
+    missing : dict of str to str
+        Solvers left out, and why: the library is not installed, or another distribution's is broken, or the
+        solver does not serve this size. Only where `solvers` is None: one asked for must be there.
 
     Raises
     ------
     ValueError
-        If the policy does not exist, or a solver asked for does not honour it, or no solver is asked for.
+        If the policy does not exist, or a solver asked for does not honour it or does not serve this size, or
+        no solver is asked for.
     UnknownSolver, MissingDependency, PluginError
         If a solver asked for does not exist, or is not installed, or is another distribution's and broken.
     """
@@ -72,16 +81,21 @@ def lineup(solvers: Sequence[str] | None = None, nearest: str | None = None) -> 
     if not names:
         raise ValueError(f"no solver asked for; choose of {', '.join(every)}")
     runs: list[Run] = []
-    missing: list[str] = []
+    missing: dict[str, str] = {}
     for name in names:
         if solvers is None and not every[name]:
-            missing.append(name)
+            missing[name] = "not installed" if name.partition(":")[0] in SOLVERS else "broken"
             continue
-        honoured = make(name).policies
+        solver = make(name)
+        honoured = solver.policies
         chosen = [policy for policy in honoured if nearest in (None, policy)]
         if not every.get(name, True):
             raise MissingDependency(f'{name} is not installed; pip install "tensionlab[solvers]" brings it')
-        if nearest is None:
+        if size is not None and (reason := refusal(solver, *size)):
+            if solvers is not None:
+                raise ValueError(f"solver {name} does not serve this rig: {reason}")
+            missing[name] = reason
+        elif nearest is None:
             runs += [(name, policy) for policy in chosen] or [(name, None)]
         elif chosen or solvers is None:
             runs += [(name, policy) for policy in chosen]

@@ -5,6 +5,7 @@
 
 namespace tensionlab {
 
+void bind_equilibrium(nanobind::module_&);
 void bind_judge(nanobind::module_&);
 void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);

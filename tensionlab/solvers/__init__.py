@@ -14,7 +14,9 @@ from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
 from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.polygon import Polygon
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 
 SOLVERS: dict[str, type[Any]] = {
@@ -25,6 +27,8 @@ SOLVERS: dict[str, type[Any]] = {
     "least-sum": LeastSum,
     "minimax": Minimax,
     "safe": OptimallySafe,
+    "puncture": Puncture,
+    "polygon": Polygon,
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }

@@ -9,6 +9,7 @@ another distribution brings its own, through the entry point group ``tensionlab.
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal, Protocol, get_args
 
@@ -102,6 +103,8 @@ class Answer:
 class Solver(Protocol):
     """One way to choose tensions.
 
+    A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it.
+
     Attributes
     ----------
     objective : str
@@ -116,3 +119,13 @@ class Solver(Protocol):
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
         ...
+
+
+def refusal(solver: Solver, n: int, m: int) -> str | None:
+    """Why does a solver not serve problems with n wrench components and m cables? None if it does.
+
+    A solver that serves only some sizes says so in a method ``refuses(n, m) -> str | None``, and is then
+    never asked to solve the others: `allocate` raises, and a comparison leaves it out with that reason.
+    """
+    refuses: Callable[[int, int], str | None] | None = getattr(solver, "refuses", None)
+    return None if refuses is None else refuses(n, m)

@@ -122,6 +122,16 @@ def test_a_platform_in_space_is_pulled_without_torque():
     assert not result.wrenches[:, 3:].any()
 
 
+def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
+    rig = tl.load_rig(RIGS / "ipanema-2.toml")
+    result = compare(rig, magnitude=5.0, solvers=["newton", "polygon:2-norm", "puncture"], nearest=None)
+    rows = rows_of(result)
+    assert rows["polygon:2-norm", None].exact == rows["newton", "force"].exact > 0
+    assert rows["polygon:2-norm", None].gap_max < 1e-7
+    with pytest.raises(ValueError, match="polygon does not serve"):
+        compare(tl.load_rig(RIGS / "cube-8.toml"), solvers=["polygon"])
+
+
 def test_modules_on_a_body_are_compared_with_the_body_at_the_origin():
     rig = tl.load_rig(RIGS / "body-mounted.toml")
     result = compare(rig, solvers=["newton"], nearest="force")

@@ -33,7 +33,7 @@ def test_one_policy_leaves_out_those_that_do_not_honour_it():
 def test_order_is_kept_and_repeats_are_not():
     assert lineup(["closed-form", "dykstra", "closed-form"]) == (
         [("closed-form", None), ("dykstra", "tension")],
-        [],
+        {},
     )
 
 
@@ -49,6 +49,18 @@ def test_order_is_kept_and_repeats_are_not():
 def test_what_cannot_be_honoured_is_a_value_error(solvers, nearest, message):
     with pytest.raises(ValueError, match=message):
         lineup(solvers, nearest)
+
+
+def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refused_by_name():
+    runs, missing = lineup(size=(3, 8))
+    assert (
+        missing["polygon:1-norm"]
+        == "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
+    )
+    assert "polygon:1-norm" not in {name for name, _ in runs}
+    assert ("polygon:1-norm", None) in lineup(size=(6, 8))[0]
+    with pytest.raises(ValueError, match=r"polygon does not serve this rig: .*redundancy 5"):
+        lineup(["newton", "polygon"], size=(3, 8))
 
 
 def test_unknown_names_are_unknown_solvers():

@@ -1,0 +1,247 @@
+"""The polygon of all tensions that render a wrench."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from oracle import UnsureError, solve
+from problems import Case, cases, random_cases
+from scipy.linalg import null_space
+from scipy.optimize import linprog
+
+import tensionlab as tl
+from tensionlab.solvers.contract import RANK_TOLERANCE
+
+Floats = NDArray[np.float64]
+
+ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
+CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]
+GOALS = ("polygon:centroid", "polygon:1-norm", "polygon:2-norm")
+SHAPES = [(1, 3), (2, 4), (3, 5), (6, 8), (2, 3), (3, 4), (6, 7), (3, 3), (3, 2)]
+every_goal = pytest.mark.parametrize("goal", GOALS)
+every_shape = pytest.mark.parametrize(("n", "m"), SHAPES)
+
+
+def tensions(W: Any, w: Any, limits: Any, goal: str, reference: Any = None) -> Floats:
+    found = tl.allocate(W, w, limits, goal, reference)
+    assert np.all(found.status == tl.Status.EXACT)
+    return found.tensions
+
+
+# --- Polygons that everybody knows -------------------------------------------------------------------------
+
+KNOWN: dict[str, tuple[list[float], float, list[float], dict[str, list[float]]]] = {
+    # weights of t1, t2, t3 in the one component, its value, upper limits, answers; the lower limits are 0
+    "rectangle": ([0, 0, 1], 5, [2, 6, 9], {"centroid": [1, 3, 5], "1-norm": [0, 0, 5], "2-norm": [0, 0, 5]}),
+    "triangle": ([1, 1, 2], 4, [9, 9, 9], {"centroid": [4 / 3, 4 / 3, 2 / 3], "1-norm": [0, 0, 2]}),
+    "all of it has the least sum": ([1, 1, 1], 3, [9, 9, 9], {"1-norm": [1, 1, 1], "2-norm": [1, 1, 1]}),
+    "an edge has the least sum": ([1, 2, 2], 4, [9, 9, 9], {"1-norm": [0, 1, 1]}),
+    "hexagon": ([1, 1, 1], 3, [2, 2, 2], {"centroid": [1, 1, 1]}),
+    "trapezium": ([1, 1, 1], 2, [9, 9, 1], {"centroid": [7 / 9, 7 / 9, 4 / 9]}),
+    "a segment": ([1, 1, 1], 4, [0, 3, 2], {"centroid": [0, 2.5, 1.5], "2-norm": [0, 2, 2]}),
+    "a point": ([1, 1, 1], 6, [1, 2, 3], {"centroid": [1, 2, 3], "1-norm": [1, 2, 3], "2-norm": [1, 2, 3]}),
+}
+
+
+@pytest.mark.parametrize(
+    ("row", "value", "upper", "goal", "answer"),
+    [(*known[:3], goal, answer) for known in KNOWN.values() for goal, answer in known[3].items()],
+    ids=[f"{name}, {goal}" for name, known in KNOWN.items() for goal in known[3]],
+)
+def test_polygons_that_everybody_knows(row: Any, value: float, upper: Any, goal: str, answer: Any) -> None:
+    found = tensions([row], [value], ([0, 0, 0], upper), f"polygon:{goal}")
+    np.testing.assert_allclose(found, answer, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if len(c["fmin"]) <= len(c["W"]) + 2], ids=lambda c: c["name"])
+def test_published_least_sums_and_least_squares(case: dict[str, Any]) -> None:
+    W, w, limits = np.array(case["W"]), case["wrench_to_produce"], (case["fmin"], case["fmax"])
+    assert W.shape in {(3, 4), (6, 8)}
+    least = tensions(W, w, limits, "polygon:1-norm")
+    assert least.sum() == pytest.approx(case["min_sum"], rel=1e-9)
+    if (
+        case["name"] == "spyder_pyramid"
+    ):  # all of the segment has the least sum: its middle, where the rig is symmetric
+        np.testing.assert_allclose(least, case["min_sum"] / 4, rtol=0, atol=1e-6)
+    else:
+        np.testing.assert_allclose(least, case["min_sum_t"], rtol=0, atol=1e-6)
+    for key, reference in (("min2_from_zero", None), ("min2_from_fmin", "lower"), ("min2_from_mid", "middle")):
+        found = tensions(W, w, limits, "polygon:2-norm", reference)
+        np.testing.assert_allclose(found, case[key], rtol=0, atol=1e-6)
+
+
+# --- Against other ways to the same answer -----------------------------------------------------------------
+
+
+def reachable(n: int, m: int, count: int) -> Case:
+    """Random problems that newton solves exactly."""
+    batch = random_cases(100 * n + m, n, m, count)
+    exact = tl.allocate(batch.structure, batch.wrench, batch.limits).status == tl.Status.EXACT
+    assert np.count_nonzero(exact) > count / 3
+    parts = (batch.structure, batch.wrench, batch.lower, batch.upper, batch.reference)
+    return Case(*(part[exact] for part in parts), weights=np.ones(n))
+
+
+def corners(case: Case, i: int) -> tuple[Floats, Floats, Floats]:
+    """By definition: crossings of two bound lines that keep all limits; a point of the plane, and its basis."""
+    W, low, high = case.structure[i], case.lower[i], case.upper[i]
+    point, basis = np.linalg.pinv(W) @ case.wrench[i], null_space(W)
+    pairs = [(a, b) for b in range(len(low)) for a in range(b)]
+    crossings = [
+        np.linalg.solve(basis[list(pair)], np.array(values) - point[list(pair)])
+        for pair in pairs
+        for values in np.stack(np.meshgrid(*([low[k], high[k]] for k in pair)), axis=-1).reshape(4, 2)
+    ]
+    t = point + np.array(crossings) @ basis.T
+    return np.array(crossings)[np.all((t >= low - 1e-9) & (t <= high + 1e-9), axis=1)], point, basis
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 3), (2, 4), (3, 5), (6, 8)])
+def test_centroid_by_definition(n: int, m: int) -> None:
+    batch = reachable(n, m, 60)
+    found = tensions(batch.structure, batch.wrench, batch.limits, "polygon")
+    for i, t in enumerate(found):
+        p, point, basis = corners(batch, i)
+        p = p[np.argsort(np.arctan2(*(p - p.mean(axis=0)).T))]
+        q = np.roll(p, -1, axis=0)
+        area = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+        centroid = area @ (p + q) / (3 * area.sum())
+        np.testing.assert_allclose(t, point + basis @ centroid, rtol=0, atol=1e-7)
+
+
+@every_shape
+def test_least_sum_is_that_of_a_linear_program(n: int, m: int) -> None:
+    batch = reachable(n, m, 40)
+    found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:1-norm")
+    for i, t in enumerate(found):
+        limits = np.stack([batch.lower[i], batch.upper[i]], axis=1)
+        program = linprog(np.ones(m), A_eq=batch.structure[i], b_eq=batch.wrench[i], bounds=limits)
+        if program.status == 0:  # fewer cables than components: HiGHS may not see that the wrench is in range
+            assert t.sum() == pytest.approx(program.fun, abs=1e-6)
+
+
+@every_shape
+def test_least_squares_from_any_reference_are_those_of_newton(n: int, m: int) -> None:
+    batch = reachable(n, m, 2000)
+    for reference in (0.0 * batch.reference, batch.reference, 1e3 * batch.reference):
+        exact = tl.allocate(batch.structure, batch.wrench, batch.limits, "newton", reference)
+        found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:2-norm", reference)
+        # Near a singular matrix newton's own tolerance shows: a wrench is rendered to 1e-9 times its strength.
+        clear = np.linalg.cond(batch.structure) < 1e3
+        assert clear.mean() > 0.9
+        np.testing.assert_allclose(found[clear], exact.tensions[clear], rtol=0, atol=1e-9)
+
+
+def test_least_squares_are_those_of_cvxpy() -> None:
+    batch = reachable(6, 8, 12)
+    blackboard = tl.allocate(batch.structure, batch.wrench, batch.limits, "cvxpy", batch.reference)
+    found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:2-norm", batch.reference)
+    np.testing.assert_allclose(found, blackboard.tensions, rtol=0, atol=1e-5)
+
+
+@every_goal
+@settings(max_examples=150)
+@given(data=st.data())
+def test_an_answer_wherever_there_is_one(goal: str, data: st.DataObject) -> None:
+    # Parallel lines, absent cables, cables without play, limits that only touch, nearly singular matrices.
+    n = data.draw(st.sampled_from([2, 3, 6]))
+    case = data.draw(cases(n, data.draw(st.integers(1, n + 2))))
+    loose = case.structure[:, case.lower < case.upper]
+    found = tl.allocate(case.structure, case.wrench, case.limits, goal, case.reference)
+    try:
+        truth = solve(case, "force")
+    except UnsureError:
+        return
+    if loose.shape[1] - np.linalg.matrix_rank(loose, rtol=RANK_TOLERANCE) > 2:
+        assert found.status == tl.Status.FAILED
+        return
+    assert (found.status == tl.Status.EXACT) == truth.reachable
+    if truth.reachable and goal == "polygon:2-norm":
+        np.testing.assert_allclose(found.tensions, truth.tensions, rtol=0, atol=1e-6)
+
+
+# --- The edge of the workspace -----------------------------------------------------------------------------
+
+
+@every_goal
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 5), (6, 8)])
+def test_exact_at_the_edge_of_the_workspace_and_not_beyond(n: int, m: int, goal: str) -> None:
+    rng = np.random.default_rng(n)
+    W, d = random_cases(n, n, m, 300).structure, rng.normal(size=(300, n))
+    t = np.where(np.einsum("bn,bnm->bm", d, W) > 0, 6.0, 0.5)  # the only tensions that go so far along d
+    edge = np.einsum("bnm,bm->bn", W, t)
+    np.testing.assert_allclose(tensions(W, edge, (0.5, 6.0), goal), t, rtol=0, atol=1e-6)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    for beyond in (1e-3, 10.0):
+        found = tl.allocate(W, edge + beyond * d, (0.5, 6.0), goal)
+        assert np.all(found.status == tl.Status.ITERATION_LIMIT)
+        # A little out of reach the answer is still close by.
+        assert beyond > 1 or np.median(found.residual) < 10 * beyond
+
+
+def test_a_polygon_that_is_an_edge() -> None:
+    # Three cables in a plane pull against each other by (1, 1, 1), two lift with all they have.
+    half = np.sqrt(0.75)
+    W = np.array([[1, -0.5, -0.5, 0, 0], [0, half, -half, 0, 0], [0, 0, 0, 1, 1]])
+    w, limits = W @ [1, 2, 3, 4, 4], (np.ones(5), 4 * np.ones(5))
+    for goal, answer in (("centroid", [1.5, 2.5, 3.5, 4, 4]), ("1-norm", [1, 2, 3, 4, 4])):
+        np.testing.assert_allclose(tensions(W, w, limits, f"polygon:{goal}"), answer, rtol=0, atol=1e-12)
+    closest = tensions(W, w, limits, "polygon:2-norm", [1.2, 2.2, 3.2, 9, 9])
+    np.testing.assert_allclose(closest, [1.2, 2.2, 3.2, 4, 4], rtol=0, atol=1e-12)
+
+
+# --- Odd cables --------------------------------------------------------------------------------------------
+
+
+@every_goal
+def test_cables_without_play_do_not_count(goal: str) -> None:
+    # A fifth cable, fixed, and a third component that no cable renders: redundancy 3, but 2 for those with play.
+    batch = reachable(2, 4, 50)
+    extra = np.random.default_rng(0).normal(size=(len(batch.wrench), 2, 1))
+    W = np.pad(np.concatenate([batch.structure, extra], axis=2), [(0, 0), (0, 1), (0, 0)])
+    wrench = np.pad(batch.wrench + 1.5 * extra[:, :, 0], [(0, 0), (0, 1)])
+    low, high, plain = (
+        np.pad(t, [(0, 0), (0, 1)], constant_values=1.5)
+        for t in (*batch.limits, tensions(batch.structure, batch.wrench, batch.limits, goal))
+    )
+    np.testing.assert_allclose(tensions(W, wrench, (low, high), goal), plain, rtol=0, atol=1e-8)
+
+
+@every_goal
+def test_an_upper_limit_that_means_none_makes_nothing_coarse(goal: str) -> None:
+    # The lower limits alone decide the least sum and the least squares; the centroid is far away but exact.
+    batch = reachable(3, 5, 200)
+    limits = (batch.lower, np.full_like(batch.upper, 1e9))
+    found = tensions(batch.structure, batch.wrench, limits, goal)
+    if goal == "polygon:2-norm":
+        exact = tensions(batch.structure, batch.wrench, limits, "newton")
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-7)
+
+
+@every_goal
+def test_a_rank_too_low_fails_alone_and_says_why(goal: str) -> None:
+    W = np.array([np.eye(2, 4), [[1, -1, 1, -1], [2, -2, 2, -2]], np.eye(2, 4)])
+    found = tl.allocate(W, [[1, 1], [0, 0], [1, 1]], (0.5, 2.0), goal)
+    assert found.status.tolist() == [tl.Status.EXACT, tl.Status.FAILED, tl.Status.EXACT]
+    assert np.isnan(found.tensions[1]).all()
+    assert "redundancy is 3" in found.failures[1]
+
+
+def test_too_many_cables_are_refused_before_any_work() -> None:
+    with pytest.raises(
+        ValueError, match=r"Polygon .* 8 cables for 3 wrench .* redundancy 5.* newton, .*cvxpy"
+    ) as e:
+        tl.allocate(np.ones((3, 8)), np.zeros(3), (0.0, 1.0), "polygon")
+    assert "polygon," not in str(e.value)
+
+
+def test_an_unknown_goal_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"goal='3-norm'.*centroid, 1-norm, 2-norm"):
+        tl.Polygon("3-norm")  # type: ignore[arg-type]
