@@ -18,12 +18,15 @@ from tensionlab.model.module import Module, Platform
 from tensionlab.model.pose import Frame
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import SOLVERS, Solver, Status
+from tensionlab.solvers.analytic_centre import AnalyticCentre
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.newton import Newton
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
 from tensionlab.solvers.quadratic import QuadraticProgram
+from tensionlab.solvers.slack_norm import SlackNorm
+from tensionlab.solvers.spidar import Spidar
 
 __version__ = "0.1.0"
 
@@ -31,6 +34,7 @@ __all__ = [
     "SOLVERS",
     "Allocation",
     "Allocator",
+    "AnalyticCentre",
     "ClosedForm",
     "ConvexProgram",
     "Dykstra",
@@ -45,7 +49,9 @@ __all__ = [
     "Rig",
     "RigError",
     "ShapeError",
+    "SlackNorm",
     "Solver",
+    "Spidar",
     "Status",
     "TensionLimits",
     "TensionlabError",

@@ -59,6 +59,9 @@ DOORS = {
 }
 NATIVE = {
     "solvers/newton.py",
+    "solvers/analytic_centre.py",
+    "solvers/slack_norm.py",
+    "solvers/spidar.py",
     "allocation.py",
     "measure.py",
     "experiments/benchmark.py",

@@ -7,5 +7,6 @@ namespace tensionlab {
 
 void bind_judge(nanobind::module_&);
 void bind_newton(nanobind::module_&);
+void bind_smooth(nanobind::module_&);
 
 }  // namespace tensionlab

@@ -15,4 +15,5 @@ NB_MODULE(_native, module) {
   module.def("instruction_set", [] { return std::string(instruction_set_name()); });
   bind_judge(module);
   bind_newton(module);
+  bind_smooth(module);
 }

@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from tensionlab.errors import UnknownSolver
+from tensionlab.solvers.analytic_centre import AnalyticCentre
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.convex import ConvexProgram
@@ -14,12 +15,17 @@ from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.newton import Newton
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
 from tensionlab.solvers.quadratic import QuadraticProgram
+from tensionlab.solvers.slack_norm import SlackNorm
+from tensionlab.solvers.spidar import Spidar
 
 SOLVERS: dict[str, type[Any]] = {
     "newton": Newton,
     "dykstra": Dykstra,
     "pseudoinverse": Pseudoinverse,
     "closed-form": ClosedForm,
+    "analytic-centre": AnalyticCentre,
+    "slack": SlackNorm,
+    "spidar": Spidar,
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }
