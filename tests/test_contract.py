@@ -24,6 +24,7 @@ CLOSEST = ("newton", "dykstra", "qp", "cvxpy")
 MAY_GIVE_UP = {"qp:osqp": 0.05, "qp:quadprog": 0.05, "qp:highs": 0.05}
 """Share of ordinary problems that a backend may leave at ITERATION_LIMIT. None may give a wrong verdict."""
 EXAMPLES = {"newton": 60, "pseudoinverse": 60, "closed-form": 60, "dykstra": 15, "qp": 5, "cvxpy": 3}
+EXAMPLES |= dict.fromkeys(("analytic-centre", "slack", "spidar"), 60)
 
 VARIANTS = [
     *(name for name in tl.SOLVERS if name not in ("qp", "pseudoinverse")),

@@ -156,7 +156,7 @@ class DualAscent {
       low = along_ > zero ? larger(low, step) : low;
       high = along_ > zero ? high : smaller(high, step);
       const V newton = step + along_ / (bend_ > zero ? bend_ : zero + Real(1) / kFar);
-      const V middle = square_root<Real>(V(larger(low, V(kShrink * high)) * high));
+      const V middle = square_root<Real, L>(V(larger(low, V(kShrink * high)) * high));
       const auto unbounded = high >= zero + kFar;
       const V patient = round % 3 == 2 ? middle : newton;  // Newton steps alone may creep
       const V next = unbounded ? (newton > Real(1.9) * step ? V(kLeap * step) : newton) : patient;

@@ -25,7 +25,7 @@ struct LogBarrier : Middle<Real, L, N, M> {
   }
 
   V cable(int, const V& q, V& give) const {
-    const V root = square_root<Real>(V(Real(1) + q * q)), below = Real(1) + root;
+    const V root = square_root<Real, L>(V(Real(1) + q * q)), below = Real(1) + root;
     give = Real(1) / (root * below);
     return q / below;
   }

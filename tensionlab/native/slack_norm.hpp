@@ -68,11 +68,11 @@ struct SlackNorm : Middle<Real, L, N, M> {
       const V asked = magnitude(y[k]) / kappa;
       const V least = larger(V(asked / steepest), V((asked - one) / stiff));
       const V room = larger(V(one - asked * asked), zero + soft);
-      V found = larger(least, V(soft * smaller(asked, one) / square_root<Real>(room)));
+      V found = larger(least, V(soft * smaller(asked, one) / square_root<Real, L>(room)));
       V bend = one;
       auto open = asked > zero;
       for (int round = 0; round < kRounds && any(open); ++round) {
-        const V square = found * found + epsilon, inverse = one / square_root<Real>(square);
+        const V square = found * found + epsilon, inverse = one / square_root<Real, L>(square);
         bend = epsilon * inverse / square + stiff;
         const V next = larger(V(found + (asked - found * inverse - stiff * found) / bend), least);
         open = open & (magnitude(V(next - found)) > 4 * kUlp * (found + one / bend));

@@ -21,11 +21,12 @@ class AnalyticCentre:
     range and q = h W_i'y it is ``c + h q / (1 + sqrt(1 + q²))``. Newton steps with a line search raise the dual,
     which is self-concordant, in those n variables; they need no feasible start (`native/dual_ascent.hpp`).
 
-    The wrench error s is not forbidden but has a price, ``s = P |y|² y`` with P = 1e-28, in units of the largest
-    change of the wrench that half the range of one cable makes. While the wrench is further than 1e-6 such units
-    from the edge of the workspace, the error is below 1e-9 units; at the very edge it is 1e-7 units. Beyond, the
-    tensions tend to their limits and to the wrench with the least (weighted) error, which is near the best that
-    can be rendered but is not proved to be.
+    The wrench error s is not forbidden but has a price, ``s = P (1 + P |y|²) y`` with P = 1e-14, in units of the
+    largest (weighted) change of the wrench that half the range of one cable makes. At a distance d from the edge
+    of the workspace, where k cables would be at their limits, it is k P / d: a hundredth of a unit away 1e-11
+    units at most, 1e-6 units away 1e-7, and at the very edge 5e-7, which is still EXACT on rigs of a few newton.
+    Beyond, the tensions tend to their limits and the wrench to the one of least error: near the best that can be
+    rendered, and not proved to be.
 
     Sources: Sonnevend, "An analytical centre for polyhedrons and new classes of global algorithms for linear
     (smooth, convex) programming", 1985; Nesterov and Nemirovskii, "Interior-Point Polynomial Algorithms in Convex

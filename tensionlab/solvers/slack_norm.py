@@ -23,10 +23,10 @@ class SlackNorm:
 
     The tensions are strictly inside their limits for every wrench, reachable or not, and a continuously
     differentiable function of wrench and pose. That is bought with bias: towards the middle by c1 and c2, and in
-    the wrench. The slack is ``s ~ sqrt(epsilon) y / kappa`` with y the slope of the other prices, as long as y is
-    well below kappa; so the answer is EXACT until the cables would have to come as close to their limits as
-    c / kappa, some 3e-5 of half their range. Closer to the edge of the workspace, and beyond, wrench is given
-    away rather than distance to the limits: there the answer is no best substitute, but it is nearly the one
+    the wrench. With y the slope of the other prices, the slack is ``sqrt(epsilon) y / kappa`` as long as y is well
+    below kappa: about 1e-8 units and never 1e-6, which is EXACT, until the wrench is within 1e-3 units of the edge
+    of the workspace. Nearer than about ``m c / kappa`` units, for m cables, wrench is given away instead: some
+    1e-4 units at the edge. Beyond, the answer is no best substitute; as kappa grows it tends to the tensions
     whose error has the least 1-norm.
 
     Solved through its dual of n variables by Newton steps with a line search (`native/dual_ascent.hpp`), which
