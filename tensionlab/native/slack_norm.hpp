@@ -69,13 +69,14 @@ struct SlackNorm : Middle<Real, L, N, M> {
       const V least = larger(V(asked / steepest), V((asked - one) / stiff));
       const V room = larger(V(one - asked * asked), zero + soft);
       V found = larger(least, V(soft * smaller(asked, one) / square_root<Real, L>(room)));
-      V bend = one;
+      V bend;
       auto open = asked > zero;
-      for (int round = 0; round < kRounds && any(open); ++round) {
+      for (int round = 0; round < kRounds; ++round) {
         const V square = found * found + epsilon, inverse = one / square_root<Real, L>(square);
         bend = epsilon * inverse / square + stiff;
         const V next = larger(V(found + (asked - found * inverse - stiff * found) / bend), least);
         open = open & (magnitude(V(next - found)) > 4 * kUlp * (found + one / bend));
+        if (!any(open)) break;
         found = open ? next : found;
       }
       s[k] = y[k] < zero ? V(-found) : found;

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from problems import Case, cases, one, random_cases, random_structure
 
-from tensionlab import AnalyticCentre, Status, allocate, load_rig
+from tensionlab import Status, allocate, load_rig
 
 LIMITS = (0.5, 6.0)
 

@@ -189,9 +189,9 @@ def test_tensions_follow_the_wrench_smoothly_across_the_edge():
 def test_parameters():
     assert make("slack:3") == SlackNorm(p=3.0)
     for parameter in ("c1", "c2", "kappa", "epsilon", "gamma"):
-        with pytest.raises(ValueError, match=f"{parameter}=0.0.*positive"):
+        with pytest.raises(ValueError, match=rf"{parameter}=0\.0.*positive"):
             SlackNorm(**{parameter: 0.0})
     with pytest.raises(ValueError, match=r"p=1\.5.*2 or more"):
         SlackNorm(1.5)
-    with pytest.raises(ValueError, match="kappa=nan.*finite"):
+    with pytest.raises(ValueError, match=r"kappa=nan.*finite"):
         SlackNorm(kappa=float("nan"))

@@ -120,5 +120,5 @@ def test_awkward_problems_are_solved_all_the_same(case):
 def test_parameters():
     assert make("spidar:0.01") == Spidar(mu=0.01)
     for parameter in ("mu", "force", "torque"):
-        with pytest.raises(ValueError, match=f"{parameter}=0.0.*positive"):
+        with pytest.raises(ValueError, match=rf"{parameter}=0\.0.*positive"):
             Spidar(**{parameter: 0.0})
