@@ -19,6 +19,7 @@ from tensionlab.model.module import Module, Platform
 from tensionlab.model.pose import Frame
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import SOLVERS, Solver, Status
+from tensionlab.solvers.analytic_centre import AnalyticCentre
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
@@ -28,6 +29,8 @@ from tensionlab.solvers.polygon import Polygon
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
 from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
+from tensionlab.solvers.slack_norm import SlackNorm
+from tensionlab.solvers.spidar import Spidar
 
 __version__ = "0.1.0"
 
@@ -35,6 +38,7 @@ __all__ = [
     "SOLVERS",
     "Allocation",
     "Allocator",
+    "AnalyticCentre",
     "ClosedForm",
     "ConvexProgram",
     "Dykstra",
@@ -55,7 +59,9 @@ __all__ = [
     "Rig",
     "RigError",
     "ShapeError",
+    "SlackNorm",
     "Solver",
+    "Spidar",
     "Status",
     "TensionLimits",
     "TensionlabError",

@@ -64,6 +64,35 @@ def puncture(
     weights: NDArray[float64],
     rank_tolerance: float,
 ) -> NDArray[float64]: ...
+def log_barrier(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    weights: NDArray[float64],
+) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def slack_norm(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    p: float,
+    c1: float,
+    c2: float,
+    kappa: float,
+    epsilon: float,
+    gamma: float,
+) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def box_price(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    row_roots: NDArray[float64],
+) -> tuple[NDArray[float64], NDArray[int64]]: ...
 def judge(
     structure: NDArray[float64],
     wrench: NDArray[float64],

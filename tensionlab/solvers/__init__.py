@@ -8,6 +8,7 @@ from typing import Any
 
 from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import plugins
+from tensionlab.solvers.analytic_centre import AnalyticCentre
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.convex import ConvexProgram
@@ -18,6 +19,8 @@ from tensionlab.solvers.polygon import Polygon
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
 from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
+from tensionlab.solvers.slack_norm import SlackNorm
+from tensionlab.solvers.spidar import Spidar
 
 SOLVERS: dict[str, type[Any]] = {
     "newton": Newton,
@@ -29,6 +32,9 @@ SOLVERS: dict[str, type[Any]] = {
     "safe": OptimallySafe,
     "puncture": Puncture,
     "polygon": Polygon,
+    "analytic-centre": AnalyticCentre,
+    "slack": SlackNorm,
+    "spidar": Spidar,
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }

@@ -1,4 +1,4 @@
-"""The linear programs: answers known by hand, HiGHS and cvxpy on the same objectives, and which of equals is taken."""
+"""The linear programs: known answers, HiGHS and cvxpy on the same objectives, and which of equals is taken."""
 
 import json
 from itertools import combinations
@@ -231,7 +231,7 @@ def test_many_equal_cables_make_it_neither_cycle_nor_stray(name):
 
 
 def test_a_nearly_singular_rig_is_exact_where_the_optimum_is_a_corner():
-    # Rows equal but for 1e-5: the largest tension is known to 1e-10 of the wrench, but renders it to the last digit.
+    # Rows equal but for 1e-5: the largest tension is known to 1e-10 of the wrench, and still renders all of it.
     rng = np.random.default_rng(1)
     W = rng.normal(size=(3000, 3, 6))
     W[:, 2] = W[:, 0] + 1e-5 * W[:, 2]

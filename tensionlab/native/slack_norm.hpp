@@ -1,0 +1,107 @@
+// Prices of the slack p-norm (dual_ascent.hpp), with t = c + h x (middle.hpp):
+//
+//   cable   |x - x0|^p - c1 ln(1 + x) - c2 ln(1 - x)
+//   error   kappa (sqrt(s^2 + epsilon) + gamma s^2), for each component
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "middle.hpp"
+
+namespace tensionlab {
+
+struct SlackPrices {
+  double p, c1, c2, kappa, epsilon, gamma;
+};
+
+inline namespace TENSIONLAB_BUILD {
+
+template <class Real, int L, int N, int M>
+struct SlackNorm : Middle<Real, L, N, M> {
+  using V = Lanes<Real, L>;
+  static constexpr bool kTightens = false;
+  SlackPrices prices;
+  V preferred[M] = {};
+
+  template <class Problem>
+  void load(int l, int m, const Problem& problem, Real (&column)[M][N], Real (&target)[N]) {
+    Middle<Real, L, N, M>::load(l, m, problem, column, target);
+    for (int i = 0; i < m; ++i) {
+      const Real half = this->half[l][i];
+      lane<Real>(preferred[i], l) = half > 0 ? (problem.reference[i] - this->centre[l][i]) / half : Real(0);
+    }
+  }
+
+  // The x whose price has slope q: the root of (price'(x) - q) (1 - x^2), by Newton steps inside a bracket.
+  V cable(int i, const V& q, V& give) const {
+    const V zero = V{}, one = zero + Real(1);
+    const Real c1 = prices.c1, c2 = prices.c2;
+    V low = -one, high = one, bend;
+    V x = q + Real(2) * preferred[i];
+    x = x / (Real(2) + magnitude(x));
+    auto open = one > zero;
+    for (int round = 0; round < kRounds && any(open); ++round) {
+      const V room = one - x * x;
+      const V rise = slope(V(x - preferred[i]), bend) - q;
+      const V f = rise * room - c1 * (one - x) + c2 * (one + x);
+      const V falls = bend * room - Real(2) * x * rise + (c1 + c2);
+      low = f < zero ? x : low;
+      high = f > zero ? x : high;
+      const V move = f / falls, next = x - move;
+      open = open & (magnitude(move) > 2 * kUlp * one);
+      x = open ? ((next > low) & (next < high) ? next : V(Real(0.5) * (low + high))) : x;
+    }
+    slope(V(x - preferred[i]), bend);
+    const V below = one + x, above = one - x;
+    give = one / (bend + c1 / (below * below) + c2 / (above * above));
+    return x;
+  }
+
+  // The s whose price has slope y, one component at a time: s / sqrt(s^2 + epsilon) + 2 gamma s = |y| / kappa. The
+  // left side is concave for s > 0, so that Newton steps from anywhere end below the root, and rise to it.
+  void slack(const V (&y)[N], V (&s)[N], V (&yield)[N][N]) const {
+    const V zero = V{}, one = zero + Real(1);
+    const Real kappa = prices.kappa, epsilon = prices.epsilon, stiff = 2 * prices.gamma;
+    const Real soft = std::sqrt(epsilon), steepest = 1 / soft + stiff;
+    for (int k = 0; k < N; ++k) {
+      const V asked = magnitude(y[k]) / kappa;
+      const V least = larger(V(asked / steepest), V((asked - one) / stiff));
+      const V room = larger(V(one - asked * asked), zero + soft);
+      V found = larger(least, V(soft * smaller(asked, one) / square_root<Real, L>(room)));
+      V bend;
+      auto open = asked > zero;
+      for (int round = 0; round < kRounds; ++round) {
+        const V square = found * found + epsilon, inverse = one / square_root<Real, L>(square);
+        bend = epsilon * inverse / square + stiff;
+        const V next = larger(V(found + (asked - found * inverse - stiff * found) / bend), least);
+        open = open & (magnitude(V(next - found)) > 4 * kUlp * (found + one / bend));
+        if (!any(open)) break;
+        found = open ? next : found;
+      }
+      s[k] = y[k] < zero ? V(-found) : found;
+      for (int j = 0; j < k; ++j) yield[k][j] = zero;
+      yield[k][k] = one / (kappa * bend);
+    }
+  }
+
+ private:
+  static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
+  static constexpr int kRounds = 60;
+
+  // p |x|^(p - 1) sign(x), and how fast it rises.
+  V slope(const V& x, V& bend) const {
+    if (prices.p == 2) {
+      bend = V{} + Real(2);
+      return 2 * x;
+    }
+    const Real p = prices.p;
+    V power = x;
+    for (int l = 0; l < L; ++l) lane<Real>(power, l) = std::pow(std::abs(read<Real>(x, l)), p - 2);
+    bend = p * (p - 1) * power;
+    return p * power * x;
+  }
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

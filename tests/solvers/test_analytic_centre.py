@@ -1,0 +1,159 @@
+"""The analytic centre."""
+
+import warnings
+
+import cvxpy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from problems import Case, cases, one, random_cases, random_structure
+
+from tensionlab import Status, allocate, load_rig
+
+LIMITS = (0.5, 6.0)
+
+
+def centre(structure, wrench, limits=LIMITS, weights=None):
+    return allocate(structure, wrench, limits, "analytic-centre", wrench_weights=weights)
+
+
+def inside(seed, n, m, count):
+    """A batch of wrenches that tensions between 5 % and 95 % of their ranges render."""
+    rng = np.random.default_rng(seed)
+    batch = random_cases(seed, n, m, count)
+    part = rng.uniform(0.05, 0.95, (count, m))
+    tensions = batch.lower + part * (batch.upper - batch.lower)
+    wrench = np.einsum("bnm,bm->bn", batch.structure, tensions)
+    return Case(batch.structure, wrench, batch.lower, batch.upper, batch.reference, batch.weights)
+
+
+def test_a_tug_of_war_is_as_far_from_the_upper_limit_as_from_the_lower():
+    # t1 - t2 = 2: the distances 5 - t1 and t2 - 1, and so all of them, are equal at (4, 2).
+    found = centre([[1.0, -1.0]], [2.0], (1.0, 5.0))
+    assert found.status == Status.EXACT
+    np.testing.assert_allclose(found.tensions, [4.0, 2.0], atol=1e-9)
+
+
+def test_parallel_cables_share_by_their_ranges():
+    # One has half the range and pulls twice as hard: two equal shares of the wrench, x and x of -1 to 1.
+    found = centre([[2.0, 1.0]], [6.0], ([0.0, 0.0], [4.0, 8.0]))
+    np.testing.assert_allclose(found.tensions, [1.5, 3.0], atol=1e-9)
+    assert centre([[1.0, 1.0]], [7.0], (1.0, 5.0)).tensions == pytest.approx([3.5, 3.5], abs=1e-9)
+
+
+def test_one_cable_has_no_choice():
+    found = centre([[2.0]], [9.0])
+    np.testing.assert_allclose(found.tensions, [4.5], atol=1e-9)
+    assert found.status == Status.EXACT
+
+
+@pytest.mark.parametrize("name", ["cube-8", "tetra-4"])
+def test_without_a_wrench_the_middle_of_a_symmetric_rig_is_the_middle_of_the_limits(name):
+    rig = load_rig(f"datasets/rigs/{name}.toml")
+    found = allocate(rig.structure_matrix(np.zeros(3)), np.zeros(3), rig.limits, "analytic-centre")
+    np.testing.assert_allclose(found.tensions, 2.75, atol=1e-9)
+    assert found.status == Status.EXACT
+
+
+def test_cables_without_play_take_no_part():
+    alone = centre([[1.0, -1.0]], [2.0], (1.0, 5.0))
+    found = centre([[1.0, 3.0, -1.0]], [8.0], ([1.0, 2.0, 1.0], [5.0, 2.0, 5.0]))
+    np.testing.assert_allclose(found.tensions, np.insert(alone.tensions, 1, 2.0), atol=1e-9)
+    assert centre([[1.0, 1.0]], [5.0], (2.0, 2.0)).tensions == pytest.approx([2.0, 2.0])
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 3), (2, 6), (3, 4), (3, 12), (6, 7), (6, 12)])
+def test_agrees_with_cvxpy(n, m):
+    batch = inside(31 * n + m, n, m, 5)
+    found = centre(batch.structure, batch.wrench, batch.limits)
+    assert (found.status == Status.EXACT).all()
+    for i in range(5):
+        case, t = one(batch, i), cvxpy.Variable(m)
+        distances = cvxpy.sum(cvxpy.log(t - case.lower)) + cvxpy.sum(cvxpy.log(case.upper - t))
+        program = cvxpy.Problem(cvxpy.Maximize(distances), [case.structure @ t == case.wrench])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what is too tight for it, it says
+            program.solve(cvxpy.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12)
+        np.testing.assert_allclose(found.tensions[i], t.value, atol=1e-6)
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+def test_the_optimality_conditions_hold(n):
+    # The slopes of the logarithms are W'y for some y: they have no part in the null space of W.
+    for m in range(n, 13):
+        batch = inside(100 * n + m, n, m, 500)
+        found = centre(batch.structure, batch.wrench, batch.limits)
+        assert (found.status == Status.EXACT).all()
+        below, above = found.tensions - batch.lower, batch.upper - found.tensions
+        slopes = 1 / above - 1 / below
+        null = np.eye(m) - np.linalg.pinv(batch.structure) @ batch.structure
+        curvature = (1 / above**2 + 1 / below**2).min(axis=1)
+        missing = np.linalg.norm(np.einsum("bij,bj->bi", null, slopes), axis=1) / curvature
+        assert missing.max() < 1e-8
+        assert found.iterations.max() <= 15
+
+
+def statement(structure, wrench, lower, upper, steps=60):
+    """The method in NumPy: damped Newton steps of Nesterov and Nemirovskii on the dual, then full ones."""
+    middle, half = (lower + upper) / 2, (upper - lower) / 2
+    y = np.zeros(len(wrench))
+    for _ in range(steps):
+        q = half * (structure.T @ y)
+        root = np.sqrt(1 + q**2)
+        missing = wrench - structure @ (middle + half * q / (1 + root))
+        hessian = (structure * (half**2 / (root * (1 + root)))) @ structure.T
+        step = np.linalg.solve(hessian, missing)
+        decrement = np.sqrt(missing @ step)
+        y = y + step / (1 + decrement if decrement > 0.25 else 1)
+    return middle + half * q / (1 + root)
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 8), (6, 9)])
+def test_agrees_with_its_statement_in_numpy(n, m):
+    batch = inside(n + m, n, m, 20)
+    found = centre(batch.structure, batch.wrench, batch.limits)
+    for i in range(20):
+        stated = statement(batch.structure[i], batch.wrench[i], batch.lower[i], batch.upper[i])
+        np.testing.assert_allclose(found.tensions[i], stated, atol=1e-8)
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8)])
+def test_it_covers_the_workspace_to_its_edge(n, m):
+    # Facets of the available wrench set: n - 1 cables anywhere, all others at the limit that pulls outwards.
+    rng = np.random.default_rng(m)
+    W = np.stack([random_structure(rng, n, m) for _ in range(200)])
+    normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
+    pull = np.einsum("bn,bnm->bm", normal, W)
+    tensions = np.where(pull > 0, LIMITS[1], LIMITS[0])
+    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (200, n - 1))
+    edge = np.einsum("bnm,bm->bn", W, tensions)
+    largest = 2.75 * np.linalg.norm(W, axis=1).max(axis=1)
+    for distance, error in ((1e-4, 1e-9), (1e-5, 1e-8), (1e-6, 1e-7), (0.0, 5e-7)):
+        found = centre(W, edge - distance * largest[:, None] * normal)
+        assert np.all(found.residual <= error * largest)
+    assert np.all(found.status[np.linalg.norm(edge, axis=1) > 5.0] == Status.EXACT)
+    assert np.all(centre(W, edge + 1e-4 * normal).status == Status.ITERATION_LIMIT)
+
+
+@settings(max_examples=200)
+@given(case=cases())
+def test_awkward_problems_leave_every_tension_clear_of_its_limits(case):
+    found = centre(case.structure, case.wrench, case.limits, case.weights)
+    moving = case.lower < case.upper
+    assert np.all(found.tensions[moving] > case.lower[moving])
+    assert np.all(found.tensions[moving] < case.upper[moving])
+    assert found.iterations <= 60
+    exact = allocate(case.structure, case.wrench, case.limits, nearest="force", wrench_weights=case.weights)
+    if exact.status == Status.NEAREST and exact.residual > 1e-3:
+        # Not proved, but near: the error is at most a little more than the least.
+        assert found.residual <= exact.residual * (1 + 1e-6) + 1e-6
+
+
+def test_tensions_follow_the_wrench_smoothly_across_the_edge():
+    rng = np.random.default_rng(5)
+    W = random_structure(rng, 3, 8)
+    wrench = W.sum(axis=1) * 3.25 + np.linspace(0.0, 20.0, 20_001)[:, None] * [0.6, 0.0, 0.8]
+    found = centre(W, wrench)
+    assert found.status[0] == Status.EXACT
+    assert found.status[-1] == Status.ITERATION_LIMIT
+    assert np.abs(np.diff(found.tensions, axis=0)).max() < 0.01  # N for each 1e-3 N

@@ -1,0 +1,197 @@
+"""The p-norm with slack."""
+
+import warnings
+
+import cvxpy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from problems import cases, one, random_cases, random_structure
+
+from tensionlab import SlackNorm, Status, allocate, load_rig
+from tensionlab.solvers import make
+
+LIMITS = (0.5, 6.0)
+ROUND = SlackNorm(p=3.0, c1=0.05, c2=0.2, kappa=40.0, epsilon=1e-4, gamma=0.5)
+"""A price of slack that is round enough for slack to show everywhere."""
+
+
+def unit_and_half(structure, lower, upper, weights):
+    """The unit of slack for each problem, and half the ranges."""
+    half = (upper - lower) / 2
+    columns = np.sqrt(weights)[:, None] * structure * half[..., None, :]
+    return np.linalg.norm(columns, axis=-2).max(axis=-1), half
+
+
+def cable_slope(solver, tensions, lower, upper, reference):
+    """How the price of each tension rises, times half its range."""
+    half = (upper - lower) / 2
+    change = (tensions - reference) / half
+    slope = solver.p * np.abs(change) ** (solver.p - 1) * np.sign(change)
+    return slope - solver.c1 * half / (tensions - lower) + solver.c2 * half / (upper - tensions)
+
+
+def slack_slope(solver, slack):
+    return solver.kappa * (slack / np.sqrt(slack**2 + solver.epsilon) + 2 * solver.gamma * slack)
+
+
+@pytest.mark.parametrize("name", ["cube-8", "tetra-4"])
+def test_without_a_wrench_the_middle_of_a_symmetric_rig_is_the_middle_of_the_limits(name):
+    rig = load_rig(f"datasets/rigs/{name}.toml")
+    found = allocate(rig.structure_matrix(np.zeros(3)), np.zeros(3), rig.limits, "slack", "middle")
+    np.testing.assert_allclose(found.tensions, 2.75, atol=1e-9)
+    assert found.status == Status.EXACT
+
+
+def test_parallel_cables_share_by_their_ranges():
+    found = allocate([[2.0, 1.0]], [6.0], ([0.0, 0.0], [4.0, 8.0]), "slack", "middle")
+    np.testing.assert_allclose(found.tensions, [1.5, 3.0], atol=1e-8)
+
+
+def test_without_a_barrier_to_speak_of_it_is_the_least_change_in_shares_of_the_ranges():
+    # Least (t1 / 2)² + (t2 / 4)² with 2 t1 + t2 = 6 from the reference 0: t1 = 1.5, t2 = 3.
+    faint = SlackNorm(c1=1e-9, c2=1e-9, epsilon=1e-20)
+    found = allocate([[2.0, 1.0]], [6.0], ([0.0, 0.0], [4.0, 8.0]), faint)
+    np.testing.assert_allclose(found.tensions, [1.5, 3.0], atol=1e-6)
+
+
+def test_out_of_reach_a_cable_keeps_the_distance_at_which_wrench_is_worth_as_much():
+    # x from -1 to 1 between the limits: 2 x + c / (1 - x) - c / (1 + x) = kappa (1 + 2 gamma s), s = (12 - t) / 2.
+    found = allocate([[1.0]], [12.0], (1.0, 5.0), SlackNorm(gamma=0.5), "middle")
+    x, s = (found.tensions[0] - 3.0) / 2.0, (12.0 - found.tensions[0]) / 2.0
+    assert found.status == Status.ITERATION_LIMIT
+    assert 1 - x == pytest.approx(0.1 / (3500.0 * (1 + s)), rel=1e-3)
+
+
+def test_the_exponent_weighs_the_largest_change():
+    # |t1|^p + |t2|^p is least, with 2 t1 + t2 = 10, where t1^(p - 1) = 2 t2^(p - 1).
+    for p in (2.0, 3.0, 5.0):
+        faint = SlackNorm(p=p, c1=1e-9, c2=1e-9, epsilon=1e-20)
+        found = allocate([[2.0, 1.0]], [10.0], (-10.0, 10.0), faint)
+        ratio = 2 ** (1 / (p - 1))
+        np.testing.assert_allclose(found.tensions, np.array([ratio, 1.0]) * 10 / (2 * ratio + 1), atol=1e-5)
+
+
+def test_cables_without_play_take_no_part():
+    alone = allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "slack")
+    found = allocate([[1.0, 3.0, -1.0]], [8.0], ([1.0, 2.0, 1.0], [5.0, 2.0, 5.0]), "slack")
+    np.testing.assert_allclose(found.tensions, np.insert(alone.tensions, 1, 2.0), atol=1e-9)
+
+
+def with_cvxpy(solver, case):
+    """The program as one would write it on a blackboard; None where cvxpy isn't sure of its answer."""
+    unit, half = unit_and_half(case.structure, case.lower, case.upper, case.weights)
+    root = np.sqrt(case.weights) / unit
+    t, s = cvxpy.Variable(len(half)), cvxpy.Variable(len(root))
+    price = cvxpy.sum(cvxpy.power(cvxpy.abs((t - case.reference) / half), solver.p))
+    price -= solver.c1 * cvxpy.sum(cvxpy.log((t - case.lower) / half))
+    price -= solver.c2 * cvxpy.sum(cvxpy.log((case.upper - t) / half))
+    soft = np.sqrt(solver.epsilon)
+    price += solver.kappa * sum(cvxpy.norm(cvxpy.hstack([s[k], soft])) for k in range(len(root)))
+    price += solver.kappa * solver.gamma * cvxpy.sum_squares(s)
+    rendered = cvxpy.multiply(root, case.structure @ t) + s == root * case.wrench
+    program = cvxpy.Problem(cvxpy.Minimize(price), [rendered])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        program.solve(cvxpy.CLARABEL, tol_gap_abs=1e-11, tol_gap_rel=1e-11, tol_feas=1e-11)
+    return t.value if program.status == "optimal" else None
+
+
+@pytest.mark.parametrize("solver", [SlackNorm(), ROUND], ids=["default", "round"])
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 8), (6, 8), (6, 12)])
+def test_agrees_with_cvxpy(n, m, solver):
+    batch = random_cases(10 * n + m, n, m, 8)
+    found = allocate(
+        batch.structure, batch.wrench, batch.limits, solver, batch.reference, wrench_weights=batch.weights
+    )
+    sure = 0
+    for i in range(8):
+        expected = with_cvxpy(solver, one(batch, i))
+        if expected is not None:
+            np.testing.assert_allclose(found.tensions[i], expected, atol=1e-6)
+            sure += 1
+    assert sure >= 4
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+@pytest.mark.parametrize(
+    "solver", [SlackNorm(), ROUND, SlackNorm(p=2.5, kappa=1e4)], ids=["default", "round", "p"]
+)
+def test_the_optimality_conditions_hold(solver, n):
+    # One multiplier y explains all tensions, W_i'y being the slope of their prices, and it is that of the slack.
+    for m in range(n, 13):
+        batch = random_cases(100 * n + m, n, m, 300)
+        found = allocate(
+            batch.structure, batch.wrench, batch.limits, solver, batch.reference, wrench_weights=batch.weights
+        )
+        unit, half = unit_and_half(batch.structure, batch.lower, batch.upper, batch.weights)
+        root = np.sqrt(batch.weights) / unit[:, None]
+        columns = root[..., None] * batch.structure * half[:, None, :]
+        slack = root * (batch.wrench - found.wrench)
+        slopes = cable_slope(solver, found.tensions, batch.lower, batch.upper, batch.reference)
+        x = (found.tensions - batch.lower) / half - 1
+        stiff = solver.c1 / (1 + x) ** 2 + solver.c2 / (1 - x) ** 2
+        y = slack_slope(solver, slack)
+        # Slack below rounding says nothing about its slope; where it says something, so do all cables.
+        known = (np.abs(slack) > 1e-6).all(axis=1)
+        missing = np.abs(np.einsum("bnm,bn->bm", columns, y) - slopes) / stiff
+        noise = 1e-13 * solver.kappa / np.sqrt(solver.epsilon)
+        assert np.all(missing[known] < 1e-6 + noise / stiff[known])
+        fitted = np.linalg.pinv(np.swapaxes(columns, 1, 2) / stiff[..., None])
+        y = np.einsum("bnm,bm->bn", fitted, slopes / stiff)
+        assert np.all(np.abs(np.einsum("bnm,bn->bm", columns, y) - slopes) / stiff < 1e-6)
+        assert found.iterations.max() <= 60
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8), (6, 12)])
+def test_inside_the_workspace_the_slack_is_below_tolerance(n, m):
+    # Facets of the available wrench set: n - 1 cables anywhere, all others at the limit that pulls outwards.
+    rng = np.random.default_rng(m)
+    W = np.stack([random_structure(rng, n, m) for _ in range(300)])
+    normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
+    tensions = np.where(np.einsum("bn,bnm->bm", normal, W) > 0, LIMITS[1], LIMITS[0])
+    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (300, n - 1))
+    edge = np.einsum("bnm,bm->bn", W, tensions)
+    unit = 2.75 * np.linalg.norm(W, axis=1).max(axis=1)
+    for reference in ("lower", "middle"):
+        near = allocate(W, edge - 1e-3 * unit[:, None] * normal, LIMITS, "slack", reference)
+        at = allocate(W, edge, LIMITS, "slack", reference)
+        assert np.all(near.status == Status.EXACT)
+        assert np.all(near.residual <= 1e-6 * unit)
+        assert np.median(near.residual / unit) <= 1e-7
+        assert np.all(at.status == Status.ITERATION_LIMIT)
+        assert np.median(at.residual / unit) <= 5e-4
+
+
+@settings(max_examples=200)
+@given(case=cases())
+def test_awkward_problems_leave_every_tension_clear_of_its_limits(case):
+    for solver in ("slack", "slack:4"):
+        found = allocate(
+            case.structure, case.wrench, case.limits, solver, case.reference, wrench_weights=case.weights
+        )
+        moving = case.lower < case.upper
+        assert np.all(found.tensions[moving] > case.lower[moving])
+        assert np.all(found.tensions[moving] < case.upper[moving])
+        assert found.iterations <= 60
+
+
+def test_tensions_follow_the_wrench_smoothly_across_the_edge():
+    rng = np.random.default_rng(5)
+    W = random_structure(rng, 3, 8)
+    wrench = W.sum(axis=1) * 3.25 + np.linspace(0.0, 20.0, 20_001)[:, None] * [0.6, 0.0, 0.8]
+    found = allocate(W, wrench, LIMITS, "slack")
+    assert found.status[0] == Status.EXACT
+    assert found.status[-1] == Status.ITERATION_LIMIT
+    assert np.abs(np.diff(found.tensions, axis=0)).max() < 0.01  # N for each 1e-3 N
+
+
+def test_parameters():
+    assert make("slack:3") == SlackNorm(p=3.0)
+    for parameter in ("c1", "c2", "kappa", "epsilon", "gamma"):
+        with pytest.raises(ValueError, match=rf"{parameter}=0\.0.*positive"):
+            SlackNorm(**{parameter: 0.0})
+    with pytest.raises(ValueError, match=r"p=1\.5.*2 or more"):
+        SlackNorm(1.5)
+    with pytest.raises(ValueError, match=r"kappa=nan.*finite"):
+        SlackNorm(kappa=float("nan"))

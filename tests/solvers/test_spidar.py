@@ -1,0 +1,124 @@
+"""SPIDAR's program."""
+
+import cvxpy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from problems import Case, cases, one, random_cases
+
+from tensionlab import Spidar, Status, allocate
+from tensionlab.solvers import make
+
+
+def prices(solver, n, weights):
+    return np.where(np.arange(n) < 3, solver.force, solver.torque) * weights
+
+
+def solve(case, solver):
+    return allocate(case.structure, case.wrench, case.limits, solver, case.reference, wrench_weights=case.weights)
+
+
+def test_one_cable_trades_error_for_tension():
+    # (3 - t)² + t² / 1000 is least at t = 3 / 1.001, 3 mN too little.
+    found = allocate([[1.0]], [3.0], (0.0, 5.0), "spidar")
+    np.testing.assert_allclose(found.tensions, [3 / 1.001], rtol=1e-12)
+    assert found.residual == pytest.approx(1e-3 * found.tensions[0], rel=1e-9)
+    assert found.status == Status.ITERATION_LIMIT
+
+
+def test_two_cables_halve_the_error():
+    found = allocate([[1.0, 1.0]], [3.0], (0.0, 5.0), "spidar")
+    np.testing.assert_allclose(found.tensions, 3 / 2.001, rtol=1e-12)
+
+
+def test_torque_is_worth_less():
+    # 0.3 (2 - t)² + t² / 1000, on a component behind the first three.
+    W, w = np.zeros((6, 1)), np.zeros(6)
+    W[4], w[4] = 1.0, 2.0
+    np.testing.assert_allclose(allocate(W, w, (0.0, 5.0), "spidar").tensions, [0.6 / 0.301], rtol=1e-12)
+    found = allocate(W[2:5], w[2:5], (0.0, 5.0), "spidar")  # three rows are all force
+    np.testing.assert_allclose(found.tensions, [2 / 1.001], rtol=1e-12)
+
+
+def test_weights_multiply_the_prices():
+    found = allocate([[1.0], [0.0]], [3.0, 0.0], (0.0, 5.0), "spidar", wrench_weights=[0.5, 9.0])
+    np.testing.assert_allclose(found.tensions, [1.5 / 0.501], rtol=1e-12)
+
+
+def test_nothing_is_lost_where_the_reference_renders_the_wrench():
+    found = allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "spidar", [4.0, 2.0])
+    np.testing.assert_allclose(found.tensions, [4.0, 2.0], atol=1e-12)
+    assert found.status == Status.EXACT
+
+
+def test_at_a_limit_the_error_is_what_the_limit_leaves():
+    found = allocate([[1.0, -1.0]], [7.0], (1.0, 5.0), "spidar")
+    np.testing.assert_array_equal(found.tensions, [5.0, 1.0])
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 3), (2, 8), (3, 4), (3, 12), (6, 6), (6, 12)])
+def test_agrees_with_cvxpy(n, m):
+    batch, solver = random_cases(7 * n + m, n, m, 6), Spidar()
+    found = solve(batch, solver)
+    root = np.sqrt(prices(solver, n, batch.weights))
+    for i in range(6):
+        case, t = one(batch, i), cvxpy.Variable(m)
+        error = cvxpy.sum_squares(cvxpy.multiply(root, case.structure @ t - case.wrench))
+        price = error + solver.mu * cvxpy.sum_squares(t - case.reference)
+        program = cvxpy.Problem(cvxpy.Minimize(price), [t >= case.lower, t <= case.upper])
+        program.solve(cvxpy.CLARABEL, tol_gap_abs=1e-12, tol_gap_rel=1e-12, tol_feas=1e-12)
+        np.testing.assert_allclose(found.tensions[i], t.value, atol=1e-6)
+
+
+def assert_optimal(case, solver, tensions):
+    """Solve for the tensions that are clear of their limits, given the others, and look at all gradients there."""
+    q = prices(solver, len(case.wrench), case.weights) / solver.mu
+    free = (tensions > case.lower) & (tensions < case.upper)
+    t, W = tensions.copy(), case.structure
+    F = W[:, free]
+    pull = case.reference[free] + F.T @ (q * (case.wrench - W[:, ~free] @ t[~free]))
+    t[free] = np.linalg.solve(np.eye(free.sum()) + (F.T * q) @ F, pull)
+    np.testing.assert_allclose(tensions, t, rtol=0, atol=1e-8)
+    wanted = case.reference + W.T @ (q * (case.wrench - W @ t))  # where the price of this cable alone is least
+    rounding = 1e-14 * q.max() * (1 + np.abs(case.wrench).max() + np.abs(W @ t).max())
+    assert np.all((wanted <= case.lower + rounding) | (tensions > case.lower) | (case.lower == case.upper))
+    assert np.all((wanted >= case.upper - rounding) | (tensions < case.upper) | (case.lower == case.upper))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("solver", [Spidar(), Spidar(mu=1e-5, force=2.0, torque=7.0)], ids=["default", "other"])
+def test_the_optimality_conditions_hold(solver, n):
+    for m in range(1, 13):
+        full = random_cases(100 * n + m, max(n, 2) if n < 4 else 6, m, 60)
+        batch = Case(full.structure[:, :n], full.wrench[:, :n], *full.limits, full.reference, full.weights[:n])
+        found = solve(batch, solver)
+        for i in range(60):
+            assert_optimal(one(batch, i), solver, found.tensions[i])
+        assert found.iterations.max() <= 40
+
+
+def test_smaller_prices_of_tension_come_closer_to_the_force_policy():
+    batch = random_cases(9, 3, 7, 500)
+    best = allocate(batch.structure, batch.wrench, batch.limits, "newton", batch.reference, "force")
+    gaps = []
+    for mu in (1e-3, 1e-5, 1e-7):
+        found = allocate(batch.structure, batch.wrench, batch.limits, Spidar(mu), batch.reference)
+        assert np.all(found.residual >= best.residual - 1e-9)
+        gaps.append(np.quantile(np.abs(found.tensions - best.tensions).max(axis=1), 0.9))
+    assert gaps[0] > 20 * gaps[1] > 400 * gaps[2]
+    assert gaps[2] < 1e-5
+
+
+@settings(max_examples=200)
+@given(case=cases())
+def test_awkward_problems_are_solved_all_the_same(case):
+    found = solve(case, Spidar())
+    assert_optimal(case, Spidar(), found.tensions)
+    assert found.iterations <= 40
+
+
+def test_parameters():
+    assert make("spidar:0.01") == Spidar(mu=0.01)
+    for parameter in ("mu", "force", "torque"):
+        with pytest.raises(ValueError, match=rf"{parameter}=0\.0.*positive"):
+            Spidar(**{parameter: 0.0})
