@@ -1,4 +1,7 @@
-// The solvers that begin with all tensions of the equilibrium, for Python.
+// The solvers that choose among all tensions of the equilibrium, for Python.
+#include <algorithm>
+#include <cstdint>
+
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "polygon.hpp"
@@ -7,24 +10,35 @@
 namespace tensionlab {
 namespace {
 
-using Loose = LooseCables<double, kMaxComponents, kMaxCables>;
+// solve(row, cables with play, their tensions) for each problem; the tensions are put in place, inside their
+// limits.
+template <int N, class Solve>
+void solve_rows(const Batch& batch, double* tensions, const Solve& solve, std::size_t begin, std::size_t end) {
+  for (std::size_t row = begin; row < end; ++row) {
+    const LooseCables<double, N, kMaxCables> loose(batch.structure[row], batch.wrench[row], batch.lower[row],
+                                                   batch.upper[row], batch.m);
+    double chosen[kMaxCables] = {};
+    solve(row, loose, chosen);
+    double* own = tensions + row * static_cast<std::size_t>(batch.m);
+    std::copy_n(batch.lower[row], batch.m, own);
+    for (int i = 0; i < loose.count; ++i) {
+      own[loose.index[i]] = std::min(std::max(chosen[i], loose.lower[i]), loose.upper[i]);
+    }
+  }
+}
 
-// solve(problem, its cables with play, its tensions) for the whole batch, on threads; fixed cables are filled in.
+// The same for the whole batch, on threads.
 template <class Solve>
-Out<double, 2> for_each_problem(const Batch& batch, const Solve& solve) {
+Out<double, 2> solve_batch(const Batch& batch, const Solve& solve) {
+  static constexpr decltype(&solve_rows<1, Solve>) kRows[] = {solve_rows<1, Solve>, solve_rows<2, Solve>,
+                                                              solve_rows<3, Solve>, solve_rows<4, Solve>,
+                                                              solve_rows<5, Solve>, solve_rows<6, Solve>};
   const auto m = static_cast<std::size_t>(batch.m);
   double* tensions = allocate<double>(batch.size * m);
   {
     nb::gil_scoped_release unlocked;
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t row = begin; row < end; ++row) {
-        double* own = tensions + row * m;
-        const Loose loose(batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row], batch.n,
-                          batch.m);
-        std::copy_n(batch.lower[row], m, own);
-        solve(row, loose, own);
-      }
-    });
+    share_out(batch.size,
+              [&](std::size_t begin, std::size_t end) { kRows[batch.n - 1](batch, tensions, solve, begin, end); });
   }
   return table_of(tensions, batch.size, m);
 }
@@ -34,10 +48,10 @@ nb::tuple polygon(const In<3>& structure, const In<2>& wrench, const In<2>& lowe
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
   auto* redundancy = allocate<std::int64_t>(batch.size);
   auto* iterations = allocate<std::int64_t>(batch.size);
-  const auto tensions = for_each_problem(batch, [&](std::size_t row, const Loose& loose, double* own) {
+  const auto tensions = solve_batch(batch, [&](std::size_t row, const auto& loose, double* chosen) {
     int steps = 0;
-    redundancy[row] = polygon_tensions(loose, batch.lower[row], batch.upper[row], batch.reference[row],
-                                       static_cast<Goal>(goal), rank_tolerance, own, &steps);
+    redundancy[row] =
+        polygon_tensions(loose, batch.reference[row], static_cast<Goal>(goal), rank_tolerance, chosen, &steps);
     iterations[row] = steps;
   });
   return nb::make_tuple(tensions, vector_of(iterations, batch.size), vector_of(redundancy, batch.size));
@@ -46,8 +60,8 @@ nb::tuple polygon(const In<3>& structure, const In<2>& wrench, const In<2>& lowe
 Out<double, 2> puncture(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
                         const In<1>& weights, double rank_tolerance) {
   const Batch batch = batch_of(structure, wrench, lower, upper, lower, weights);
-  return for_each_problem(batch, [&](std::size_t row, const Loose& loose, double* own) {
-    puncture_tensions(loose, batch.lower[row], batch.upper[row], rank_tolerance, own);
+  return solve_batch(batch, [&](std::size_t, const auto& loose, double* chosen) {
+    puncture_tensions(loose, rank_tolerance, chosen);
   });
 }
 

@@ -37,11 +37,10 @@ class Polygon {
 
   // Cables whose tension does not change along the basis have no lines.
   template <int N>
-  Polygon(const Equilibrium<Real, N, M>& plane, const Real* origin, const Real (*basis)[M], const Real* lower,
-          const Real* upper)
-      : dimension_(plane.redundancy()) {
+  Polygon(const Equilibrium<Real, N, M>& plane, const Real* origin, const Real (*basis)[M])
+      : dimension_(plane.redundancy) {
     for (int i = 0; i < plane.cables.count; ++i) {
-      const Real low = lower[plane.cables.index[i]], high = upper[plane.cables.index[i]];
+      const Real low = plane.cables.lower[i], high = plane.cables.upper[i];
       size_ = larger(size_, larger(magnitude(origin[i]), smaller(magnitude(low), magnitude(high))));
       const Point<Real> rise{dimension_ > 0 ? basis[0][i] : Real(0), dimension_ > 1 ? basis[1][i] : Real(0)};
       const Real length = std::sqrt(dot(rise, rise));
@@ -213,38 +212,32 @@ class Polygon {
   Real x_[kMost] = {}, y_[kMost] = {}, length_[kMost], rest_[kMost];
 };
 
-// Tensions for one problem, inside their limits. Returns the redundancy; more than two is left unanswered.
+// Tensions for one problem. Returns the redundancy; more than two is left unanswered.
 template <class Real, int N, int M>
-int polygon_tensions(const LooseCables<Real, N, M>& loose, const Real* lower, const Real* upper,
-                     const Real* reference, Goal goal, Real rank_tolerance, Real* tensions, int* steps) {
+int polygon_tensions(const LooseCables<Real, N, M>& loose, const Real* reference, Goal goal, Real rank_tolerance,
+                     Real* tensions, int* steps) {
   const Equilibrium<Real, N, M> plane(loose, rank_tolerance);
-  const int redundancy = plane.redundancy();
-  if (redundancy > 2) return redundancy;
-  Real near[M], origin[M], basis[2][M];
+  if (plane.redundancy > 2) return plane.redundancy;
+  Real origin[M], basis[2][M];
   for (int i = 0; i < loose.count; ++i) {
-    const Real low = lower[loose.index[i]], high = upper[loose.index[i]];
-    near[i] = magnitude(low) <= magnitude(high) ? low : high;
+    origin[i] = magnitude(loose.lower[i]) <= magnitude(loose.upper[i]) ? loose.lower[i] : loose.upper[i];
   }
-  plane.closest(near, origin);
+  plane.project(origin);
   plane.null_space(basis);
-  Point<Real> wanted{0, 0};
-  for (int i = 0; i < loose.count; ++i) {
-    const Real off = reference[loose.index[i]] - origin[i];
-    if (redundancy > 0) wanted.x += basis[0][i] * off;
-    if (redundancy > 1) wanted.y += basis[1][i] * off;
+  Real coordinates[2] = {0, 0};  // of the point of the plane that is closest to the reference
+  for (int d = 0; d < plane.redundancy; ++d) {
+    for (int i = 0; i < loose.count; ++i) coordinates[d] += basis[d][i] * (reference[loose.index[i]] - origin[i]);
   }
 
-  Polygon<Real, M> polygon(plane, origin, basis, lower, upper);
-  const Point<Real> chosen = polygon.choose(goal, wanted);
+  Polygon<Real, M> polygon(plane, origin, basis);
+  const Point<Real> chosen = polygon.choose(goal, {coordinates[0], coordinates[1]});
   *steps = polygon.steps;
   for (int i = 0; i < loose.count; ++i) {
-    const int cable = loose.index[i];
-    Real t = origin[i];
-    if (redundancy > 0) t += chosen.x * basis[0][i];
-    if (redundancy > 1) t += chosen.y * basis[1][i];
-    tensions[cable] = smaller(larger(t, lower[cable]), upper[cable]);
+    tensions[i] = origin[i];
+    if (plane.redundancy > 0) tensions[i] += chosen.x * basis[0][i];
+    if (plane.redundancy > 1) tensions[i] += chosen.y * basis[1][i];
   }
-  return redundancy;
+  return plane.redundancy;
 }
 
 }  // namespace TENSIONLAB_BUILD

@@ -73,7 +73,7 @@ def test_a_solver_of_another_distribution_is_one_like_any(offer):
     assert make("fixed:3.5").newtons == 3.5
     assert every_solver()["fixed"]
     assert ("fixed", None) in lineup()[0]
-    assert lineup(["fixed"]) == ([("fixed", None)], [])
+    assert lineup(["fixed"]) == ([("fixed", None)], {})
     assert "fixed" not in tl.SOLVERS
 
 
@@ -128,7 +128,7 @@ def test_a_broken_solver_is_an_error_only_when_asked_for(offer, capsys, text, ta
     runs, missing = lineup()
     assert "fixed" in missing
     assert "fixed" not in {name for name, _ in runs}
-    assert lineup(["newton"], "force") == ([("newton", "force")], [])
+    assert lineup(["newton"], "force") == ([("newton", "force")], {})
     with pytest.raises(SystemExit) as left:
         main(["solvers", "--json"])
     assert not left.value.code
@@ -177,5 +177,6 @@ def test_the_command_line_lists_and_compares_it(tmp_path):
     out = run(tmp_path, few + cli, "compare", str(RIG), "--directions", "fibonacci:2")
     assert [line.split()[:2] for line in out.splitlines() if line.startswith(("fixed", "lost"))] == [
         ["fixed", "–"],
-        ["lost", "broken"],
+        ["lost", "left"],
     ]
+    assert "left out: lost, broken" in out
