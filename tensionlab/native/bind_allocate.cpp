@@ -25,17 +25,24 @@ struct Settings {
   }
 };
 
+// Whether all numbers of rows [begin, end), `width` a row, are below the limit in magnitude.
+bool rows_within(const Rows& rows, std::size_t width, std::size_t begin, std::size_t end, double limit) {
+  const auto check = check_for_this_processor();
+  const bool joined = rows.stride == static_cast<std::ptrdiff_t>(width);
+  bool inside = true;
+  if (joined) check(rows[begin], (end - begin) * width, limit, inside);
+  for (std::size_t row = begin; row < end && inside && !joined; ++row) check(rows[row], width, limit, inside);
+  return inside;
+}
+
 // Solves and judges rows [begin, end); false if an entry of a structure matrix or a wrench is not a number, or too
 // large.
 bool allocate_rows(const Batch& batch, const Settings& settings, std::size_t begin, std::size_t end,
                    const NewtonAnswer& answer, const Findings& findings) {
-  const auto check = check_for_this_processor();
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
-  for (std::size_t row = begin; row < end; ++row) {
-    bool matrix, vector;
-    check(batch.structure[row], n * m, settings.largest, matrix);
-    check(batch.wrench[row], n, settings.largest, vector);
-    if (!matrix || !vector) return false;
+  if (!rows_within(batch.structure, n * m, begin, end, settings.largest) ||
+      !rows_within(batch.wrench, n, begin, end, settings.largest)) {
+    return false;
   }
   newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, begin, end, answer);
   judge_for_this_processor()(batch, settings.judge(), begin, end, findings);

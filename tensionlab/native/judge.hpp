@@ -33,14 +33,14 @@ class Judge {
     double residual, scale;
   };
 
-  Judge(int n, int m, const double* weights, Rule rule, double tolerance, double rank_tolerance)
-      : n_(n), m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {}
+  Judge(int m, const double* weights, Rule rule, double tolerance, double rank_tolerance)
+      : m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {}
 
   // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
   Finding judge(const Problem& problem, double* tensions, double* rendered, double* separation) const {
     if (!clip(problem, tensions)) return fail(tensions, rendered, separation);
     double error[N], error_square = 0, rendered_square = 0, heaviest = 0;
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       rendered[k] = product(problem.structure + k * m_, tensions);
       error[k] = problem.wrench[k] - rendered[k];
       error_square += weights_[k] * error[k] * error[k];
@@ -51,14 +51,14 @@ class Judge {
     // Weights say which error to prefer where there must be one. They make no error vanish.
     const double plain = std::sqrt(dot(error, error)), asked = std::sqrt(dot(problem.wrench, problem.wrench));
     if (std::isfinite(plain) && plain <= tolerance_ * larger(1.0, asked)) {
-      for (int k = 0; k < n_; ++k) separation[k] = 0;
+      for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
     // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
     const double tolerance = tolerance_ * larger(std::sqrt(heaviest), std::sqrt(rendered_square));
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }
     bool proved = false;
@@ -67,7 +67,7 @@ class Judge {
     if (rule_ == Rule::direction)
       proved = longest(problem, tensions, rendered, error, tolerance, separation, &finding);
     if (!proved) {
-      for (int k = 0; k < n_; ++k) separation[k] = 0;
+      for (int k = 0; k < N; ++k) separation[k] = 0;
     }
     if (proved) finding.status = Verdict::nearest;
     return finding;
@@ -107,7 +107,7 @@ class Judge {
   Finding fail(double* tensions, double* rendered, double* separation) const {
     const double nan = std::numeric_limits<double>::quiet_NaN();
     for (int i = 0; i < m_; ++i) tensions[i] = nan;
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       rendered[k] = nan;
       separation[k] = 0;
     }
@@ -122,13 +122,13 @@ class Judge {
 
   Side side(const Problem& problem, const double* d) const {
     Side s{0, 0, 0};
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       s.wrench += d[k] * problem.wrench[k];
       s.rounding += std::abs(d[k] * problem.wrench[k]);
     }
     for (int i = 0; i < m_; ++i) {
       double along = 0, size = 0;
-      for (int k = 0; k < n_; ++k) {
+      for (int k = 0; k < N; ++k) {
         const double part = d[k] * problem.structure[k * m_ + i];
         along += part;
         size += std::abs(part);
@@ -145,7 +145,7 @@ class Judge {
   bool nearest_force(const Problem& problem, const double* tensions, const double* error, double tolerance,
                      double* d) const {
     double own[N], clean[N], unit[N];
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       own[k] = clean[k] = weights_[k] * error[k];
       unit[k] = std::sqrt(weights_[k]) * error[k];
     }
@@ -154,11 +154,11 @@ class Judge {
     for (const double* candidate :
          {static_cast<const double*>(d), static_cast<const double*>(clean), static_cast<const double*>(own)}) {
       double dual[N];
-      for (int k = 0; k < n_; ++k) dual[k] = candidate[k] / std::sqrt(weights_[k]);
+      for (int k = 0; k < N; ++k) dual[k] = candidate[k] / std::sqrt(weights_[k]);
       const double length = normalise(dual);
       if (!side(problem, candidate).separates()) continue;
       if (residual * spread(unit, dual) + gap(problem, tensions, candidate) / length <= tolerance) {
-        for (int k = 0; k < n_; ++k) d[k] = candidate[k];
+        for (int k = 0; k < N; ++k) d[k] = candidate[k];
         return true;
       }
     }
@@ -169,7 +169,7 @@ class Judge {
   // negative, so that nothing cancels, however far away w is.
   double spread(const double* unit, const double* dual) const {
     double square = 0;
-    for (int k = 0; k < n_; ++k) square += (unit[k] - dual[k]) * (unit[k] - dual[k]);
+    for (int k = 0; k < N; ++k) square += (unit[k] - dual[k]) * (unit[k] - dual[k]);
     return square / 2;
   }
 
@@ -177,7 +177,7 @@ class Judge {
     double sum = 0;
     for (int i = 0; i < m_; ++i) {
       double along = 0;
-      for (int k = 0; k < n_; ++k) along += d[k] * problem.structure[k * m_ + i];
+      for (int k = 0; k < N; ++k) along += d[k] * problem.structure[k * m_ + i];
       sum += along * ((along > 0 ? problem.upper[i] : problem.lower[i]) - tensions[i]);
     }
     return sum;
@@ -185,7 +185,7 @@ class Judge {
 
   double normalise(double* x) const {
     const double length = std::sqrt(dot(x, x));
-    for (int k = 0; k < n_; ++k) x[k] = length > 0 ? x[k] / length : 0;
+    for (int k = 0; k < N; ++k) x[k] = length > 0 ? x[k] / length : 0;
     return length;
   }
 
@@ -197,17 +197,17 @@ class Judge {
     double play = 0;
     for (int i = 0; i < m_; ++i) play = larger(play, kInside * std::abs(tensions[i]));
     int found = 0;
-    for (int i = 0; i < m_ && found < n_; ++i) {
+    for (int i = 0; i < m_ && found < N; ++i) {
       if (!(tensions[i] - problem.lower[i] > play && problem.upper[i] - tensions[i] > play)) continue;
       double* column = basis[found];
-      for (int k = 0; k < n_; ++k) column[k] = problem.structure[k * m_ + i];
+      for (int k = 0; k < N; ++k) column[k] = problem.structure[k * m_ + i];
       const double before = std::sqrt(dot(column, column));
       for (int pass = 0; pass < 2; ++pass) {
         for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], column), column);
       }
       const double after = std::sqrt(dot(column, column));
       if (!(after > kNew * before)) continue;
-      for (int k = 0; k < n_; ++k) column[k] /= after;
+      for (int k = 0; k < N; ++k) column[k] /= after;
       ++found;
     }
     for (int pass = 0; pass < 2; ++pass) {
@@ -216,7 +216,7 @@ class Judge {
   }
 
   void subtract(const double* x, double factor, double* from) const {
-    for (int k = 0; k < n_; ++k) from[k] -= factor * x[k];
+    for (int k = 0; k < N; ++k) from[k] -= factor * x[k];
   }
 
   // In the metric (W W')^+ the length of an error r in the range of W is |B r|, and the bound for a d in that
@@ -224,39 +224,39 @@ class Judge {
   bool nearest_tension(const Problem& problem, const double* tensions, const double* error, double* d) const {
     double columns[N * M];
     for (int i = 0; i < m_; ++i) {
-      for (int k = 0; k < n_; ++k) columns[i * n_ + k] = problem.structure[k * m_ + i];
+      for (int k = 0; k < N; ++k) columns[i * N + k] = problem.structure[k * m_ + i];
     }
-    const Whitening<double, N, M> whitening(problem.structure, n_, m_, rank_tolerance_);
+    const Whitening<double, N, M> whitening(problem.structure, N, m_, rank_tolerance_);
     double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N] = {}, rendered = 0;
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
       unit[j] = dot(row, error);
       const double part = dot(row, problem.wrench) - unit[j];
-      for (int k = 0; k < n_; ++k) own[k] += row[k] * unit[j];
+      for (int k = 0; k < N; ++k) own[k] += row[k] * unit[j];
       rendered += part * part;
     }
     project(whitening, d, proposal);
     project(whitening, problem.wrench, outside);
-    for (int k = 0; k < n_; ++k) outside[k] = problem.wrench[k] - outside[k];
+    for (int k = 0; k < N; ++k) outside[k] = problem.wrench[k] - outside[k];
     const double size = normalise(unit);
     const double tolerance = tolerance_ * larger(1.0, std::sqrt(rendered));
     if (size <= tolerance) {
       // What W can render at all is rendered; the rest of w is outside its range.
-      for (int k = 0; k < n_; ++k) d[k] = outside[k];
+      for (int k = 0; k < N; ++k) d[k] = outside[k];
       if (side(problem, d).separates()) return true;
     }
     double clean[N];
-    for (int k = 0; k < n_; ++k) clean[k] = own[k];
+    for (int k = 0; k < N; ++k) clean[k] = own[k];
     remove_free(problem, tensions, clean);
     for (const double* candidate : {proposal, clean, own}) {
       double image[N] = {}, dual[N] = {};  // W W'd, and B of it, whose length is |W'd|
       for (int i = 0; i < m_; ++i) {
-        const double along = dot(candidate, columns + i * n_);
-        for (int k = 0; k < n_; ++k) image[k] += along * columns[i * n_ + k];
+        const double along = dot(candidate, columns + i * N);
+        for (int k = 0; k < N; ++k) image[k] += along * columns[i * N + k];
       }
       for (int j = 0; j < whitening.rank; ++j) dual[j] = dot(whitening.rows[j], image);
       const double length = normalise(dual);
-      for (int k = 0; k < n_; ++k) d[k] = candidate[k];
+      for (int k = 0; k < N; ++k) d[k] = candidate[k];
       if (!side(problem, d).separates()) continue;
       if (size * spread(unit, dual) + gap(problem, tensions, d) / length <= tolerance) return true;
     }
@@ -265,18 +265,18 @@ class Judge {
 
   // The part of x in the range of W. The rows of B are orthogonal where they do not span all.
   void project(const Whitening<double, N, M>& whitening, const double* x, double* part) const {
-    for (int k = 0; k < n_; ++k) part[k] = whitening.rank == n_ ? x[k] : 0;
-    if (whitening.rank == n_) return;
+    for (int k = 0; k < N; ++k) part[k] = whitening.rank == N ? x[k] : 0;
+    if (whitening.rank == N) return;
     for (int j = 0; j < whitening.rank; ++j) {
       const double* row = whitening.rows[j];
       const double along = dot(row, x) / dot(row, row);
-      for (int k = 0; k < n_; ++k) part[k] += row[k] * along;
+      for (int k = 0; k < N; ++k) part[k] += row[k] * along;
     }
   }
 
   double dot(const double* x, const double* y) const {
     double sum = 0;
-    for (int k = 0; k < n_; ++k) sum += x[k] * y[k];
+    for (int k = 0; k < N; ++k) sum += x[k] * y[k];
     return sum;
   }
 
@@ -290,12 +290,12 @@ class Judge {
       return nearest_force(problem, tensions, error, tolerance, force);
     }
     double along = 0, asked = 0, off = 0;
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       along += weights_[k] * rendered[k] * problem.wrench[k];
       asked += weights_[k] * problem.wrench[k] * problem.wrench[k];
     }
     const double scale = asked > 0 ? along / asked : 0;
-    for (int k = 0; k < n_; ++k) {
+    for (int k = 0; k < N; ++k) {
       const double miss = rendered[k] - scale * problem.wrench[k];
       off += weights_[k] * miss * miss;
     }
@@ -305,7 +305,7 @@ class Judge {
     return true;
   }
 
-  int n_, m_;
+  int m_;
   const double* weights_;
   Rule rule_;
   double tolerance_, rank_tolerance_;

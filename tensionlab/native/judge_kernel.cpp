@@ -4,11 +4,12 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-void judge(const Batch& batch, const JudgeSettings& settings, std::size_t begin, std::size_t end,
-           const Findings& findings) {
-  const Judge<TENSIONLAB_LANES, kMaxComponents, kMaxCables> judge(batch.n, batch.m, batch.weights, settings.rule,
-                                                                  settings.tolerance, settings.rank_tolerance);
-  const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
+template <int N>
+void judge_of_size(const Batch& batch, const JudgeSettings& settings, std::size_t begin, std::size_t end,
+                   const Findings& findings) {
+  const Judge<TENSIONLAB_LANES, N, kMaxCables> judge(batch.m, batch.weights, settings.rule, settings.tolerance,
+                                                     settings.rank_tolerance);
+  const auto n = static_cast<std::size_t>(N), m = static_cast<std::size_t>(batch.m);
   bool flawed = false;
   for (std::size_t row = begin; row < end; ++row) {
     const auto finding =
@@ -20,6 +21,13 @@ void judge(const Batch& batch, const JudgeSettings& settings, std::size_t begin,
     flawed = flawed || finding.status == Verdict::iteration_limit || finding.status == Verdict::failed;
   }
   if (flawed) *findings.flawed = true;
+}
+
+void judge(const Batch& batch, const JudgeSettings& settings, std::size_t begin, std::size_t end,
+           const Findings& findings) {
+  static constexpr decltype(&judge) kJudge[] = {judge_of_size<1>, judge_of_size<2>, judge_of_size<3>,
+                                                judge_of_size<4>, judge_of_size<5>, judge_of_size<6>};
+  kJudge[batch.n - 1](batch, settings, begin, end, findings);
 }
 
 void check(const double* numbers, std::size_t count, double limit, bool& inside) {
