@@ -40,6 +40,10 @@ class Newton {
     for (int l = 0; l < L; ++l) park(l);
   }
 
+  // Lanes point into the object.
+  Newton(const Newton&) = delete;
+  Newton& operator=(const Newton&) = delete;
+
   // Give lane l a problem whose numbers are all zero, so that it rests.
   void park(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
 
