@@ -149,9 +149,9 @@ class LinearProgram {
     return false;
   }
 
-  // Choose how to turn y. Returns false where the bound is attained.
-  bool turn(Real rate) {
-    Real closing[N], part[N] = {}, closing_part[N] = {};
+  // The tensions of the free cables where the bound is attained. What they cannot make up becomes the turn, of
+  // unit length; returns its length. closing: how all that they must make up changes with S.
+  Real attain(Real* closing, Real* closing_part) {
     size_ = 0;
     for (int i = 0; i < m_; ++i) size_ += length_[i] * magnitude(cables.held[i] + cables.held_rate[i] * value_);
     for (int k = 0; k < N; ++k) {
@@ -163,31 +163,37 @@ class LinearProgram {
         closing[k] += rows[k][i] * cables.held_rate[i];
       }
       turn_[k] -= closing[k] * value_;
+      tension_[k] = closing_part[k] = 0;
     }
-    columns_.take_out(turn_, part);
+    columns_.take_out(turn_, tension_);
     columns_.take_out(closing, closing_part);
-    for (int j = 0; j < columns_.count(); ++j) size_ += magnitude(part[j]);
+    for (int j = 0; j < columns_.count(); ++j) size_ += magnitude(tension_[j]);
+    columns_.solve(tension_);
+    return normalise<N>(turn_);
+  }
+
+  // Choose how to turn y. Returns false where the bound is attained.
+  bool turn(Real rate) {
+    Real closing[N], part[N];
     forgiven_ = 0;
-    const Real length = normalise<N>(turn_);
+    const Real length = attain(closing, part);
     if (!(columns_.count() + 1 < N && missing(length, rate, rate, dot<N>(turn_, closing)))) {
-      // The free cables make up all that there is.
-      copy<N>(part, tension_);
-      columns_.solve(tension_);
-      const int place = worst_free(closing_part, rate);
+      const int place = worst_free(part, rate);
       if (place < 0) {
-        if (forgiven_ > 0) value_ += shift_;
+        if (forgiven_ > 0) {
+          value_ += shift_;
+          forgiven_ = 0;
+          attain(closing, part);
+          worst_free(part, rate);
+        }
         return false;
       }
-      const int leaving = columns_.cable(place);
-      const bool upper = tension_[place] > cables.end(leaving, true).at(value_);
-      for (int k = 0; k < N; ++k) turn_[k] = upper ? rows[k][leaving] : -rows[k][leaving];
-      cables.hold(leaving, upper);
-      columns_.drop(place);
+      hold(place);
+    }
+    for (int pass = 0; pass < 2; ++pass) {
       columns_.take_out(turn_, part);
       normalise<N>(turn_);
     }
-    columns_.take_out(turn_, part);
-    normalise<N>(turn_);
     return true;
   }
 
@@ -211,6 +217,15 @@ class LinearProgram {
       found = j;
     }
     return found;
+  }
+
+  // The free cable in this place will be held at the limit that it breaks: turn to where that pulls.
+  void hold(int place) {
+    const int i = columns_.cable(place);
+    const bool upper = tension_[place] > cables.end(i, true).at(value_);
+    for (int k = 0; k < N; ++k) turn_[k] = upper ? rows[k][i] : -rows[k][i];
+    columns_.drop(place);
+    cables.hold(i, upper);
   }
 
   // Turn y until the bound falls no further. Returns false where no S will do.
