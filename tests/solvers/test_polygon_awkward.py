@@ -1,0 +1,182 @@
+"""The polygon where rounding matters: the edge of the workspace, parallel lines, limits of all sizes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from oracle import UnsureError, solve
+from problems import Case, cases, random_cases
+
+import tensionlab as tl
+from tensionlab.solvers.contract import RANK_TOLERANCE
+
+Floats = NDArray[np.float64]
+
+every_goal = pytest.mark.parametrize("goal", ["polygon:centroid", "polygon:1-norm", "polygon:2-norm"])
+
+
+def tensions(W: Any, w: Any, limits: Any, goal: str, reference: Any = None) -> Floats:
+    found = tl.allocate(W, w, limits, goal, reference)
+    assert np.all(found.status == tl.Status.EXACT)
+    return found.tensions
+
+
+def reachable(n: int, m: int) -> Case:
+    """Random problems that newton solves exactly."""
+    batch = random_cases(100 * n + m, n, m, 200)
+    exact = tl.allocate(batch.structure, batch.wrench, batch.limits).status == tl.Status.EXACT
+    assert exact.mean() > 0.3
+    parts = (batch.structure, batch.wrench, batch.lower, batch.upper, batch.reference)
+    return Case(*(part[exact] for part in parts), weights=np.ones(n))
+
+
+# --- Drawn to be awkward -----------------------------------------------------------------------------------
+
+
+def awkward(kind: str, seed: int, n: int, m: int, count: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """Structures, wrenches and limits of problems with an answer, at the edge or on many limits."""
+    rng = np.random.default_rng(seed)
+    W = rng.normal(size=(count, n, m))
+    if kind == "parallel cables":
+        W[:, :, -1] = W[:, :, 0] * rng.choice([1, -2, 1 + 1e-9, 1 + 1e-13], (count, 1))
+    elif kind == "nearly singular":
+        W[:, -1] = W[:, 0] + 10.0 ** rng.integers(-6, 0, (count, 1)) * W[:, -1]
+    elif kind == "nearly integers":
+        W = rng.integers(-2, 3, (count, n, m)) / 2
+        W += rng.choice([0, 1e-12, 1e-10, 1e-7], (count, 1, 1)) * rng.normal(size=W.shape)
+    lower = rng.choice([0, 0.5, 1, -1], (count, m))
+    upper = lower + rng.choice([0, 1, 5.5, 1e-9], (count, m), p=[0.15, 0.4, 0.4, 0.05])
+    if seed % 2:
+        t = lower + (upper - lower) * rng.choice([0, 0, 1, 0.5, 0.3], (count, m))
+    else:
+        gain = np.einsum("bn,bnm->bm", rng.integers(-1, 2, (count, n)), W)
+        anything = rng.uniform(lower, upper)
+        t = np.where(gain > 1e-12, upper, np.where(gain < -1e-12, lower, anything))
+    return W, np.einsum("bnm,bm->bn", W, t), lower, upper
+
+
+@pytest.mark.parametrize("kind", ["any", "parallel cables", "nearly singular", "nearly integers"])
+@pytest.mark.parametrize(("n", "m"), [(2, 3), (2, 4), (3, 4), (3, 5), (6, 8)])
+def test_rounding_hides_no_answer(kind: str, n: int, m: int) -> None:
+    for seed in range(4):
+        W, w, lower, upper = awkward(kind, seed, n, m, 1000)
+        for goal in ("polygon:centroid", "polygon:1-norm", "polygon:2-norm"):
+            found = tl.allocate(W, w, (lower, upper), goal)
+            served = found.status != tl.Status.FAILED
+            assert served.mean() > 0.5
+            assert np.all(found.status[served] == tl.Status.EXACT)
+
+
+@every_goal
+def test_nearly_singular_matrices_cost_no_equilibrium(goal: str) -> None:
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(500, 3, 5))
+    W[:, 2] = W[:, 0] + 1e-6 * W[:, 2]
+    found = tl.allocate(W, np.einsum("bnm,bm->bn", W, rng.uniform(0.5, 6.0, (500, 5))), (0.5, 6.0), goal)
+    assert np.median(found.residual) < 1e-14
+    assert np.quantile(found.residual, 0.9) < 1e-12
+
+
+@every_goal
+@settings(max_examples=150)
+@given(data=st.data())
+def test_an_answer_wherever_there_is_one(goal: str, data: st.DataObject) -> None:
+    # Parallel lines, absent cables, cables without play, limits that only touch, nearly singular matrices.
+    n = data.draw(st.sampled_from([2, 3, 6]))
+    case = data.draw(cases(n, data.draw(st.integers(1, n + 2))))
+    loose = case.structure[:, case.lower < case.upper]
+    found = tl.allocate(case.structure, case.wrench, case.limits, goal, case.reference)
+    try:
+        truth = solve(case, "force")
+    except UnsureError:
+        return
+    if loose.shape[1] - np.linalg.matrix_rank(loose, rtol=RANK_TOLERANCE) > 2:
+        assert found.status == tl.Status.FAILED
+        return
+    assert (found.status == tl.Status.EXACT) == truth.reachable
+    if truth.reachable and goal == "polygon:2-norm":
+        np.testing.assert_allclose(found.tensions, truth.tensions, rtol=0, atol=1e-6)
+
+
+# --- The edge of the workspace -----------------------------------------------------------------------------
+
+
+@every_goal
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 5), (6, 8)])
+def test_exact_at_the_edge_of_the_workspace_and_not_beyond(n: int, m: int, goal: str) -> None:
+    rng = np.random.default_rng(n)
+    W, d = random_cases(n, n, m, 300).structure, rng.normal(size=(300, n))
+    t = np.where(np.einsum("bn,bnm->bm", d, W) > 0, 6.0, 0.5)  # the only tensions that go so far along d
+    edge = np.einsum("bnm,bm->bn", W, t)
+    np.testing.assert_allclose(tensions(W, edge, (0.5, 6.0), goal), t, rtol=0, atol=1e-6)
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    for beyond in (1e-3, 10.0):
+        found = tl.allocate(W, edge + beyond * d, (0.5, 6.0), goal)
+        assert np.all(found.status == tl.Status.ITERATION_LIMIT)
+        # A little out of reach the answer is still close by.
+        assert beyond > 1 or np.median(found.residual) < 10 * beyond
+
+
+def test_a_polygon_that_is_an_edge() -> None:
+    # Three cables in a plane pull against each other by (1, 1, 1), two lift with all they have.
+    half = np.sqrt(0.75)
+    W = np.array([[1, -0.5, -0.5, 0, 0], [0, half, -half, 0, 0], [0, 0, 0, 1, 1]])
+    w, limits = W @ [1, 2, 3, 4, 4], (np.ones(5), 4 * np.ones(5))
+    for goal, answer in (("centroid", [1.5, 2.5, 3.5, 4, 4]), ("1-norm", [1, 2, 3, 4, 4])):
+        np.testing.assert_allclose(tensions(W, w, limits, f"polygon:{goal}"), answer, rtol=0, atol=1e-12)
+    closest = tensions(W, w, limits, "polygon:2-norm", [1.2, 2.2, 3.2, 9, 9])
+    np.testing.assert_allclose(closest, [1.2, 2.2, 3.2, 4, 4], rtol=0, atol=1e-12)
+
+
+# --- Odd cables --------------------------------------------------------------------------------------------
+
+
+@every_goal
+def test_cables_without_play_do_not_count(goal: str) -> None:
+    # A fifth cable, fixed, and a third component that no cable renders: redundancy 3, but 2 for those with play.
+    batch = reachable(2, 4)
+    extra = np.random.default_rng(0).normal(size=(len(batch.wrench), 2, 1))
+    W = np.pad(np.concatenate([batch.structure, extra], axis=2), [(0, 0), (0, 1), (0, 0)])
+    wrench = np.pad(batch.wrench + 1.5 * extra[:, :, 0], [(0, 0), (0, 1)])
+    low, high, plain = (
+        np.pad(t, [(0, 0), (0, 1)], constant_values=1.5)
+        for t in (*batch.limits, tensions(batch.structure, batch.wrench, batch.limits, goal))
+    )
+    np.testing.assert_allclose(tensions(W, wrench, (low, high), goal), plain, rtol=0, atol=1e-8)
+
+
+@every_goal
+def test_an_upper_limit_that_means_none_makes_nothing_coarse(goal: str) -> None:
+    # The lower limits alone decide the least sum and the least squares; the centroid is far away but exact.
+    batch = reachable(3, 5)
+    limits = (batch.lower, np.full_like(batch.upper, 1e9))
+    found = tensions(batch.structure, batch.wrench, limits, goal)
+    if goal == "polygon:2-norm":
+        exact = tensions(batch.structure, batch.wrench, limits, "newton")
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("goal", ["polygon:centroid", "polygon:2-norm"])
+def test_rods_that_push_are_cables_that_pull_mirrored(goal: str) -> None:
+    # A lower limit that means none is no worse than an upper one.
+    case = random_cases(4, 3, 5, 300)
+    pulled = tl.allocate(case.structure, case.wrench, (case.lower, 1e9), goal)
+    pushed = tl.allocate(case.structure, -case.wrench, (-1e9, -case.lower), goal)
+    np.testing.assert_array_equal(pulled.status, pushed.status)
+    exact = pulled.status == tl.Status.EXACT
+    assert exact.mean() > 0.5
+    np.testing.assert_allclose(-pushed.tensions[exact], pulled.tensions[exact], rtol=1e-9, atol=1e-7)
+
+
+@every_goal
+@pytest.mark.parametrize("unit", [1e-80, 1e80])
+def test_the_unit_of_the_structure_matrix_plays_no_part(goal: str, unit: float) -> None:
+    case = random_cases(5, 3, 5, 100)
+    plain = tl.allocate(case.structure, case.wrench, case.limits, goal).tensions
+    other = tl.allocate(unit * case.structure, unit * case.wrench, case.limits, goal).tensions
+    np.testing.assert_allclose(other, plain, rtol=0, atol=1e-9)
