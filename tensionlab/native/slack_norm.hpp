@@ -49,8 +49,10 @@ struct SlackNorm : Middle<Real, L, N, M> {
       low = f < zero ? x : low;
       high = f > zero ? x : high;
       const V move = f / falls, next = x - move;
-      open = open & (magnitude(move) > 2 * kUlp * one);
-      x = open ? ((next > low) & (next < high) ? next : V(Real(0.5) * (low + high))) : x;
+      const V length = magnitude(move), last = larger(V(kLast * room), V(2 * kUlp * one));
+      const auto good = ((next > low) & (next < high)) | (length <= last);
+      x = open ? (good ? next : V(Real(0.5) * (low + high))) : x;
+      open = open & (length > last);
     }
     slope(V(x - preferred[i]), bend);
     const V below = one + x, above = one - x;
@@ -69,35 +71,36 @@ struct SlackNorm : Middle<Real, L, N, M> {
       const V least = larger(V(asked / steepest), V((asked - one) / stiff));
       const V room = larger(V(one - asked * asked), zero + soft);
       V found = larger(least, V(soft * smaller(asked, one) / square_root<Real, L>(room)));
-      V bend;
       auto open = asked > zero;
-      for (int round = 0; round < kRounds; ++round) {
-        const V square = found * found + epsilon, inverse = one / square_root<Real, L>(square);
-        bend = epsilon * inverse / square + stiff;
+      for (int round = 0; round < kRounds && any(open); ++round) {
+        const V inverse = one / square_root<Real, L>(V(found * found + epsilon));
+        const V bend = epsilon * inverse * inverse * inverse + stiff;
         const V next = larger(V(found + (asked - found * inverse - stiff * found) / bend), least);
-        open = open & (magnitude(V(next - found)) > 4 * kUlp * (found + one / bend));
-        if (!any(open)) break;
+        const V move = next - found;
         found = open ? next : found;
+        open = open & (magnitude(move) > kLast * found + 4 * kUlp / bend);
       }
+      const V inverse = one / square_root<Real, L>(V(found * found + epsilon));
       s[k] = y[k] < zero ? V(-found) : found;
       for (int j = 0; j < k; ++j) yield[k][j] = zero;
-      yield[k][k] = one / (kappa * bend);
+      yield[k][k] = one / (kappa * (epsilon * inverse * inverse * inverse + stiff));
     }
   }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
+  static constexpr Real kLast = Real(1e6) * kUlp;  // after a step as short as this, the next one is nothing
   static constexpr int kRounds = 60;
 
-  // p |x|^(p - 1) sign(x), and how fast it rises.
+  // p |x|^(p - 1) sign(x), and how fast it rises. Powers are slow, and p is mostly a small whole number.
   V slope(const V& x, V& bend) const {
-    if (prices.p == 2) {
-      bend = V{} + Real(2);
-      return 2 * x;
-    }
     const Real p = prices.p;
-    V power = x;
-    for (int l = 0; l < L; ++l) lane<Real>(power, l) = std::pow(std::abs(read<Real>(x, l)), p - 2);
+    V power = V{} + Real(1);
+    if (p <= 8 && p == std::floor(p)) {
+      for (int k = 2; k < static_cast<int>(p); ++k) power *= magnitude(x);
+    } else {
+      power = gather<Real, L>([&](int l) { return std::pow(std::abs(read<Real>(x, l)), p - 2); });
+    }
     bend = p * (p - 1) * power;
     return p * power * x;
   }
