@@ -12,6 +12,8 @@ from tensionlab.solvers.contract import Floats, Problem, Status
 from tensionlab.solvers.linear import times, whitener
 from tensionlab.solvers.newton import Newton
 
+Flags = NDArray[np.bool_]
+
 RENDERED = 1e-10
 """An optimum misses the wrench that it should render by no more than this share of max(1, its norm) ..."""
 PROVED = 1e-7
@@ -38,8 +40,8 @@ class Optimum:
 
     tensions: Floats
     wrench: Floats
-    reachable: NDArray[np.bool_]
-    verified: NDArray[np.bool_]
+    reachable: Flags
+    verified: Flags
 
 
 def optimum(problem: Problem) -> Optimum:
@@ -107,7 +109,9 @@ def distance_bound(problem: Problem, tensions: Floats) -> Floats:
     transposed = np.swapaxes(problem.structure, 1, 2)
     low, high = _sides(problem, tensions)
     free = ~(low | high)
-    multipliers = times(np.linalg.pinv(transposed * free[:, :, None]), tensions * free)
+    multipliers = times(
+        np.asarray(np.linalg.pinv(transposed * free[:, :, None]), dtype=np.float64), tensions * free
+    )
     bound = _bound(problem, tensions, multipliers)
     # With few cables off their limits, many multipliers serve those, and most of them not the others.
     for row in np.flatnonzero(bound > PROVED):
@@ -117,7 +121,7 @@ def distance_bound(problem: Problem, tensions: Floats) -> Floats:
     return bound
 
 
-def _sides(problem: Problem, tensions: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _sides(problem: Problem, tensions: Floats) -> tuple[Flags, Flags]:
     """Which tensions are at their lower and at their upper limits."""
     close = AT_LIMIT * np.maximum(1.0, np.abs(problem.upper).max(axis=1, keepdims=True, initial=0.0))
     return tensions - problem.lower <= close, problem.upper - tensions <= close
@@ -131,7 +135,7 @@ def _bound(problem: Problem, tensions: Floats, multipliers: Floats) -> Floats:
     return np.asarray(np.sqrt(2 * np.maximum(gap, 0.0)))
 
 
-def _multipliers(structure: Floats, tensions: Floats, low: Floats, high: Floats) -> Floats:
+def _multipliers(structure: Floats, tensions: Floats, low: Flags, high: Flags) -> Floats:
     """Which y satisfy ``W'y = t`` between the limits, ``<=`` at lower ones and ``>=`` at upper ones."""
     from scipy.optimize import nnls
 

@@ -55,7 +55,7 @@ def jumps(tensions: Floats, path_mm: Floats) -> Floats:
         path stands still.
     """
     change, way = np.abs(np.diff(tensions, axis=0)).max(axis=1), np.diff(path_mm)
-    return np.divide(change, way, out=np.full(len(way), np.nan), where=way > 0)
+    return np.asarray(np.divide(change, way, out=np.full(len(way), np.nan), where=way > 0))
 
 
 def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]) -> list[Floats]:

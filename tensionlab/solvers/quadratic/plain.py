@@ -25,8 +25,9 @@ TIGHT: dict[str, dict[str, Any]] = {
 ALWAYS: dict[str, dict[str, Any]] = {
     # Its clock is off by default.
     "piqp": {"compute_timings": True},
-    "proxqp": {"compute_timings": True},
-    # It may cycle for ever on a wrench out of reach.
+    # Without a limit it has spent 50 s on one wrench out of reach; within reach it needs some 20 iterations.
+    "proxqp": {"compute_timings": True, "max_iter": 500},
+    # It may cycle for ever there.
     "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},
 }
 """Set in both: what a measurement needs, and what keeps it from hanging."""

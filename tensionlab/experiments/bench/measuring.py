@@ -1,0 +1,299 @@
+"""One problem set, all contestants: first every answer, then every clock.
+
+Problems come in blocks of `BLOCK` of a group: any of them, or consecutive ones along a trajectory. Blocks are asked in a random order that visits
+all groups early, so that a slow contestant, which runs out of its share of time, has still seen every group.
+Then the clock: in each of several rounds the blocks come in a new random order; in each block the contestants
+come in a new random order, and each answers the first problem once untimed, because what the others left in
+the caches is not its fault, and then all of the block's problems in a random order. So all contestants share
+the machine's slow moments. Python's garbage collector sleeps while the clock runs and works between blocks.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.allocation import Allocator
+from tensionlab.errors import TensionlabError
+from tensionlab.experiments.bench import statistics
+from tensionlab.experiments.bench.contestants import PROGRAMS, Contestant
+from tensionlab.experiments.bench.drivers import Driver, driver
+from tensionlab.experiments.bench.optimum import Optimum, error_above_least, optimum
+from tensionlab.experiments.bench.rows import Evidence, Row, empty_evidence, summarise
+from tensionlab.experiments.problem_sets import Group, ProblemSet
+from tensionlab.measure import measure
+from tensionlab.solvers import make
+from tensionlab.solvers.contract import POLICIES, Answer, Floats, Nearest, Problem, Status
+
+BLOCK = 20
+"""Problems that a contestant answers before it is the next one's turn."""
+BATCH = 10_000
+"""Problems in a timed batch; a group is repeated until it has as many."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some problems of one group: which, of all problems of the set, and the problems themselves."""
+
+    rows: NDArray[np.intp]
+    problem: Problem
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The rows of one set, and for how many of its problems the optimum is verified, by policy."""
+
+    rows: list[Row]
+    verified: dict[Nearest, int]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much to spend.
+
+    Attributes
+    ----------
+    seconds : float
+        A contestant's share of time in each set. One that needs longer is measured on fewer problems.
+    repeats : int
+        Timed calls for each problem.
+    """
+
+    seconds: float
+    repeats: int
+
+
+def measure_set(
+    problems: ProblemSet,
+    contestants: Sequence[Contestant],
+    effort: Effort,
+    rng: np.random.Generator,
+    progress: Callable[[float], None],
+) -> Measured:
+    """What does every contestant answer on one set, and how long does it take?
+
+    Parameters
+    ----------
+    problems : ProblemSet
+    contestants : sequence of Contestant
+    effort : Effort
+    rng : Generator
+        Shuffles.
+    progress : callable
+        Told the share that is done.
+
+    Returns
+    -------
+    Measured
+        Rows in the order of the contestants.
+    """
+    blocks = _blocks(problems, rng)
+    policies = {policy_of(contestant) for contestant in contestants}
+    best = {policy: [optimum(replace(block.problem, nearest=policy)) for block in blocks] for policy in policies}
+    scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
+    present = [contestant for contestant in contestants if not contestant.missing]
+    evidence = {each: empty_evidence(scale, effort.repeats) for each in present}
+    asked: dict[Contestant, tuple[Driver, list[Block]]] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # backends warn of what is measured here
+        for done, contestant in enumerate(present):
+            ask = driver(contestant)
+            gc.collect()
+            targets, mine = best[policy_of(contestant)], evidence[contestant]
+            asked[contestant] = ask, _answers(ask, contestant, blocks, targets, mine, effort)
+            _along_paths(problems, evidence[contestant])
+            progress(0.4 * (done + 1) / len(present))
+        _clock(asked, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
+        for done, contestant in enumerate(present):
+            if contestant.setting == "proved" and contestant.solver.partition(":")[0] not in PROGRAMS:
+                evidence[contestant].batch_s = _batch(contestant, asked[contestant][1], effort.seconds / 4)
+            progress(0.9 + 0.1 * (done + 1) / len(present))
+    absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in contestants if each.missing}
+    rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in contestants]
+    return Measured(rows, {policy: int(sum(each.verified.sum() for each in best[policy])) for policy in policies})
+
+
+def policy_of(contestant: Contestant) -> Nearest:
+    """By which policy are its answers judged? One that honours none is held against the closest wrench."""
+    return contestant.nearest or POLICIES[0]
+
+
+def whole(group: Group) -> Problem:
+    """The problems of a group: reference 0, no weights; the policy is the contestant's to choose."""
+    size, n, m = group.structure.shape
+    return Problem(
+        structure=group.structure,
+        wrench=group.wrench,
+        lower=np.broadcast_to(group.lower, (size, m)),
+        upper=np.broadcast_to(group.upper, (size, m)),
+        reference=np.zeros((size, m)),
+        weights=np.ones(n),
+        nearest=None,
+    )
+
+
+def take(problem: Problem, rows: NDArray[np.intp]) -> Problem:
+    """Some of the problems, in arrays of their own."""
+    return replace(
+        problem,
+        structure=problem.structure[rows],
+        wrench=problem.wrench[rows],
+        lower=problem.lower[rows],
+        upper=problem.upper[rows],
+        reference=problem.reference[rows],
+    )
+
+
+def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
+    """All problems in blocks, shuffled, but so that the groups take turns."""
+    dealt: list[tuple[float, Block]] = []
+    start = 0
+    for group in problems.groups:
+        problem, size = whole(group), len(group.structure)
+        # Neighbours are often alike, and a slow contestant should see of everything; but jumps need neighbours.
+        order = np.arange(size) if group.path_mm is not None else rng.permutation(size)
+        pieces = [order[first : first + BLOCK] for first in range(0, size, BLOCK)]
+        # The k-th of K pieces comes at about k/K of the way.
+        turns = (rng.permutation(len(pieces)) + rng.random(len(pieces))) / max(1, len(pieces))
+        dealt += [
+            (float(turn), Block(start + rows, take(problem, rows)))
+            for turn, rows in zip(turns, pieces, strict=True)
+        ]
+        start += size
+    return [block for _, block in sorted(dealt, key=lambda pair: pair[0])]
+
+
+def _answers(
+    ask: Driver,
+    contestant: Contestant,
+    blocks: list[Block],
+    best: list[Optimum],
+    evidence: Evidence,
+    effort: Effort,
+) -> list[Block]:
+    """Take the answers to as many blocks as the contestant's share of time allows; which ones it can answer."""
+    spent, answered = 0.0, []
+    warm: set[tuple[int, ...]] = set()
+    for block, target in zip(blocks, best, strict=True):
+        if spent > effort.seconds:
+            break
+        evidence.tried[block.rows] = True
+        try:
+            if block.problem.structure.shape[1:] not in warm:  # cvxpy compiles each shape once
+                ask.call(block.problem, 0)
+                warm.add(block.problem.structure.shape[1:])
+            began = time.perf_counter()
+            found = ask.answers(block.problem)
+            call = ask.call(block.problem, 0).call
+        except (TensionlabError, ValueError) as error:
+            evidence.refused[block.rows] = True
+            evidence.note = evidence.note or f"refuses some: {error}"
+            continue
+        spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
+        answered.append(block)
+        _judge(replace(block.problem, nearest=policy_of(contestant)), found, contestant, target, evidence, block)
+    return answered
+
+
+def _judge(
+    problem: Problem, found: Answer, contestant: Contestant, best: Optimum, evidence: Evidence, block: Block
+) -> None:
+    """Hold raw answers against the limits, the optimum and, for a solver of the house, the interface's proof."""
+    raw, rows = np.array(found.tensions), block.rows
+    outside = np.maximum(problem.lower - raw, raw - problem.upper).max(axis=1)
+    evidence.violation[rows] = np.maximum(outside, 0.0)
+    tensions = np.clip(raw, problem.lower, problem.upper)
+    evidence.error[rows] = np.maximum(error_above_least(problem, best, tensions), 0.0)
+    gap = np.abs(tensions - best.tensions).max(axis=1)
+    evidence.gap[rows] = np.where(best.verified, gap, np.nan)
+    evidence.iterations[rows] = found.iterations
+    if contestant.setting == "proved":
+        judged = replace(problem, nearest=contestant.nearest)
+        status = measure(judged, replace(found, tensions=tensions), (len(rows),)).status
+        evidence.proved[rows] = (status == Status.EXACT) | (status == Status.NEAREST)
+    evidence.tensions.update(zip(rows.tolist(), tensions, strict=True))
+
+
+def _along_paths(problems: ProblemSet, evidence: Evidence) -> None:
+    """Note how much the tensions jump along each trajectory, and keep the first trajectory for a picture."""
+    start = 0
+    for group in problems.groups:
+        rows = range(start, start + len(group.structure))
+        start += len(group.structure)
+        if group.path_mm is None:
+            continue
+        nothing = np.full(group.structure.shape[2], np.nan)
+        tensions = np.array([evidence.tensions.get(row, nothing) for row in rows])
+        evidence.jumps.append(statistics.jumps(tensions, group.path_mm))
+        if not evidence.path_mm.size:
+            evidence.path_mm, evidence.path_tensions = group.path_mm, tensions
+
+
+def _clock(
+    asked: dict[Contestant, tuple[Driver, list[Block]]],
+    evidence: dict[Contestant, Evidence],
+    repeats: int,
+    rng: np.random.Generator,
+    progress: Callable[[float], None],
+) -> None:
+    """Time single calls, everyone in turn."""
+    queue: dict[int, tuple[Block, list[Contestant]]] = {}
+    for contestant, (_, blocks) in asked.items():
+        for block in blocks:
+            queue.setdefault(id(block), (block, []))[1].append(contestant)
+    turns = list(queue.values())
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        for repeat in range(repeats):
+            for done, turn in enumerate(rng.permutation(len(turns))):
+                block, takers = turns[turn]
+                order = rng.permutation(len(block.rows)).tolist()
+                for taker in rng.permutation(len(takers)):
+                    ask, calls = asked[takers[taker]][0], evidence[takers[taker]].calls
+                    ask.call(block.problem, 0)
+                    for row in order:
+                        calls[block.rows[row], repeat] = ask.call(block.problem, row)
+                gc.collect()
+                progress((repeat + (done + 1) / len(turns)) / repeats)
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+def _batch(contestant: Contestant, blocks: list[Block], seconds: float) -> float:
+    """How long does a problem take in one large batch, as the median of three?
+
+    Problems of one shape are one batch, repeated until it has `BATCH` of them, or fewer for a slow solver.
+    """
+    shapes: dict[tuple[int, ...], list[Problem]] = {}
+    for block in blocks:
+        shapes.setdefault(block.problem.structure.shape[1:], []).append(block.problem)
+    total, count = 0.0, 0
+    for parts in shapes.values():
+        structure, wrench, lower, upper = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("structure", "wrench", "lower", "upper")
+        )
+
+        def spend(size: int, arrays: tuple[Floats, ...] = (structure, wrench, lower, upper)) -> float:
+            chosen = np.arange(size) % len(arrays[0])
+            repeated = [array[chosen] for array in arrays]
+            allocator = Allocator((repeated[2], repeated[3]), make(contestant.solver), nearest=contestant.nearest)
+            began = time.perf_counter()
+            allocator(repeated[0], repeated[1])
+            return time.perf_counter() - began
+
+        once = spend(len(structure))
+        affordable = int(len(structure) * seconds / len(shapes) / 3 / max(once, 1e-9))
+        size = min(BATCH, max(len(structure), affordable))
+        total += statistics.quantile(np.array([spend(size) for _ in range(3)]), 0.5) * len(structure) / size
+        count += len(structure)
+    return total / count if count else float("nan")
