@@ -70,7 +70,7 @@ NATIVE = {
     "solvers/spidar.py",
     "allocation.py",
     "measure.py",
-    "experiments/benchmark.py",
+    "experiments/bench/batches.py",
     "workspace/wrench_set.py",
     "hardware/simulated.py",
 }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.errors import MissingDependency
 from tensionlab.solvers.contract import Floats
@@ -31,6 +33,16 @@ def load() -> Any:
     return daqp
 
 
+def installed() -> bool:
+    """Whether DAQP's module is there."""
+    return importlib.util.find_spec("daqp") is not None
+
+
+def sense(components: int, cables: int) -> NDArray[np.int32]:
+    """What DAQP should take each constraint for: first the limits of the cables, then the equations."""
+    return np.array([0] * cables + [EQUALITY] * components, dtype=np.int32)
+
+
 @dataclass(frozen=True)
 class DirectDaqp:
     """Which tensions does DAQP give for least ``|t|²``, ``W t = w`` and the limits, called directly?
@@ -52,10 +64,8 @@ class DirectDaqp:
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
         """Stack limits and equations as DAQP takes them."""
         n, m = structure.shape
-        sense = np.zeros(m + n, dtype=np.int32)
-        sense[m:] = EQUALITY
         above, below = np.concatenate([upper, wrench]), np.concatenate([lower, wrench])
-        return np.eye(m), np.zeros(m), structure, above, below, sense
+        return np.eye(m), np.zeros(m), structure, above, below, sense(n, m)
 
     def run(self, program: Any) -> Reply:
         """Solve it."""

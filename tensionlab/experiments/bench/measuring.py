@@ -1,11 +1,12 @@
 """One problem set, all contestants: first every answer, then every clock.
 
-Problems come in blocks of `BLOCK` of a group: any of them, or consecutive ones along a trajectory. Blocks are asked in a random order that visits
-all groups early, so that a slow contestant, which runs out of its share of time, has still seen every group.
-Then the clock: in each of several rounds the blocks come in a new random order; in each block the contestants
-come in a new random order, and each answers the first problem once untimed, because what the others left in
-the caches is not its fault, and then all of the block's problems in a random order. So all contestants share
-the machine's slow moments. Python's garbage collector sleeps while the clock runs and works between blocks.
+Problems come in blocks of `BLOCK` of a group: any of them, or consecutive ones along a trajectory. Blocks are
+asked in a random order that visits all groups early, so that a slow contestant, which runs out of its share of
+time, has still seen every group. Then the clock: in each of several rounds the blocks come in a new random
+order; in each block the contestants come in a new random order, and each answers the first problem once
+untimed, because what the others left in the caches is not its fault, and then all of the block's problems in a
+random order. So all contestants share the machine's slow moments. Python's garbage collector sleeps while the
+clock runs and works between blocks.
 """
 
 from __future__ import annotations

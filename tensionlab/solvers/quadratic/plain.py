@@ -94,3 +94,14 @@ class PlainProgram:
             solve_s=unit * info.solve_time if info else extras.get("solve_time", float("nan")),
             failure="" if tensions is not None else "gave no finite tensions",
         )
+
+
+def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:
+    """Which tensions does the one call give that the front page of qpsolvers shows?"""
+    import qpsolvers
+
+    cables = structure.shape[1]
+    found: Floats | None = qpsolvers.solve_qp(
+        np.eye(cables), np.zeros(cables), A=structure, b=wrench, lb=lower, ub=upper, solver=backend
+    )
+    return found
