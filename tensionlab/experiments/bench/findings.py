@@ -29,10 +29,10 @@ def _everything(results: Results) -> str | None:
         return "Nobody solved every problem within reach to 1e-6 N."
     finest = [line for line in whole if line.solved_1e9 == 1.0]
     first = min(whole, key=lambda line: line.sgm_s)
+    fine = "all" if finest == whole else f"{_names(finest)}" if finest else "none"
     text = (
-        f"Every problem within reach is solved to 1e-6 N by {_names(whole)}, and to 1e-9 N by "
-        f"{_names(finest) if finest else 'nobody'}. Of these, the fastest single call is that of {first.label}, "
-        f"typically {duration(first.sgm_s)}"
+        f"Every problem within reach is solved to 1e-6 N by {_names(whole)}; to 1e-9 N by {fine} of them. "
+        f"Of these, the fastest single call is that of {first.label}, typically {duration(first.sgm_s)}"
     )
     house = [line for line in whole if line.house]
     if first.house or not house:
@@ -54,7 +54,7 @@ def _defaults(results: Results) -> str | None:
     if not worst:
         return None
     parts = [
-        f"{_bare(row)} {percent(row.solved_1e6)} of `{row.problem_set}` (largest error {newton(row.error_max)} N)"
+        f"{_short(row.solver)} {percent(row.solved_1e6)} of `{row.problem_set}` (largest error {newton(row.error_max)} N)"
         for row in list(worst.values())[:SHOWN]
     ]
     return f"At their defaults, some solve few problems to 1e-6 N: {listed(parts)}."
@@ -69,8 +69,8 @@ def _silent(results: Results) -> str | None:
         return None
     row = max(rows, key=lambda row: row.gap_max)
     return (
-        f"An accurate wrench does not mean the best tensions: {row.label} solves all of `{row.problem_set}` to 1e-6 N, "
-        f"yet a tension is up to {newton(row.gap_max)} N from the optimum."
+        f"An accurate wrench does not mean the best tensions: {row.label} solves all of `{row.problem_set}` to "
+        f"1e-6 N, yet a tension is up to {newton(row.gap_max)} N from the optimum."
     )
 
 
@@ -87,28 +87,20 @@ def _tight(results: Results) -> str | None:
     typical = sorted(
         ((float(np.exp(np.mean(np.log(each)))), solver) for solver, each in factors.items()), reverse=True
     )
-    parts = [f"{solver.removeprefix('qpsolvers:')} {factor:.2f}" for factor, solver in typical]
+    parts = [f"{_short(solver)} {factor:.2f}" for factor, solver in typical]
     return f"Tight settings cost, as a factor of the default's time: {listed(parts)}."
 
 
-def _build(results: Results) -> str | None:
-    """Who spends most of a call on bringing arrays into form?"""
+def _solve(results: Results) -> str | None:
+    """How much of a call is the solve itself?"""
     shares: dict[str, list[float]] = {}
     for row in _within_reach(results):
-        if row.setting == "default" and row.build_s > 0:
-            shares.setdefault(row.solver, []).append(row.build_s / row.median_s)
+        if row.setting == "default" and row.solve_s > 0:
+            shares.setdefault(row.solver, []).append(row.solve_s / row.median_s)
     if not shares:
         return None
-    solves: dict[str, list[float]] = {}
-    for row in _within_reach(results):
-        if row.setting == "default" and row.solve_s > 0:
-            solves.setdefault(row.solver, []).append(row.solve_s / row.median_s)
-    parts = [
-        f"{solver.removeprefix('qpsolvers:')} {percent(float(np.mean(each)))}"
-        for solver, each in sorted(solves.items(), key=lambda pair: float(np.mean(pair[1])))
-    ]
-    if not parts:
-        return None
+    means = sorted((float(np.mean(each)), solver) for solver, each in shares.items())
+    parts = [f"{_short(solver)} {percent(share)}" for share, solver in means]
     return f"Share of a call that is the solve itself, by the backend's own clock: {listed(parts)}."
 
 
@@ -120,7 +112,8 @@ def _spread(results: Results) -> str | None:
     steady, wild = min(lines, key=lambda line: line.spread), max(lines, key=lambda line: line.spread)
     text = (
         f"In a control loop the slow calls count: p99.9 is {times(wild.spread)} times the median for {wild.label} "
-        f"in its worst set (worst call {duration(wild.worst_s)}), and {times(steady.spread)} times for {steady.label}"
+        f"in its worst set (worst call {duration(wild.worst_s)}), and {times(steady.spread)} times for "
+        f"{steady.label}"
     )
     own = [line for line in lines if line.label == "newton" and line is not steady]
     return text + (f"; {times(own[0].spread)} for newton." if own else ".")
@@ -136,7 +129,8 @@ def _beyond(results: Results) -> str | None:
     text = f"Out of reach, every answer of {listed(able)} is proved to be its policy's best" if able else ""
     if plain:
         best = max(plain, key=lambda row: row.solved_1e3)
-        shares = f"the plain program gives the closest wrench to 1e-3 N in {percent(best.solved_1e3)} of the cases at most"
+        most = percent(best.solved_1e3)
+        shares = f"the plain program gives the closest wrench to 1e-3 N in {most} of the cases at most"
         text = f"{text}; {shares}" if text else f"Out of reach, {shares}"
     return f"{text}." if text else None
 
@@ -162,8 +156,8 @@ def _continuity(results: Results) -> str | None:
         return None
     smooth, rough = min(lines, key=lambda line: line.jump_max), max(lines, key=lambda line: line.jump_max)
     return (
-        f"Along the trajectories, the largest jump of a tension is {newton(smooth.jump_max)} N/mm for {smooth.label} "
-        f"and {newton(rough.jump_max)} N/mm for {rough.label}."
+        f"Along the trajectories, the largest jump of a tension is {newton(smooth.jump_max)} N/mm for "
+        f"{smooth.label} and {newton(rough.jump_max)} N/mm for {rough.label}."
     )
 
 
@@ -175,9 +169,9 @@ def _batch(results: Results) -> str | None:
     parts = [f"1/{1 / row.ratio:.1f} for n = {row.components}, m = {row.cables}" for row in rows if row.reachable]
     loop = max(row.daqp_loop_s / row.all_cores_s for row in rows if row.reachable)
     return (
-        f"In one large batch on one core, newton's time for a problem, proof included, is this share of DAQP's own C "
-        f"time: {listed(parts)}; on {rows[0].cores} cores it is up to {times(loop)} times faster than a Python loop "
-        "over DAQP."
+        f"In one large batch on one core, newton's time for a problem, proof included, is this share of DAQP's own "
+        f"C time: {listed(parts)}; on {rows[0].cores} cores it is up to {times(loop)} times faster than a Python "
+        "loop over DAQP."
     )
 
 
@@ -187,7 +181,7 @@ QUESTIONS: tuple[Callable[[Results], str | None], ...] = (
     _defaults,
     _silent,
     _tight,
-    _build,
+    _solve,
     _spread,
     _limits,
     _beyond,
@@ -214,5 +208,6 @@ def _names(lines: list[Headline]) -> str:
     )
 
 
-def _bare(row: Row) -> str:
-    return row.solver.removeprefix("qpsolvers:").removesuffix(":plain")
+def _short(solver: str) -> str:
+    """A peer's name where it is clear that peers are meant."""
+    return solver.removesuffix(":plain")

@@ -26,7 +26,7 @@ from tensionlab.experiments.bench import statistics
 from tensionlab.experiments.bench.contestants import PROGRAMS, Contestant
 from tensionlab.experiments.bench.drivers import Driver, driver
 from tensionlab.experiments.bench.optimum import Optimum, error_above_least, optimum
-from tensionlab.experiments.bench.rows import Evidence, Row, empty_evidence, summarise
+from tensionlab.experiments.bench.rows import Evidence, Path, Row, empty_evidence, summarise
 from tensionlab.experiments.problem_sets import Group, ProblemSet
 from tensionlab.measure import measure
 from tensionlab.solvers import make
@@ -95,6 +95,7 @@ def measure_set(
         Rows in the order of the contestants.
     """
     blocks = _blocks(problems, rng)
+    trajectories = all(group.path_mm is not None for group in problems.groups)
     policies = {policy_of(contestant) for contestant in contestants}
     best = {policy: [optimum(replace(block.problem, nearest=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
@@ -107,8 +108,8 @@ def measure_set(
             ask = driver(contestant)
             gc.collect()
             targets, mine = best[policy_of(contestant)], evidence[contestant]
-            asked[contestant] = ask, _answers(ask, contestant, blocks, targets, mine, effort)
-            _along_paths(problems, evidence[contestant])
+            asked[contestant] = ask, _answers(ask, contestant, blocks, targets, mine, effort, trajectories)
+            _along_paths(problems, mine)
             progress(0.4 * (done + 1) / len(present))
         _clock(asked, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, contestant in enumerate(present):
@@ -177,12 +178,16 @@ def _answers(
     best: list[Optimum],
     evidence: Evidence,
     effort: Effort,
+    consecutive: bool,
 ) -> list[Block]:
-    """Take the answers to as many blocks as the contestant's share of time allows; which ones it can answer."""
+    """Take the answers to as many blocks as the contestant's share of time allows; which ones are to be timed.
+
+    Along a trajectory all answers are taken, because a jump needs both its sides; only the clock is spared.
+    """
     spent, answered = 0.0, []
     warm: set[tuple[int, ...]] = set()
     for block, target in zip(blocks, best, strict=True):
-        if spent > effort.seconds:
+        if spent > effort.seconds and not consecutive:
             break
         evidence.tried[block.rows] = True
         try:
@@ -194,10 +199,11 @@ def _answers(
             call = ask.call(block.problem, 0).call
         except (TensionlabError, ValueError) as error:
             evidence.refused[block.rows] = True
-            evidence.note = evidence.note or f"refuses some: {error}"
+            evidence.note = evidence.note or f"refuses some: {str(error).partition('; ')[0]}"
             continue
+        if spent <= effort.seconds:
+            answered.append(block)
         spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
-        answered.append(block)
         _judge(replace(block.problem, nearest=policy_of(contestant)), found, contestant, target, evidence, block)
     return answered
 
@@ -213,6 +219,7 @@ def _judge(
     evidence.error[rows] = np.maximum(error_above_least(problem, best, tensions), 0.0)
     gap = np.abs(tensions - best.tensions).max(axis=1)
     evidence.gap[rows] = np.where(best.verified, gap, np.nan)
+    evidence.reachable[rows] = best.reachable
     evidence.iterations[rows] = found.iterations
     if contestant.setting == "proved":
         judged = replace(problem, nearest=contestant.nearest)
@@ -222,18 +229,23 @@ def _judge(
 
 
 def _along_paths(problems: ProblemSet, evidence: Evidence) -> None:
-    """Note how much the tensions jump along each trajectory, and keep the first trajectory for a picture."""
-    start = 0
+    """Note how much the tensions jump along each trajectory, and keep one for a picture.
+
+    The one of most redundancy, where objectives differ most.
+    """
+    start, kept = 0, -1
     for group in problems.groups:
-        rows = range(start, start + len(group.structure))
-        start += len(group.structure)
+        rows = slice(start, start + len(group.structure))
+        start = rows.stop
         if group.path_mm is None:
             continue
-        nothing = np.full(group.structure.shape[2], np.nan)
-        tensions = np.array([evidence.tensions.get(row, nothing) for row in rows])
+        n, m = group.structure.shape[1:]
+        nothing = np.full(m, np.nan)
+        tensions = np.array([evidence.tensions.get(row, nothing) for row in range(rows.start, rows.stop)])
         evidence.jumps.append(statistics.jumps(tensions, group.path_mm))
-        if not evidence.path_mm.size:
-            evidence.path_mm, evidence.path_tensions = group.path_mm, tensions
+        if m - n > kept:
+            kept = m - n
+            evidence.path = Path(group.path_mm, tensions, evidence.reachable[rows])
 
 
 def _clock(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from tensionlab.experiments.bench.findings import findings
@@ -56,27 +57,32 @@ DETAIL: list[tuple[str, Callable[[Row], str]]] = [
 ]
 
 HOW_TO_READ = """\
-- **Every problem** asks for the tensions of least `|t|²` that render a wrench inside their limits. A solver with
-  another objective (†) is measured on feasibility, speed and continuity; its gap is a difference of taste.
-- **Solvers of the house** run through the interface: a prepared `tl.Allocator`, the time of clipping, measuring
-  and proving included. **Peers** get the plain program and return what they return, *default* with their own
-  settings and *tight* with the strictest that make sense; nothing is proved in their time. `daqp` is its own Python
-  module; `qpsolvers:…` goes through qpsolvers; `cvxpy` fills numbers into a program that it compiled once.
-- **1e-3, 1e-6, 1e-9 N**: the share of the problems solved so accurately: the wrench (of the tensions clipped into
-  their limits) as near as it can be, and the raw tensions outside their limits by no more; times the norm of the
-  wrench where that is above 1 N. Out of reach, "near" is measured by the policy (the closest wrench for a solver
-  without one), and the least possible error is subtracted. Refused problems are not solved.
-- **gap**: largest difference of a tension to the optimum. The optimum comes from the exact solver and is verified by
-  its duality gap, which anyone can compute; problems where that proof fails are left out of the gap.
-- **error** and **limits**: the largest error above the least possible, and the largest violation of a limit by
-  a raw answer.
-- **Times** are of one call from arrays to tensions, each problem the best of {repeats} in random order, in blocks in
-  which the contestants take turns; so they are the solver's and not the machine's. *typical* is the shifted geometric
-  mean (shift 1 µs). *build* is what of it brings the arrays into the peer's form; *set-up* and *solve* are the
-  peer's own clock, where it tells. *batch*: a problem in one large batch.
-- **tried**: each contestant has {seconds:g} s for each set; one that needs longer sees fewer of the problems, drawn
-  at random.
-- **jump**: largest change of a tension from one sample of a trajectory to the next, for each millimetre of path."""
+- **Every problem** asks for the tensions of least `|t|²` that render a wrench inside their limits. A solver
+  with another objective (†) is measured on feasibility, speed and continuity; its gap is a difference of
+  taste.
+- **Solvers of the house** run through the interface: a prepared `tl.Allocator`, the time of clipping,
+  measuring and proving included. **Peers** get the plain program and return what they return, *default*
+  with their own settings and *tight* with the strictest that make sense; nothing is proved in their time.
+  `daqp` is its own Python module; `qpsolvers:…` goes through qpsolvers; `cvxpy` fills numbers into a
+  program that it compiled once.
+- **1e-3, 1e-6, 1e-9 N**: the share of the problems solved so accurately: the wrench (of the tensions
+  clipped into their limits) as near as it can be, and the raw tensions outside their limits by no more;
+  times the norm of the wrench where that is above 1 N. Out of reach, "near" is measured by the policy (the
+  closest wrench for a solver without one), and the least possible error is subtracted. Refused problems are
+  not solved.
+- **gap**: largest difference of a tension to the optimum. The optimum comes from the exact solver and is
+  verified by its duality gap, which anyone can compute; problems where that proof fails are left out of the
+  gap.
+- **error** and **limits**: the largest error above the least possible, and the largest violation of a limit
+  by a raw answer.
+- **Times** are of one call from arrays to tensions, each problem the best of {repeats} in random order, in
+  blocks in which the contestants take turns; so they are the solver's and not the machine's. *typical* is
+  the shifted geometric mean (shift 1 µs). *build* is what of it brings the arrays into the peer's form;
+  *set-up* and *solve* are the peer's own clock, where it tells. *batch*: a problem in one large batch.
+- **tried**: each contestant has {seconds:g} s for each set; one that needs longer sees fewer of the
+  problems, drawn at random.
+- **jump**: largest change of a tension from one sample of a trajectory to the next, for each millimetre of
+  path."""
 
 
 def report(results: Results) -> str:
@@ -89,9 +95,9 @@ def report(results: Results) -> str:
         "## Findings",
         "\n".join(f"- {finding}" for finding in findings(results)),
         "## All sets",
-        "Shares and times are means over the sets within reach, each set counting the same; *elsewhere* is the share in "
-        "the sets that are out of reach or partly so. p99.9 and worst are those of the worst set. † has another "
-        "objective.",
+        "Shares and times are means over the sets within reach, each set counting the same; *elsewhere* is the "
+        "share in the sets that are out of reach or partly so. p99.9 and worst are those of the worst set. † has "
+        "another objective.",
         headline_table(results),
         *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items()),
         "## How to read it",
@@ -114,7 +120,7 @@ def headline_table(results: Results) -> str:
     rows = []
     for line in headlines(results):
         name = marked(f"**{line.label}**" if line.house else line.label, line.comparable)
-        absent = line.sgm_s != line.sgm_s
+        absent = math.isnan(line.sgm_s) and math.isnan(line.elsewhere)
         cells = (
             [line.note or "–", *[""] * (len(HEADLINE) - 1)] if absent else [write(line) for _, write in HEADLINE]
         )
@@ -178,9 +184,9 @@ def _batches(results: Results) -> list[str]:
     ]
     return [
         "## Batches",
-        f"{count(first.count)} random problems in one `tl.allocate` call, proof included: time for each. DAQP's time in "
-        "C is set-up plus solve by its own clock; the loop calls its Python module with all arrays ready. Each "
-        "the best of its rounds.",
+        f"{count(first.count)} random problems in one `tl.allocate` call, proof included: time for each. DAQP's "
+        "time in C is set-up plus solve by its own clock; the loop calls its Python module with all arrays ready. "
+        "Each the best of its rounds.",
         table(headings, rows, left=2),
         "One call for one problem, nothing repeated or left out:",
         table(["", "caller", "median", "p99.9", "p99.9 / median"], calls, left=2),
@@ -191,8 +197,8 @@ def _machine(results: Results) -> str:
     about, bench = results.manifest, results.manifest["bench"]
     busy = bench["processor_share"]
     lines = [
-        f"- Processor: {about['processor']}; instruction set taken: {bench['instruction_set']}; one thread, but for "
-        "the batches on all cores.",
+        f"- Processor: {about['processor']}; instruction set taken: {bench['instruction_set']}; one thread, but "
+        "for the batches on all cores.",
         f"- {about['platform']}; Python {about['python']}.",
         "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
         f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",

@@ -52,8 +52,9 @@ class Row:
         Largest change of a tension along a trajectory, in N/mm.
     call_s, errors, violations, gaps : lists of float
         The evidence, for each problem of the set in order; NaN where not tried, refused or failed.
-    path_mm, path_tensions : list of float
-        Along the first trajectory of the set: way so far, and the tensions of all cables, row by row.
+    path_mm, path_tensions, path_reachable : lists
+        Along one trajectory of the set: way so far, the tensions of all cables, row by row, and whether the
+        wrench is within reach.
     """
 
     problem_set: str
@@ -93,6 +94,7 @@ class Row:
     gaps: list[float] = field(default_factory=list)
     path_mm: list[float] = field(default_factory=list)
     path_tensions: list[float] = field(default_factory=list)
+    path_reachable: list[bool] = field(default_factory=list)
 
     @property
     def label(self) -> str:
@@ -101,8 +103,17 @@ class Row:
         return f"{name}, {self.setting}" if self.setting != "proved" else name
 
 
-EVIDENCE = ("call_s", "errors", "violations", "gaps", "path_mm", "path_tensions")
+EVIDENCE = ("call_s", "errors", "violations", "gaps", "path_mm", "path_tensions", "path_reachable")
 """The columns that a summary can do without."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """One trajectory: (B,) way so far in mm, (B, m) tensions in N, and (B,) where the wrench is within reach."""
+
+    way_mm: Floats
+    tensions: Floats
+    reachable: NDArray[np.bool_]
 
 
 @dataclass
@@ -114,6 +125,7 @@ class Evidence:
 
     tried: NDArray[np.bool_]
     refused: NDArray[np.bool_]
+    reachable: NDArray[np.bool_]
     proved: NDArray[np.bool_]
     scale: Floats
     error: Floats
@@ -125,8 +137,7 @@ class Evidence:
     batch_s: float = float("nan")
     tensions: dict[int, Floats] = field(default_factory=dict)
     jumps: list[Floats] = field(default_factory=list)
-    path_mm: Floats = field(default_factory=lambda: np.zeros(0))
-    path_tensions: Floats = field(default_factory=lambda: np.zeros(0))
+    path: Path | None = None
 
 
 def empty_evidence(scale: Floats, repeats: int) -> Evidence:
@@ -140,7 +151,9 @@ def empty_evidence(scale: Floats, repeats: int) -> Evidence:
         return np.full(count, np.nan)
 
     zeros = np.zeros(count, dtype=np.int64)
-    return Evidence(no(), no(), no(), scale, nan(), nan(), nan(), zeros, np.full((count, repeats, 4), np.nan))
+    return Evidence(
+        no(), no(), no(), no(), scale, nan(), nan(), nan(), zeros, np.full((count, repeats, 4), np.nan)
+    )
 
 
 def solved(errors: Floats, violations: Floats, scale: Floats, accuracy: float) -> NDArray[np.bool_]:
@@ -192,8 +205,9 @@ def summarise(name: str, contestant: Contestant, evidence: Evidence) -> Row:
         errors=evidence.error.tolist(),
         violations=evidence.violation.tolist(),
         gaps=evidence.gap.tolist(),
-        path_mm=evidence.path_mm.tolist(),
-        path_tensions=evidence.path_tensions.ravel().tolist(),
+        path_mm=evidence.path.way_mm.tolist() if evidence.path else [],
+        path_tensions=evidence.path.tensions.ravel().tolist() if evidence.path else [],
+        path_reachable=evidence.path.reachable.tolist() if evidence.path else [],
     )
 
 
