@@ -54,7 +54,8 @@ def _defaults(results: Results) -> str | None:
     if not worst:
         return None
     parts = [
-        f"{_short(row.solver)} {percent(row.solved_1e6)} of `{row.problem_set}` (largest error {newton(row.error_max)} N)"
+        f"{_short(row.solver)} {percent(row.solved_1e6)} of `{row.problem_set}` (errors up to "
+        f"{newton(row.error_max)} N)"
         for row in list(worst.values())[:SHOWN]
     ]
     return f"At their defaults, some solve few problems to 1e-6 N: {listed(parts)}."
@@ -169,9 +170,9 @@ def _batch(results: Results) -> str | None:
     parts = [f"1/{1 / row.ratio:.1f} for n = {row.components}, m = {row.cables}" for row in rows if row.reachable]
     loop = max(row.daqp_loop_s / row.all_cores_s for row in rows if row.reachable)
     return (
-        f"In one large batch on one core, newton's time for a problem, proof included, is this share of DAQP's own "
-        f"C time: {listed(parts)}; on {rows[0].cores} cores it is up to {times(loop)} times faster than a Python "
-        "loop over DAQP."
+        "In one large batch on one core, newton's time for a problem, proof included, is this share of DAQP's "
+        f"own C time: {listed(parts)}; on {rows[0].cores} cores it is up to {times(loop)} times faster than a "
+        "Python loop over DAQP."
     )
 
 
