@@ -81,6 +81,11 @@ class CallRow:
     p999_s: float
 
 
+def instruction_set() -> str:
+    """Which instruction set do the kernels use on this machine?"""
+    return _native.instruction_set()
+
+
 def random_problems(components: int, cables: int, count: int, seed: int) -> tuple[Floats, Floats]:
     """Random structure matrices (count, n, m) of unit cables, and wrenches (count, n) they can render."""
     rng = np.random.default_rng(seed)
@@ -221,7 +226,7 @@ def _one_daqp_call(structure: Floats, wrench: Floats) -> Callable[[int], Any]:
 
 def main() -> None:
     """Print both tables."""
-    print(f"Instruction set: {_native.instruction_set()}")
+    print(f"Instruction set: {instruction_set()}")
     print("                   µs a problem:     batch       batch    DAQP  DAQP, loop   ratio to  largest gap")
     print("  n   m   wrenches            1 core   all cores    in C   in Python  DAQP in C            N")
     for components, cables in SHAPES:

@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab import _native
 from tensionlab.errors import ShapeError, TensionlabError
 from tensionlab.experiments import records
 from tensionlab.experiments.bench import batches, results
@@ -76,6 +75,8 @@ class Plan:
         """Refuse what can't be measured, before any work."""
         if not self.sets:
             raise ShapeError(f"no problem set asked for; choose of {', '.join(PROBLEM_SETS)}")
+        if self.solvers is not None and not self.solvers:
+            raise ShapeError("no solver asked for; leave it out for all of them")
         for name in self.sets:
             if name not in PROBLEM_SETS:
                 raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
@@ -163,7 +164,7 @@ def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callabl
     manifest["bench"] = {
         "sets": sets,
         "plan": dataclasses.asdict(what),
-        "instruction_set": _native.instruction_set(),
+        "instruction_set": batches.instruction_set(),
         "processor_share": busy,
         "threads": {name: os.environ.get(name) for name in ONE_THREAD},
         "batches": [dataclasses.asdict(row) for row in batch_rows],
