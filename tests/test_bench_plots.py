@@ -8,7 +8,7 @@ import pytest
 
 from tensionlab.errors import ShapeError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_worst
-from tensionlab.plots.labels import _cost, _places
+from tensionlab.plots.labels import _cost, _distance, _places
 
 DRAW = {"profile": plot_profile, "accuracy": plot_accuracy, "worst": plot_worst, "continuity": plot_continuity}
 each = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
@@ -32,7 +32,7 @@ def test_the_same_results_make_the_same_file(tmp_path, bench_results, draw, suff
 @pytest.mark.parametrize(
     ("draw", "words"),
     [
-        (plot_profile, ["newton", "closed-form", "qpsolvers:osqp", "share of problems", "peer, tight settings"]),
+        (plot_profile, ["newton", "closed-form", "osqp", "share of problems", "peer, tight settings"]),
         (plot_accuracy, ["newton", "daqp", "cvxpy", "median time of a call (µs)", "peer, default settings"]),
         (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "tensionlab, others"]),
         (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "out of reach"]),
@@ -64,8 +64,16 @@ def test_a_name_avoids_what_is_there_and_stays_inside():
     frame = np.array([[0.0, 0.0], [200.0, 200.0]])
     place = np.array([100.0, 100.0])
     crowd = [np.array([105.0, 60.0, 200.0, 140.0])]  # everything to the right is taken
-    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, crowd, frame))
+    nobody = np.zeros((0, 2))
+    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, nobody, crowd, frame))
     assert best[2] <= 105.0
     corner = np.array([2.0, 2.0])
-    best = min(_places(corner, 30.0, 10.0), key=lambda box: _cost(box, corner, crowd, frame))
+    best = min(_places(corner, 30.0, 10.0), key=lambda box: _cost(box, corner, nobody, crowd, frame))
     assert best[:2].min() >= 0.0
+
+
+def test_a_name_is_nearest_to_its_own_point():
+    frame, place = np.array([[0.0, 0.0], [200.0, 200.0]]), np.array([100.0, 100.0])
+    stranger = np.array([[100.0, 120.0]])
+    best = min(_places(place, 30.0, 10.0), key=lambda box: _cost(box, place, stranger, [np.zeros(4)], frame))
+    assert _distance(best, place[None])[0] < _distance(best, stranger)[0]

@@ -103,6 +103,9 @@ def plot_accuracy(results: Results, path: str | Path) -> None:
         axes.grid()
         times = [time for ends in points.values() for time, _ in ends]
         axes.set_xlim(min(times) / 1.6, 1.6 * max(times))
+        ticks = np.outer(10.0 ** np.arange(-1, 7), [1, 2, 5]).ravel()
+        ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         _kinds(figure, [line.kind for line in lines.values()])
         label_points(figure, axes, points)
 
@@ -146,7 +149,7 @@ def plot_continuity(results: Results, path: str | Path) -> None:
         raise ShapeError("no trajectory in these results; measure the set `trajectory`")
     alone = [row.nearest is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
     names = [
-        row.label.removesuffix(", default") + ("" if single else f", {row.nearest}")
+        _name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
         for row, single in zip(rows, alone, strict=True)
     ]
     panels = dict(zip(names, rows, strict=True))
@@ -182,7 +185,8 @@ class _Line:
 
     def __init__(self, rows: Sequence[Row]) -> None:
         first = rows[0]
-        self.label, self.name = first.label, first.label.partition(",")[0]
+        self.label = _name(first.label)
+        self.name = self.label.partition(",")[0]
         self.kind = (
             first.setting if first.setting != "proved" else "newton" if first.solver == "newton" else "house"
         )
@@ -193,13 +197,19 @@ class _Line:
         self.missing = sum(row.refused + row.failed for row in rows) / max(1, tried)
 
 
+def _name(label: str) -> str:
+    """A contestant by its short name: peers without qpsolvers, but for the one that is there twice."""
+    short = label.removeprefix("qpsolvers:")
+    return short.replace("daqp", "daqp (qpsolvers)") if short != label else short
+
+
 def _pooled(results: Results) -> dict[str, _Line]:
     """Those who answered anything in the sets within reach (or, without any such set, in all)."""
     names = [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
     rows: dict[str, dict[str, Row]] = {}
     for row in results.rows:
         if row.problem_set in names and row.call_s:
-            rows.setdefault(row.label, {}).setdefault(row.problem_set, row)
+            rows.setdefault(_name(row.label), {}).setdefault(row.problem_set, row)
     there = {label: list(each.values()) for label, each in rows.items() if len(each) == len(names)}
     lines = {label: _Line(each) for label, each in there.items()}
     return {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}

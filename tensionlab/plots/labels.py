@@ -38,16 +38,17 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
     def in_points(ends: Sequence[tuple[float, float]]) -> Floats:
         return np.asarray(scale * axes.transData.transform(np.array(ends)))
 
-    taken = [np.concatenate([place - 4.0, place + 4.0]) for ends in points.values() for place in in_points(ends)]
+    places = {name: in_points(ends) for name, ends in points.items()}
+    taken = [np.concatenate([place - 4.0, place + 4.0]) for ends in places.values() for place in ends]
     # Those in a crowd first: they have the least choice.
     crowd = {
-        name: -sum(np.hypot(*(box[:2] + 4.0 - in_points(ends)[0])) < 40.0 for box in taken)
-        for name, ends in points.items()
+        name: -sum(np.hypot(*(box[:2] + 4.0 - ends[0])) < 40.0 for box in taken) for name, ends in places.items()
     }
     for name in sorted(points, key=lambda name: (crowd[name], name)):
-        place = in_points(points[name])[0]
-        width, height = 0.56 * SIZE * len(name), 1.15 * SIZE
-        best = min(_places(place, width, height), key=lambda box: _cost(box, place, taken, frame))
+        place = places[name][0]
+        others = np.concatenate([np.zeros((0, 2)), *(ends for other, ends in places.items() if other != name)])
+        width, height = 0.6 * SIZE * len(name), 1.2 * SIZE
+        best = min(_places(place, width, height), key=lambda box: _cost(box, place, others, taken, frame))
         taken.append(best)
         middle = (best[:2] + best[2:]) / 2
         far = np.hypot(*(middle - place)) > max(width, height) / 2 + 12.0
@@ -69,10 +70,20 @@ def _places(place: Floats, width: float, height: float) -> list[Floats]:
     return boxes
 
 
-def _cost(box: Floats, place: Floats, taken: list[Floats], frame: Floats) -> float:
-    """How bad is it to write a name there: what it covers, what sticks out, and how far away it is."""
+def _cost(box: Floats, place: Floats, strangers: Floats, taken: list[Floats], frame: Floats) -> float:
+    """How bad is it to write a name there?
+
+    What it covers, what sticks out, how far away it is, and by how much it is closer to a stranger.
+    """
     others = np.array(taken)
     overlap = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
     covered = float(np.prod(np.maximum(overlap, 0.0), axis=1).sum())
     outside = float(np.maximum(frame[0] - box[:2], 0.0).sum() + np.maximum(box[2:] - frame[1], 0.0).sum())
-    return 100.0 * (covered + outside) + float(np.hypot(*((box[:2] + box[2:]) / 2 - place)))
+    own = float(_distance(box, place[None])[0])
+    closer = float(np.maximum(own + 6.0 - _distance(box, strangers), 0.0).sum())
+    return 100.0 * (covered + outside) + 3.0 * closer + own
+
+
+def _distance(box: Floats, places: Floats) -> Floats:
+    """How far is each place from the box?"""
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(box[:2] - places, places - box[2:]), 0.0), axis=1))
