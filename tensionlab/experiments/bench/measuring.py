@@ -2,11 +2,7 @@
 
 Problems come in blocks of `BLOCK` of a group: any of them, or consecutive ones along a trajectory. Blocks are
 asked in a random order that visits all groups early, so that a slow contestant, which runs out of its share of
-time, has still seen every group. Then the clock: in each of several rounds the blocks come in a new random
-order; in each block the contestants come in a new random order, and each answers the first problem once
-untimed, because what the others left in the caches is not its fault, and then all of the block's problems in a
-random order. So all contestants share the machine's slow moments. Python's garbage collector sleeps while the
-clock runs and works between blocks.
+time, has still seen every group. Then `clock` times them.
 """
 
 from __future__ import annotations
@@ -20,30 +16,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.allocation import Allocator
 from tensionlab.errors import TensionlabError
 from tensionlab.experiments.bench import statistics
+from tensionlab.experiments.bench.clock import Block, time_batch, time_calls
 from tensionlab.experiments.bench.contestants import PROGRAMS, Contestant
 from tensionlab.experiments.bench.drivers import Driver, driver
 from tensionlab.experiments.bench.optimum import Optimum, error_above_least, optimum
 from tensionlab.experiments.bench.rows import Evidence, Path, Row, empty_evidence, summarise
 from tensionlab.experiments.problem_sets import Group, ProblemSet
 from tensionlab.measure import measure
-from tensionlab.solvers import make
-from tensionlab.solvers.contract import POLICIES, Answer, Floats, Nearest, Problem, Status
+from tensionlab.solvers.contract import POLICIES, Answer, Nearest, Problem, Status
 
 BLOCK = 20
 """Problems that a contestant answers before it is the next one's turn."""
-BATCH = 10_000
-"""Problems in a timed batch; a group is repeated until it has as many."""
-
-
-@dataclass(frozen=True)
-class Block:
-    """Some problems of one group: which, of all problems of the set, and the problems themselves."""
-
-    rows: NDArray[np.intp]
-    problem: Problem
 
 
 @dataclass(frozen=True)
@@ -111,10 +96,10 @@ def measure_set(
             asked[contestant] = ask, _answers(ask, contestant, blocks, targets, mine, effort, trajectories)
             _along_paths(problems, mine)
             progress(0.4 * (done + 1) / len(present))
-        _clock(asked, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
+        time_calls(asked, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, contestant in enumerate(present):
             if contestant.setting == "proved" and contestant.solver.partition(":")[0] not in PROGRAMS:
-                evidence[contestant].batch_s = _batch(contestant, asked[contestant][1], effort.seconds / 4)
+                evidence[contestant].batch_s = time_batch(contestant, asked[contestant][1], effort.seconds / 4)
             progress(0.9 + 0.1 * (done + 1) / len(present))
     absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in contestants if each.missing}
     rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in contestants]
@@ -246,67 +231,3 @@ def _along_paths(problems: ProblemSet, evidence: Evidence) -> None:
         if m - n > kept:
             kept = m - n
             evidence.path = Path(group.path_mm, tensions, evidence.reachable[rows])
-
-
-def _clock(
-    asked: dict[Contestant, tuple[Driver, list[Block]]],
-    evidence: dict[Contestant, Evidence],
-    repeats: int,
-    rng: np.random.Generator,
-    progress: Callable[[float], None],
-) -> None:
-    """Time single calls, everyone in turn."""
-    queue: dict[int, tuple[Block, list[Contestant]]] = {}
-    for contestant, (_, blocks) in asked.items():
-        for block in blocks:
-            queue.setdefault(id(block), (block, []))[1].append(contestant)
-    turns = list(queue.values())
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        for repeat in range(repeats):
-            for done, turn in enumerate(rng.permutation(len(turns))):
-                block, takers = turns[turn]
-                order = rng.permutation(len(block.rows)).tolist()
-                for taker in rng.permutation(len(takers)):
-                    ask, calls = asked[takers[taker]][0], evidence[takers[taker]].calls
-                    ask.call(block.problem, 0)
-                    for row in order:
-                        calls[block.rows[row], repeat] = ask.call(block.problem, row)
-                gc.collect()
-                progress((repeat + (done + 1) / len(turns)) / repeats)
-    finally:
-        gc.enable()
-        gc.unfreeze()
-
-
-def _batch(contestant: Contestant, blocks: list[Block], seconds: float) -> float:
-    """How long does a problem take in one large batch, as the median of three?
-
-    Problems of one shape are one batch, repeated until it has `BATCH` of them, or fewer for a slow solver.
-    """
-    shapes: dict[tuple[int, ...], list[Problem]] = {}
-    for block in blocks:
-        shapes.setdefault(block.problem.structure.shape[1:], []).append(block.problem)
-    total, count = 0.0, 0
-    for parts in shapes.values():
-        structure, wrench, lower, upper = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("structure", "wrench", "lower", "upper")
-        )
-
-        def spend(size: int, arrays: tuple[Floats, ...] = (structure, wrench, lower, upper)) -> float:
-            chosen = np.arange(size) % len(arrays[0])
-            repeated = [array[chosen] for array in arrays]
-            allocator = Allocator((repeated[2], repeated[3]), make(contestant.solver), nearest=contestant.nearest)
-            began = time.perf_counter()
-            allocator(repeated[0], repeated[1])
-            return time.perf_counter() - began
-
-        once = spend(len(structure))
-        affordable = int(len(structure) * seconds / len(shapes) / 3 / max(once, 1e-9))
-        size = min(BATCH, max(len(structure), affordable))
-        total += statistics.quantile(np.array([spend(size) for _ in range(3)]), 0.5) * len(structure) / size
-        count += len(structure)
-    return total / count if count else float("nan")

@@ -53,6 +53,17 @@ def test_ordinary_optima_are_verified(n, m, nearest):
     assert 0 < found.reachable.mean() < 1
 
 
+def test_near_a_singular_rig_the_optimum_is_better_than_its_wrench_shows():
+    # Two cables 1e-7 apart, of which only the difference renders the second component.
+    tilt = 1e-7
+    W = np.array([[1.0, np.cos(tilt)], [0.0, np.sin(tilt)]])
+    t = np.array([2.0, 3.0])
+    asked = problem(W, W @ t, [0.0, 0.0], [5.0, 5.0])
+    found = optimum(asked)
+    np.testing.assert_allclose(found.tensions, [t], atol=1e-7)
+    assert np.linalg.norm(W @ found.tensions[0] - W @ t) < 1e-15
+
+
 @given(batches())
 def test_the_bound_is_never_below_the_distance(case):
     asked = as_problem(case)
