@@ -79,7 +79,7 @@ def plot_accuracy(results: Results, path: str | Path) -> None:
     A line leads from a peer's default settings to its tight ones.
     """
     lines = _pooled(results)
-    with new_figure(path, (8.0, 5.6)) as figure:
+    with new_figure(path, (8.0, 6.2)) as figure:
         axes = figure.add_subplot()
         points: dict[str, list[tuple[float, float]]] = {}
         for line in lines.values():

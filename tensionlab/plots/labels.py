@@ -17,6 +17,8 @@ SIZE = 8.0
 """Of the letters, in points."""
 AWAY = (7.0, 14.0, 24.0, 36.0, 50.0)
 """Distances of a name from its point that are tried, in points."""
+REACH = 5.0
+"""Half the size of a point, in points."""
 AROUND = 16
 """Directions that are tried at each distance."""
 
@@ -39,10 +41,10 @@ def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple
         return np.asarray(scale * axes.transData.transform(np.array(ends)))
 
     places = {name: in_points(ends) for name, ends in points.items()}
-    taken = [np.concatenate([place - 4.0, place + 4.0]) for ends in places.values() for place in ends]
+    taken = [np.concatenate([place - REACH, place + REACH]) for ends in places.values() for place in ends]
     # Those in a crowd first: they have the least choice.
     crowd = {
-        name: -sum(np.hypot(*(box[:2] + 4.0 - ends[0])) < 40.0 for box in taken) for name, ends in places.items()
+        name: -sum(np.hypot(*(box[:2] + REACH - ends[0])) < 40.0 for box in taken) for name, ends in places.items()
     }
     for name in sorted(points, key=lambda name: (crowd[name], name)):
         place = places[name][0]
