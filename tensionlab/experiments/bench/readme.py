@@ -15,7 +15,7 @@ from tensionlab.errors import ShapeError, TensionlabError
 from tensionlab.experiments.bench import results
 from tensionlab.experiments.bench.findings import findings
 from tensionlab.experiments.bench.headline import Headline, headlines
-from tensionlab.experiments.bench.report import marked
+from tensionlab.experiments.bench.report import IDLE, marked
 from tensionlab.experiments.bench.results import Results
 from tensionlab.experiments.bench.text import count, duration, newton, percent, table
 
@@ -44,10 +44,11 @@ def section(found: Results) -> str:
         rows.append([name, *cells])
     about = found.manifest
     total = sum(each["problems"] for each in found.sets.values())
+    busy = " (which was busy with other work as well)" if found.manifest["bench"]["processor_share"] < IDLE else ""
     return "\n\n".join(
         [
-            f"{count(total)} problems in {len(found.sets)} sets on one thread of {about['processor']}, "
-            f"{about['date'][:10]}: the share solved within reach to an accuracy, *elsewhere* (where wrenches may "
+            f"{count(total)} problems in {len(found.sets)} sets on one thread of {about['processor']}"
+            f"{busy}, {about['date'][:10]}: the share solved within reach to an accuracy, *elsewhere* (where wrenches may "
             "be out of reach) to 1e-6 N; the largest difference of a tension to the proved optimum; the time of "
             "one call (proof included for solvers of the house, in bold) and of a problem in a batch. Peers solve "
             "the plain program, at their defaults and tight. † has another objective.",

@@ -21,6 +21,9 @@ FIGURES = {
 }
 """Pictures beside the report, with their captions."""
 
+IDLE = 0.9
+"""Share of the time that the measuring process has the processor, on a machine with nothing else to do."""
+
 HEADLINE: list[tuple[str, Callable[[Headline], str]]] = [
     ("1e-3 N", lambda line: percent(line.solved_1e3)),
     ("1e-6 N", lambda line: percent(line.solved_1e6)),
@@ -203,7 +206,7 @@ def _machine(results: Results) -> str:
         "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
         f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",
         f"- The measuring process had the processor for {percent(busy)} of the time"
-        + ("." if busy >= 0.9 else ": **the machine was busy, and times are worse than they should be.**"),
+        + ("." if busy >= IDLE else ": **the machine was busy, and times are worse than they should be.**"),
         f"- To repeat: `{about['call']}`",
     ]
     return "\n".join(lines)
