@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.hpp tensionlab/native/*.cpp)
 
-.PHONY: demo test check format bench clean
+.PHONY: demo test check format bench bench-quick bench-readme clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -26,7 +26,13 @@ format: .venv/dev.stamp
 	@$(BIN)/clang-format -i $(NATIVE)
 
 bench: .venv/dev.stamp
-	@TENSIONLAB_NUM_THREADS=1 $(BIN)/python -m tensionlab.experiments.benchmark
+	@$(BIN)/tensionlab bench --out out/bench
+
+bench-quick: .venv/dev.stamp
+	@$(BIN)/tensionlab bench --quick --out out/bench-quick
+
+bench-readme: bench
+	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
 
 clean:
 	rm -rf .venv build out

@@ -4,6 +4,7 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 sys.path.append(str(Path(__file__).parent))
@@ -12,3 +13,35 @@ sys.path.append(str(Path(__file__).parent))
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("ci", settings.get_profile("search"), derandomize=True, database=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+@pytest.fixture(scope="session")
+def bench_folder(tmp_path_factory):
+    """The folder of a tiny benchmark, measured once for all tests that read or draw one."""
+    from tensionlab.experiments.bench.run import Plan, run
+
+    plan = Plan(
+        sets=("point", "unreachable", "trajectory"),
+        solvers=("newton", "closed-form", "qp:daqp", "daqp", "qpsolvers:osqp", "cvxpy:plain"),
+        count=20,
+        seed=3,
+        seconds=0.3,
+        repeats=2,
+        batch=2000,
+        rounds=1,
+        calls=40,
+    )
+    folder = tmp_path_factory.mktemp("bench") / "new"
+    shares = []
+    run(plan, folder, ["tensionlab", "bench", "--out", "a folder"], shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    return folder
+
+
+@pytest.fixture(scope="session")
+def bench_results(bench_folder):
+    """Its results."""
+    from tensionlab.experiments.bench.results import read
+
+    return read(bench_folder)

@@ -15,6 +15,7 @@ import typer
 
 from tensionlab import __version__
 from tensionlab.cli.allocate import allocate
+from tensionlab.cli.bench import bench
 from tensionlab.cli.compare import compare
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
@@ -34,6 +35,7 @@ app = typer.Typer(
 app.command()(compare)
 app.command()(allocate)
 app.command()(solvers)
+app.command()(bench)
 app.add_typer(rig, name="rig")
 app.add_typer(problems, name="problems")
 

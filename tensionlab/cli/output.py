@@ -40,6 +40,13 @@ def numbers(text: str) -> list[float]:
     return values
 
 
+def words(options: list[str] | None) -> list[str] | None:
+    """Which words an option lists, given once or repeatedly, each with commas or not; None if left out."""
+    if options is None:
+        return None
+    return [word.strip() for option in options for word in option.split(",") if word.strip()]
+
+
 def output_file(path: Path | None) -> Path | None:
     """Whether a file can be written there; asked before the work, as a callback of the option.
 

@@ -6,13 +6,14 @@ import threading
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.contract import TOLERANCE, Answer, Floats, Nearest, Problem
 from tensionlab.solvers.linear import whitener
+from tensionlab.solvers.peer import Reply, own_tensions
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
@@ -198,3 +199,52 @@ def _choose(run: _Run, problem: Problem, row: int, accepted: float) -> Floats | 
         return None
     tied = closest(W @ best + held)
     return best if tied is None else tied
+
+
+@dataclass(frozen=True)
+class PlainConvex:
+    """Which tensions does cvxpy give for least ``|t|²``, ``W t = w`` and the limits, written down once?
+
+    Parameters
+    ----------
+    settings : {"default", "tight"}
+        The solver that cvxpy chooses, with its settings there; or Clarabel with those of `SETTINGS`. Both
+        start cold. cvxpy compiles the program once for each shape; from then on it only fills in numbers.
+    """
+
+    settings: Literal["default", "tight"] = "default"
+
+    def __post_init__(self) -> None:
+        try:
+            import cvxpy  # noqa: F401 - here, to say so before any work
+        except ModuleNotFoundError as error:
+            raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> _Blackboard:
+        """Fill the numbers into the program of this shape."""
+        n, m = structure.shape
+        board = _blackboard(n, m, threading.get_ident())
+        board.W.value, board.w.value, board.held.value = structure, wrench, np.zeros(n)
+        board.lower.value, board.upper.value, board.reference.value = lower, upper, np.zeros(m)
+        board.t.value = None
+        return board
+
+    def run(self, program: _Blackboard) -> Reply:
+        """Solve it."""
+        from cvxpy.error import SolverError
+
+        closest, options = program.closest, {}
+        if self.settings == "tight":
+            options = {"solver": "CLARABEL", **SETTINGS["CLARABEL"]}
+        try:
+            closest.solve(warm_start=False, **options)
+        except (SolverError, ValueError) as error:
+            return Reply(None, failure=f"{type(error).__name__}: {error}")
+        tensions, stats = own_tensions(program.t.value, program.t.size), closest.solver_stats
+        return Reply(
+            tensions,
+            iterations=stats.num_iters or 0,
+            setup_s=stats.setup_time or float("nan"),
+            solve_s=stats.solve_time or float("nan"),
+            failure="" if tensions is not None else f"gave no tensions ({closest.status})",
+        )

@@ -1,29 +1,21 @@
-"""Pictures of results, always to a file. The only importer of matplotlib; nothing is solved while drawing.
-
-Pictures are byte-stable: the same result makes the same file, without dates in it.
-"""
+"""A comparison of solvers on one rig: what each renders of a set of forces, how far off it is, what it costs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.errors import MissingDependency, ShapeError
+from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, add_legend, new_figure
 from tensionlab.solvers.contract import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, FigureBase
 
     from tensionlab.experiments.comparison import Comparison, Row
-    from tensionlab.model.rig import Rig
 
-STYLE = Path(__file__).with_name("tensionlab.mplstyle")
-BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 POLICY_LOOK = {
     "force": (BLUE, "o", -0.25),
     "tension": (ORANGE, "s", 0.0),
@@ -38,15 +30,7 @@ STATUS_LOOK = [
     ("iteration_limit", "neither proved", RED),
     ("failed", "failed", "#000000"),
 ]
-METADATA: dict[str, dict[str, Any]] = {
-    ".png": {"Software": None},
-    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
-    ".svg": {"Date": None, "Creator": None},
-}
-"""By suffix, what must be left out for the same result to make the same file."""
-
 CABLE = "#C8C8C8"
-HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 DRAWN_FORCES = 200
 """Of a larger set, so many forces are drawn, evenly spread."""
 
@@ -80,7 +64,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         for row, single in zip(rows, alone, strict=True)
     ]
     count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
-    with _figure(path, (14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
+    with new_figure(path, (14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
         left, right = parts
         policy = f", nearest in {rows[0].nearest}" if rows[0].nearest else ""
@@ -88,7 +72,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         views = [(0, 1), (0, 2)] if spatial else [(0, 1)]
         for axes, view in zip(np.atleast_1d(left.subplots(len(views), 1)), views, strict=True):
             _draw_forces(axes, comparison, view)
-        _legend(left, 3, [
+        add_legend(left, 3, [
             ("desired force", {"color": BLUE, "marker": "o", "fillstyle": "none", "ls": ""}),
             ("error", {"color": RED}),
             ("cable direction", {"color": CABLE, "linewidth": 1.6}),
@@ -127,7 +111,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
             axes.grid(axis="x")
             for border in range(1, len(names)):
                 axes.axhline(border - 0.5, color="#DDDDDD", linewidth=0.8, zorder=1)
-        _legend(right, 5, [
+        add_legend(right, 5, [
             *(
                 (word, {"color": colour, "linewidth": 6})
                 for key, word, colour in STATUS_LOOK
@@ -199,120 +183,3 @@ def _draw_points(axes: Axes, rows: Sequence[Row], lines: Sequence[float], values
     for row, line, value in zip(rows, lines, values, strict=True):
         colour, marker, _ = POLICY_LOOK[row.nearest]
         axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
-
-
-def plot_rig(rig: Rig, path: str | Path) -> None:
-    """Draw where a rig's modules stand and how its cables run at home, to scale.
-
-    The y axis points up, as in the data of the haptic rigs; z does where the description says "Z is up".
-    Body frames are drawn at the origin of the world, and a planar rig in its plane.
-
-    Parameters
-    ----------
-    rig : Rig
-    path : path
-        The suffix chooses the format: png, pdf or svg.
-
-    Raises
-    ------
-    ShapeError
-        If the suffix is no such format.
-    """
-    spatial = rig.dimension == 3
-    ends = rig.home + rig.attachments
-    with _figure(path, (7.5, 7.0)) as figure:
-        axes: Any = figure.add_subplot(projection="3d" if spatial else None)
-        everything = np.concatenate([rig.anchors, ends])
-        low, high = everything.min(axis=0), everything.max(axis=0)
-        # Room for the names between the anchors and the axes.
-        margin = np.full(rig.dimension, (0.2 if spatial else 0.1) * float((high - low).max()))
-        if spatial:
-            up = 2 if "z is up" in rig.description.lower() else 1
-            margin[up] /= 4
-        for name, lowest, highest in zip("xyz", low - margin, high + margin, strict=False):
-            axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})
-        if spatial:
-            axes.view_init(elev=18, azim=-62, vertical_axis="xyz"[up])  # before the aspect, which depends on it
-            axes.set_box_aspect(high - low + 2 * margin, zoom=0.85)
-            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-                axis.set_pane_color("white")
-                axis.labelpad = 10
-                axes.locator_params(nbins=4)
-            for anchor in rig.anchors:  # a thread to the floor shows where an anchor is
-                foot = anchor.copy()
-                foot[up] = low[up] - margin[up]
-                axes.plot(*zip(anchor, foot, strict=True), color="#BBBBBB", linewidth=0.8, linestyle=":")
-        else:
-            axes.set_aspect("equal")
-            axes.grid()
-        for anchor, end in zip(rig.anchors, ends, strict=True):
-            axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=1.1)
-            axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
-        riding = np.array([module.frame in rig.frames for module in rig.modules])
-        axes.plot(*rig.anchors[~riding].T, linestyle="", marker="s", markersize=6, color=BLUE)
-        axes.plot(*rig.anchors[riding].T, linestyle="", marker="s", markersize=6, color=ORANGE)
-        axes.plot(*([part] for part in rig.home), linestyle="", marker="o", markersize=6, color=RED)
-        _label_anchors(axes, rig)
-        figure.suptitle(rig.name, fontweight="bold")
-        _legend(figure, 4, [
-            ("module", {"color": BLUE, "marker": "s", "ls": ""}),
-            *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if riding.any() else []),
-            ("cable", {"color": GREY, "linewidth": 1.1}),
-            ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
-        ])  # fmt: skip
-
-
-def _label_anchors(axes: Any, rig: Rig) -> None:
-    """Write the modules' names beside their anchors, one label where they nearly coincide."""
-    from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
-
-    points = np.vstack([rig.anchors, rig.home])
-    if rig.dimension == 3:
-        x, y, _ = proj3d.proj_transform(*points.T, axes.get_proj())
-        points = np.column_stack([x, y])
-    points, home = points[:-1], points[-1]
-    near = 0.05 * float(np.ptp(points, axis=0).max())
-    left = list(range(rig.m))
-    while left:
-        together = [index for index in left if np.linalg.norm(points[index] - points[left[0]]) <= near]
-        left = [index for index in left if index not in together]
-        place = points[together].mean(axis=0)
-        outward = (place - home) / (np.linalg.norm(place - home) + 1e-12)
-        axes.annotate(
-            ", ".join(rig.modules[index].name for index in together), place, xytext=10 * outward,
-            textcoords="offset points", color="#222222", zorder=10, bbox=HALO,
-            ha="center" if abs(outward[0]) < 0.5 else "left" if outward[0] > 0 else "right",
-            va="center" if abs(outward[1]) < 0.5 else "bottom" if outward[1] > 0 else "top",
-        )  # fmt: skip
-
-
-def _legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
-    """Put a legend below the pictures."""
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns)
-
-
-@contextmanager
-def _figure(path: str | Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Make a figure in the house's style, written without dates or versions when the block ends."""
-    metadata = METADATA.get(Path(path).suffix.lower())
-    if metadata is None:
-        raise ShapeError(f"{path}: pictures end in {', '.join(METADATA)}")
-    try:
-        from matplotlib import style
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingDependency("pictures need matplotlib: pip install matplotlib") from error
-    with style.context(STYLE):
-        figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure
-        # The layout's solver leaves different last digits from run to run; the picture must not.
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
-        for axes in figure.axes:
-            axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-        figure.savefig(path, metadata=metadata)

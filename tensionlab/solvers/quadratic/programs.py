@@ -1,46 +1,20 @@
 """Tension allocation as small quadratic programs, for every QP solver that qpsolvers finds.
 
-Whatever the policy, a backend sees programs of one shape, with a diagonal cost and orthogonal equality rows
-besides the limits, because all of them solve that shape accurately::
-
-    minimise  x' diag(cost) x / 2 + linear' x   subject to   rows x = values,   lower <= x <= upper
-
-What a backend claims (found, status) is never read: its x is measured.
+Whatever the policy, the programs are scaled and their equality rows orthogonal before a backend sees them.
 """
 
 from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.contract import TOLERANCE, Answer, Floats, Nearest, Problem
 from tensionlab.solvers.linear import independent_rows, whitener
-
-BACKENDS: dict[str, dict[str, Any]] = {
-    # The programs are scaled already; Clarabel's own scaling costs it the last digits.
-    "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12, "equilibrate_enable": False},
-    # At its default of 1e-4, OSQP takes some wrenches for unreachable that are not.
-    "osqp": {"eps_abs": 1e-10, "eps_rel": 0.0, "eps_prim_inf": 1e-8, "polishing": True, "max_iter": 20_000},
-    "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
-    "quadprog": {},
-    "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0},
-    # Without a limit ProxQP spends half a second on each wrench out of reach, and HiGHS may cycle for ever.
-    "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "max_iter": 500},
-    "highs": {
-        "primal_feasibility_tolerance": 1e-10,
-        "dual_feasibility_tolerance": 1e-10,
-        "qp_regularization_value": 0.0,
-        "qp_iteration_limit": 1000,
-        "time_limit": 1.0,
-    },
-}
-"""QP solvers by their names in qpsolvers, with settings that make their answers pass `TOLERANCE`."""
-SPARSE = frozenset({"clarabel", "osqp", "highs"})
-"""Those that take sparse matrices only."""
+from tensionlab.solvers.quadratic.backends import BACKENDS, Engine, NoTensions, installed_backends, raised_by
 
 SAFETY = 0.1
 """Share of `TOLERANCE` that an answer may use up here before the next program is tried."""
@@ -52,13 +26,6 @@ BIAS = 1e-4
 """Share of the accepted error that these steps may leave; one more step than it takes is cheap."""
 STEPS = 8
 """Most of these steps; two or three are usual."""
-
-
-def installed_backends() -> tuple[str, ...]:
-    """Which QP solvers `QuadraticProgram` can use on this machine."""
-    import qpsolvers
-
-    return tuple(name for name in BACKENDS if name in qpsolvers.available_solvers)
 
 
 @dataclass(frozen=True)
@@ -104,64 +71,18 @@ class QuadraticProgram:
         tensions = np.full(problem.reference.shape, np.nan)
         iterations = np.zeros(len(problem), dtype=np.int64)
         failures: dict[int, str] = {}
-        errors = _raised_by(self.backend)
+        errors = raised_by(self.backend)
         with warnings.catch_warnings():
             # Backends warn of every program without a solution; here that is an answer like any other.
             warnings.simplefilter("ignore")
             for index in range(len(problem)):
-                engine = _Engine(self.backend)
+                engine = Engine(self.backend)
                 try:
                     tensions[index] = _allocate(engine, problem, index)
                 except errors as error:
                     failures[index] = f"{self.backend}: {type(error).__name__}: {error}"
                 iterations[index] = engine.iterations
         return Answer(tensions=tensions, iterations=iterations, failures=failures)
-
-
-class NoTensions(RuntimeError):  # noqa: N818 - it says what happened
-    """A backend gave nothing even for a program that only has limits."""
-
-
-def _raised_by(backend: str) -> tuple[type[Exception], ...]:
-    """Which exceptions a backend throws on a program that it cannot digest."""
-    from qpsolvers.exceptions import QPError
-
-    # ValueError and RuntimeError: what C++ bindings make of a breakdown, and NumPy of an SVD's.
-    raised: tuple[type[Exception], ...] = (QPError, ValueError, RuntimeError)
-    if backend == "osqp":
-        from osqp import OSQPException
-
-        raised += (OSQPException,)
-    return raised
-
-
-@dataclass
-class _Engine:
-    """One backend, and the iterations it has spent."""
-
-    name: str
-    iterations: int = 0
-
-    def minimise(
-        self, cost: Floats, linear: Floats, rows: Floats, values: Floats, limits: tuple[Floats, Floats]
-    ) -> Floats | None:
-        """Which x inside the limits the backend gives for the program of this module, or None."""
-        import qpsolvers
-        from scipy import sparse
-
-        matrix: Any = sparse.csc_matrix if self.name in SPARSE else np.asarray
-        lower, upper = limits
-        program = qpsolvers.Problem(matrix(np.diag(cost)), linear, A=matrix(rows), b=values, lb=lower, ub=upper)
-        solution = qpsolvers.solve_problem(program, self.name, **BACKENDS[self.name])
-        if "info" in solution.extras:
-            self.iterations += int(solution.extras["info"].iter)
-        elif "iterations" in solution.extras:
-            self.iterations += int(solution.extras["iterations"][0])
-        x = solution.x
-        if x is None or len(x) != len(cost) or not np.isfinite(x).all():
-            return None
-        inside: Floats = np.clip(x, lower, upper)
-        return inside
 
 
 @dataclass(frozen=True)
@@ -180,7 +101,7 @@ class _Loose:
     accepted: float
 
 
-def _allocate(engine: _Engine, problem: Problem, index: int) -> Floats:
+def _allocate(engine: Engine, problem: Problem, index: int) -> Floats:
     """Which tensions the policy chooses for one problem of the batch."""
     lower, upper, reference = problem.lower[index], problem.upper[index], problem.reference[index]
     structure, wrench = problem.structure[index], problem.wrench[index]
@@ -211,7 +132,7 @@ def _allocate(engine: _Engine, problem: Problem, index: int) -> Floats:
     return tensions
 
 
-def _closest(engine: _Engine, loose: _Loose, wrench: Floats) -> Floats | None:
+def _closest(engine: Engine, loose: _Loose, wrench: Floats) -> Floats | None:
     """Which tensions closest to the reference render a wrench; None if those of the backend don't."""
     basis, strength = independent_rows(loose.structure)
     rows, values = basis.T @ loose.structure / strength[:, None], basis.T @ wrench / strength
@@ -222,7 +143,7 @@ def _closest(engine: _Engine, loose: _Loose, wrench: Floats) -> Floats | None:
     return found
 
 
-def _least_error(engine: _Engine, loose: _Loose, root: Floats) -> Floats:
+def _least_error(engine: Engine, loose: _Loose, root: Floats) -> Floats:
     """Which tensions inside the limits make ``|root (W t - w)|`` least."""
     weighted = root @ loose.structure
     basis, strength = independent_rows(weighted)
@@ -256,7 +177,7 @@ def _least_error(engine: _Engine, loose: _Loose, root: Floats) -> Floats:
     return best
 
 
-def _furthest(engine: _Engine, loose: _Loose) -> Floats | None:
+def _furthest(engine: Engine, loose: _Loose) -> Floats | None:
     """Which tensions render ``s w`` with the largest s in [0, 1]; None if no s is found."""
     matrix = np.hstack([loose.structure, -loose.wrench[:, None]])
     basis, strength = independent_rows(matrix)

@@ -1,0 +1,84 @@
+"""The results of a benchmark on disk: one Parquet table with its manifest, which is all that a report needs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tensionlab.errors import ShapeError
+from tensionlab.experiments import records
+from tensionlab.experiments.bench.batches import BatchRow, CallRow
+from tensionlab.experiments.bench.rows import EVIDENCE, Row
+
+FILE = "results.parquet"
+
+
+@dataclass(frozen=True)
+class Results:
+    """What was measured, and how.
+
+    Attributes
+    ----------
+    rows : tuple of Row
+    manifest : dict
+        That of `tensionlab.experiments.records`, and under ``bench`` what the report tells of the run:
+        ``sets`` (by name: title, reachable, groups, problems, verified), ``plan``, ``instruction_set``,
+        ``processor_share``, ``batches`` and ``calls``.
+    """
+
+    rows: tuple[Row, ...]
+    manifest: dict[str, Any]
+
+    @property
+    def sets(self) -> dict[str, dict[str, Any]]:
+        """The problem sets by name, in the order they ran."""
+        found: dict[str, dict[str, Any]] = self.manifest["bench"]["sets"]
+        return found
+
+    @property
+    def batches(self) -> list[BatchRow]:
+        """The batched measurements."""
+        return [BatchRow(**row) for row in self.manifest["bench"]["batches"]]
+
+    @property
+    def calls(self) -> list[CallRow]:
+        """The single calls measured beside them."""
+        return [CallRow(**row) for row in self.manifest["bench"]["calls"]]
+
+    def of_set(self, name: str) -> list[Row]:
+        """The rows of one problem set."""
+        return [row for row in self.rows if row.problem_set == name]
+
+
+def write(path: str | Path, rows: Sequence[Row], manifest: dict[str, Any], evidence: bool = True) -> None:
+    """Write results; without the evidence for each problem they are small enough to commit."""
+    table = [dataclasses.asdict(row) for row in rows]
+    if not evidence:
+        table = [{key: value for key, value in row.items() if key not in EVIDENCE} for row in table]
+    records.write_parquet(path, table, manifest)
+
+
+def read(path: str | Path) -> Results:
+    """Which results does a file, or the folder of a run, hold?
+
+    Raises
+    ------
+    ShapeError
+        If it holds none.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    file = Path(path) / FILE if Path(path).is_dir() else Path(path)
+    try:
+        table = pq.read_table(file)
+        manifest = json.loads((table.schema.metadata or {})[b"tensionlab"])
+        manifest["bench"]["sets"]  # a table of another kind has none
+        rows = tuple(Row(**row) for row in table.to_pylist())
+    except (OSError, pa.ArrowException, KeyError, TypeError) as error:
+        raise ShapeError(f"{file}: no results of `tensionlab bench` ({type(error).__name__}: {error})") from None
+    return Results(rows, manifest)

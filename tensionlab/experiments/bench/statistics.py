@@ -1,0 +1,84 @@
+"""How to sum up many times and answers in one number, without letting the number lie."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.solvers.contract import Floats
+
+SHIFT = 1e-6
+"""Shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs."""
+
+
+def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT) -> float:
+    """What is the typical time, when ratios matter and tiny times should not?
+
+    ``exp(mean(log(t + shift))) - shift``, as in the benchmarks of Mittelmann. NaN for no times.
+    """
+    seconds = seconds[np.isfinite(seconds)]
+    if not seconds.size:
+        return float("nan")
+    return float(np.exp(np.mean(np.log(seconds + shift))) - shift)
+
+
+def quantile(values: Floats, share: float) -> float:
+    """Which value is not exceeded by this share of them? NaN entries don't count; NaN if there are no others.
+
+    The value is one of those measured: the smallest that enough of them do not exceed. So the largest of 100
+    calls is their 99.9 % quantile, and not a guess between two of them.
+    """
+    values = values[np.isfinite(values)]
+    return float(np.quantile(values, share, method="inverted_cdf")) if values.size else float("nan")
+
+
+def largest(values: Floats) -> float:
+    """What is the largest entry that is a number? NaN if there is none."""
+    values = values[np.isfinite(values)]
+    return float(values.max()) if values.size else float("nan")
+
+
+def jumps(tensions: Floats, path_mm: Floats) -> Floats:
+    """How much does the tension of any cable change, for each millimetre of path?
+
+    Parameters
+    ----------
+    tensions : (B, m) array
+        Along the path, in N; NaN where there is no answer.
+    path_mm : (B,) array
+        Length of the path so far, in mm.
+
+    Returns
+    -------
+    (B - 1,) array
+        Largest change of a cable from each sample to the next, in N/mm; NaN where either is missing or the
+        path stands still.
+    """
+    change, way = np.abs(np.diff(tensions, axis=0)).max(axis=1), np.diff(path_mm)
+    return np.asarray(np.divide(change, way, out=np.full(len(way), np.nan), where=way > 0))
+
+
+def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]) -> list[Floats]:
+    """How much slower than the fastest is each contestant, problem by problem?
+
+    Source: Dolan and Moré, "Benchmarking optimization software with performance profiles", 2002.
+
+    Parameters
+    ----------
+    seconds : (P, C) array
+        Time of each contestant for each problem.
+    solved, tried : (P, C) arrays
+        Whether it solved the problem, and whether it was asked to. A problem that it was not asked counts
+        neither for nor against it.
+
+    Returns
+    -------
+    list of arrays, one for each contestant
+        Ratios of its times to the fastest contestant that solved the same problem, sorted; infinite where it
+        failed. The share of ratios not above x is its profile at x. Problems that nobody solved don't count.
+    """
+    times = np.where(solved, seconds, np.inf)
+    best = times.min(axis=1, initial=np.inf)
+    somebody = np.isfinite(best)
+    ratios = np.divide(times, best[:, None], out=np.full(times.shape, np.inf), where=np.isfinite(times))
+    return [np.sort(ratios[somebody & tried[:, c], c]) for c in range(times.shape[1])]

@@ -1,0 +1,241 @@
+"""A benchmark in four pictures: who is fast, who is accurate, whose worst case is bad, and whose tensions jump."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensionlab.errors import ShapeError
+from tensionlab.experiments.bench.contestants import PROGRAMS
+from tensionlab.experiments.bench.statistics import jumps, largest, profile, quantile
+from tensionlab.experiments.bench.text import newton as force
+from tensionlab.plots.house import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.labels import label_points
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from tensionlab.experiments.bench.results import Results
+    from tensionlab.experiments.bench.rows import Row
+    from tensionlab.solvers.contract import Floats
+
+ACCURACY = 1e-6
+"""An answer counts as one from here on, in N, as the interface judges."""
+FLOOR = 1e-16
+"""Errors below are drawn here, in N: rounding."""
+NO_ANSWER = 1e3
+"""Where a contestant is drawn, in N, that gave no answer to more than 1 % of the problems."""
+SLOWEST = 1e4
+"""Ratios above are not drawn."""
+COLUMNS = 4
+"""Small pictures beside each other."""
+LOOKS = {
+    "newton": ("newton", BLUE, "o"),
+    "house": ("tensionlab, others", GREEN, "s"),
+    "default": ("peer, default settings", ORANGE, "o"),
+    "tight": ("peer, tight settings", RED, "D"),
+}
+"""Name, colour and marker of each kind of contestant."""
+
+
+def plot_profile(results: Results, path: str | Path) -> None:
+    """Draw for which share of the problems each contestant is within so many times the fastest.
+
+    Dolan and Moré's performance profile, over all sets within reach, of answers to 1e-6 N. One small picture for
+    each solver, with newton and, in grey, all the others.
+    """
+    lines = _pooled(results)
+    labels = list(lines)
+    seconds = np.column_stack([lines[label].seconds for label in labels])
+    solved = np.column_stack([lines[label].error <= ACCURACY for label in labels])
+    ratios = dict(zip(labels, profile(seconds, solved, np.isfinite(seconds)), strict=True))
+    panels = list(dict.fromkeys(lines[label].name for label in labels))
+
+    def draw(axes: Axes, name: str) -> None:
+        for label, own in ratios.items():
+            if not own.size:
+                continue
+            mine, kind = lines[label].name == name, lines[label].kind
+            colour = LOOKS[kind][1] if mine or kind == "newton" else "#D8D8D8"
+            width, front = (1.8, 3) if mine else (1.1, 2 if kind == "newton" else 1)
+            reached = own[np.isfinite(own)]
+            x = np.concatenate([[1.0], reached, [SLOWEST]])
+            y = np.append(np.arange(len(reached) + 1), len(reached)) / len(own)
+            axes.step(x, y, where="post", color=colour, linewidth=width, zorder=front)
+        axes.set(xscale="log", xlim=(1, SLOWEST), ylim=(0, 1.03), title=name)
+
+    with new_figure(path, (9.0, 0.9 + 1.75 * -(-len(panels) // COLUMNS))) as figure:
+        _grid(figure, panels, draw, "time / fastest time", "share of problems")
+        _kinds(figure, [lines[label].kind for label in labels], marked=False)
+
+
+def plot_accuracy(results: Results, path: str | Path) -> None:
+    """Draw how long each contestant takes and how accurate it is, over all sets within reach.
+
+    Across: the median call. Up: the error that 99 % of its answers do not exceed, of the wrench and the limits.
+    A line leads from a peer's default settings to its tight ones.
+    """
+    lines = _pooled(results)
+    with new_figure(path, (8.0, 6.2)) as figure:
+        axes = figure.add_subplot()
+        points: dict[str, list[tuple[float, float]]] = {}
+        for line in lines.values():
+            error = quantile(np.where(np.isfinite(line.seconds), line.error, np.nan), 0.99)
+            error = NO_ANSWER if line.missing > 0.01 or error > NO_ANSWER else max(error, FLOOR)
+            time = 1e6 * quantile(line.seconds, 0.5)
+            _, colour, marker = LOOKS[line.kind]
+            axes.plot(time, error, marker=marker, color=colour, linestyle="", markersize=6.5, zorder=3)
+            points.setdefault(line.name, []).append((time, error))
+        for ends in points.values():
+            axes.plot(*zip(*ends, strict=True), color="#BBBBBB", linewidth=1.0, zorder=2)
+        axes.axhline(ACCURACY, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
+        axes.annotate("exact from here on down", (0, ACCURACY), xycoords=("axes fraction", "data"), xytext=(3, -3),
+                      textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="median time of a call (µs)", ylim=(FLOOR, 10 * NO_ANSWER))
+        axes.set_ylabel("error that 99 % of the answers keep (N)")
+        ticks = 10.0 ** np.arange(-15, 1, 3)
+        powers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
+        axes.set_yticks([*ticks, NO_ANSWER], [*powers, "over $10^3$,\nor none"])
+        axes.minorticks_off()
+        axes.grid()
+        times = [time for ends in points.values() for time, _ in ends]
+        axes.set_xlim(min(times) / 1.6, 1.6 * max(times))
+        ticks = np.outer(10.0 ** np.arange(-1, 7), [1, 2, 5]).ravel()
+        ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        _kinds(figure, [line.kind for line in lines.values()])
+        label_points(figure, axes, points)
+
+
+def plot_worst(results: Results, path: str | Path) -> None:
+    """Draw the median, the 99.9 % quantile and the worst time of each contestant, over all sets within reach."""
+    lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
+    with new_figure(path, (7.5, 1.3 + 0.22 * len(lines))) as figure:
+        axes = figure.add_subplot()
+        for place, line in enumerate(lines):
+            median, slow = (1e6 * quantile(line.seconds, share) for share in (0.5, 0.999))
+            worst = 1e6 * float(np.nanmax(line.seconds))
+            _, colour, marker = LOOKS[line.kind]
+            axes.plot([median, worst], [place, place], color=colour, linewidth=0.9)
+            axes.plot(
+                [median, slow], [place, place], color=colour, linewidth=4.5, solid_capstyle="butt", alpha=0.45
+            )
+            axes.plot(median, place, marker=marker, color=colour, markersize=5.5)
+            axes.plot(worst, place, marker="|", color=colour, markersize=8, markeredgewidth=1.6)
+        axes.set_yticks(range(len(lines)), [line.label for line in lines])
+        axes.set_ylim(len(lines) - 0.4, -0.6)
+        axes.set(xscale="log", xlabel="time of a call (µs): median, 99.9 % (bar), worst (tick)")
+        axes.tick_params(axis="y", length=0)
+        axes.spines["left"].set_visible(False)
+        axes.grid(axis="x")
+        _kinds(figure, [line.kind for line in lines])
+
+
+def plot_continuity(results: Results, path: str | Path) -> None:
+    """Draw the tensions of all cables along the first trajectory of the results, one small picture a solver.
+
+    Peers are drawn at their defaults. A gap is where there is no answer.
+
+    Raises
+    ------
+    ShapeError
+        If there is no trajectory in the results.
+    """
+    rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]
+    if not rows:
+        raise ShapeError("no trajectory in these results; measure the set `trajectory`")
+    alone = [row.nearest is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
+    names = [
+        _name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
+        for row, single in zip(rows, alone, strict=True)
+    ]
+    panels = dict(zip(names, rows, strict=True))
+    highest = max(float(np.nanmax(row.path_tensions)) for row in rows)
+
+    def draw(axes: Axes, name: str) -> None:
+        row = panels[name]
+        way, reachable = np.array(row.path_mm), np.array(row.path_reachable)
+        tensions = np.array(row.path_tensions).reshape(len(way), -1)
+        axes.fill_between(way, 0, 2 * highest, where=~reachable, color="#EEEEEE", linewidth=0, step="mid")
+        axes.plot(way, tensions, linewidth=1.0)
+        axes.set(xlim=(way[0], way[-1]), ylim=(0, 1.05 * highest))
+        axes.set_title(name, fontsize=8.5, pad=14)
+        jump = f"largest jump {force(largest(jumps(tensions, way)))} N/mm"
+        axes.text(0.0, 1.04, jump, transform=axes.transAxes, fontsize=8, color="#555555")
+
+    with new_figure(path, (9.5, 0.7 + 1.6 * -(-len(panels) // COLUMNS))) as figure:
+        _grid(figure, list(panels), draw, "path (mm)", "tension (N)")
+        add_legend(figure, 2, [
+            ("a cable each", {"color": BLUE, "linewidth": 1.0}),
+            ("out of reach", {"color": "#EEEEEE", "linewidth": 8}),
+        ])  # fmt: skip
+
+
+def _drawable(row: Row) -> bool:
+    """Whether there are tensions along the trajectory that no other picture shows."""
+    alone = row.solver.partition(":")[0] not in PROGRAMS or row.setting != "proved"
+    return alone and bool(np.isfinite(row.path_tensions).any())
+
+
+class _Line:
+    """One contestant over the problems of all sets within reach: times, errors, how often it had no answer."""
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        first = rows[0]
+        self.label = _name(first.label)
+        self.name = self.label.partition(",")[0]
+        self.kind = (
+            first.setting if first.setting != "proved" else "newton" if first.solver == "newton" else "house"
+        )
+        self.seconds: Floats = np.concatenate([np.array(row.call_s) for row in rows])
+        errors = [np.maximum(row.errors, row.violations) for row in rows]
+        self.error: Floats = np.concatenate(errors)
+        tried = sum(row.tried for row in rows)
+        self.missing = sum(row.refused + row.failed for row in rows) / max(1, tried)
+
+
+def _name(label: str) -> str:
+    """A contestant by its short name: peers without qpsolvers, but for the one that is there twice."""
+    short = label.removeprefix("qpsolvers:")
+    return short.replace("daqp", "daqp (qpsolvers)") if short != label else short
+
+
+def _pooled(results: Results) -> dict[str, _Line]:
+    """Those who answered anything in the sets within reach (or, without any such set, in all)."""
+    names = [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
+    rows: dict[str, dict[str, Row]] = {}
+    for row in results.rows:
+        if row.problem_set in names and row.call_s:
+            rows.setdefault(_name(row.label), {}).setdefault(row.problem_set, row)
+    there = {label: list(each.values()) for label, each in rows.items() if len(each) == len(names)}
+    lines = {label: _Line(each) for label, each in there.items()}
+    return {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
+
+
+def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], across: str, up: str) -> None:
+    """Small pictures of one scale, the axes named once."""
+    count = -(-len(names) // COLUMNS)
+    grid = figure.subplots(count, COLUMNS, sharex=True, sharey=True, squeeze=False)
+    for place, axes in enumerate(grid.flat):
+        if place >= len(names):
+            axes.set_visible(False)
+            continue
+        draw(axes, names[place])
+        axes.grid()
+        if place + COLUMNS >= len(names):
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(across)
+        if place % COLUMNS == 0:
+            axes.set_ylabel(up)
+
+
+def _kinds(figure: Any, kinds: Sequence[str], marked: bool = True) -> None:
+    """Say which colour is which kind of contestant."""
+    shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
+    add_legend(figure, len(shown), [
+        (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
+        for name, colour, marker in shown
+    ])  # fmt: skip

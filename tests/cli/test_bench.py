@@ -1,0 +1,73 @@
+import json
+
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.experiments.bench import run as room
+
+
+@pytest.fixture
+def run(capsys, monkeypatch):
+    """Run `tensionlab bench` in this process, without the batches: exit status, stdout, stderr."""
+    make = room.plan
+
+    def without_batches(*words):
+        from dataclasses import replace
+
+        return replace(make(*words), rounds=0)
+
+    monkeypatch.setattr(room, "plan", without_batches)
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main(["bench", *(str(word) for word in words)])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
+    out = tmp_path / "made" / "here"
+    code, said, err = run("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 10,
+                          "--seed", 4, "--quick", "--out", out)  # fmt: skip
+    assert (code, err) == (0, "")
+    names = ("accuracy", "continuity", "profile", "worst")
+    assert {path.name for path in out.iterdir()} == {"results.parquet", "report.md", "manifest.json", "figures"}
+    assert sorted(path.name for path in (out / "figures").iterdir()) == sorted(
+        f"{name}.{suffix}" for name in names for suffix in ("png", "pdf")
+    )
+    report = (out / "report.md").read_text(encoding="utf-8")
+    assert "## trajectory" in report
+    assert "Seed 4" in report
+    lines = [line.split()[0] for line in said.splitlines() if line.startswith(("newton", "daqp"))]
+    assert sorted(lines) == ["daqp,", "daqp,", "newton"]
+    assert str(out / "report.md") in said
+
+
+def test_json_is_for_programs(run, tmp_path):
+    code, said, _ = run("--set", "edge", "--solvers", "newton,closed-form", "--count", 6, "--quick",
+                        "--out", tmp_path, "--json")  # fmt: skip
+    assert code == 0
+    found = json.loads(said)
+    assert [line["label"] for line in found["lines"]] == ["newton", "closed-form"]
+    assert found["lines"][0]["solved_1e6"] == 1.0
+    assert found["sets"]["edge"]["reachable"] == "all"
+    assert not (tmp_path / "figures" / "continuity.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--set", "edgy"), "'edgy'; choose one of"),
+        (("--solvers", "newtown"), "'newtown'.*peers are daqp"),
+        (("--count", "0"), "count"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_written(run, tmp_path, words, message):
+    code, _, err = run(*words, "--out", tmp_path / "new")
+    assert code == 2
+    import re
+
+    assert re.search(message, err)
+    assert not (tmp_path / "new").exists()

@@ -1,0 +1,113 @@
+"""Peers: the plain program, once, whatever comes back."""
+
+import numpy as np
+import pytest
+import qpsolvers
+
+from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.experiments.bench.daqp_direct import DirectDaqp
+from tensionlab.solvers.convex import PlainConvex
+from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram, solve_qp
+
+# Least |t|² of three cables that pull 9 N together, one with at least 5 N, one with at most 1 N.
+ROWS = np.array([[1.0, 1.0, 1.0]])
+WRENCH, LOWER, UPPER = np.array([9.0]), np.array([5.0, 0.0, 0.0]), np.array([8.0, 1.0, 9.0])
+BEST = [5.0, 1.0, 3.0]
+
+PEERS = {
+    **{f"{name}, default": lambda name=name: PlainProgram(name) for name in BACKENDS},
+    **{f"{name}, tight": lambda name=name: PlainProgram(name, "tight") for name in TIGHT},
+    "direct, default": DirectDaqp,
+    "direct, tight": lambda: DirectDaqp("tight"),
+    "cvxpy, default": PlainConvex,
+    "cvxpy, tight": lambda: PlainConvex("tight"),
+}
+each_peer = pytest.mark.parametrize("name", PEERS)
+
+
+# Backends warn of what is measured here, and OSQP of its own future.
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+def ask(peer, wrench=WRENCH):
+    return peer.run(peer.build(ROWS, wrench, LOWER, UPPER))
+
+
+@each_peer
+def test_every_peer_finds_the_least_squares(name):
+    reply = ask(PEERS[name]())
+    assert not reply.failure
+    np.testing.assert_allclose(reply.tensions, BEST, atol=1e-6 if "tight" in name else 1e-2)
+
+
+@each_peer
+def test_out_of_reach_a_peer_breaks_nothing(name):
+    reply = ask(PEERS[name](), np.array([900.0]))
+    assert bool(reply.failure) == (reply.tensions is None)
+    if reply.tensions is not None:
+        assert np.isfinite(reply.tensions).all()
+
+
+@pytest.mark.parametrize("name", ["osqp", "piqp", "proxqp", "direct"])
+def test_these_tell_set_up_and_solve_in_seconds(name):
+    peer = PEERS[f"{name}, default"]()
+    replies = [ask(peer) for _ in range(5)]
+    assert all(1e-8 < reply.setup_s < 0.1 for reply in replies)
+    assert all(1e-8 < reply.solve_s < 0.1 for reply in replies)
+    assert all(reply.iterations > 0 for reply in replies)
+
+
+def test_clarabel_tells_the_solve_and_the_others_nothing():
+    clarabel = ask(PlainProgram("clarabel"))
+    assert 1e-8 < clarabel.solve_s < 0.1
+    assert np.isnan(clarabel.setup_s)
+    assert np.isnan(ask(PlainProgram("quadprog")).solve_s)
+
+
+def test_what_a_peer_returns_is_not_clipped(monkeypatch):
+    solve = qpsolvers.solve_problem
+
+    def beyond(program, solver, **settings):
+        solution = solve(program, solver, **settings)
+        solution.x = np.array([4.0, 2.0, 3.0])
+        return solution
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", beyond)
+    np.testing.assert_array_equal(ask(PlainProgram("daqp")).tensions, [4.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("x", [None, np.array([np.nan, 1.0, 1.0]), np.zeros(0)])
+def test_no_tensions_are_a_failure_with_a_reason(monkeypatch, x):
+    solve = qpsolvers.solve_problem
+
+    def nothing(program, solver, **settings):
+        solution = solve(program, solver, **settings)
+        solution.x = x
+        return solution
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", nothing)
+    reply = ask(PlainProgram("daqp"))
+    assert reply.tensions is None
+    assert "no finite tensions" in reply.failure
+
+
+def test_a_peer_that_throws_says_so(monkeypatch):
+    def throw(*_, **__):
+        raise qpsolvers.exceptions.SolverError("out of steam")
+
+    monkeypatch.setattr(qpsolvers, "solve_problem", throw)
+    assert ask(PlainProgram("daqp")).failure == "SolverError: out of steam"
+
+
+def test_what_cannot_run_is_refused(monkeypatch):
+    with pytest.raises(UnknownSolver, match=r"'cplex'.*clarabel"):
+        PlainProgram("cplex")
+    with pytest.raises(ValueError, match="quadprog has no options"):
+        PlainProgram("quadprog", "tight")
+    monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
+    with pytest.raises(MissingDependency, match=r"tensionlab\[solvers\]"):
+        PlainProgram("daqp")
+
+
+def test_the_one_call_of_qpsolvers():
+    np.testing.assert_allclose(solve_qp(ROWS, WRENCH, LOWER, UPPER, "daqp"), BEST, atol=1e-9)
