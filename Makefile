@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.hpp tensionlab/native/*.cpp)
 
-.PHONY: demo test check format bench bench-quick bench-readme clean
+.PHONY: demo test check format bench bench-quick bench-readme stress clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -33,6 +33,9 @@ bench-quick: .venv/dev.stamp
 
 bench-readme: bench
 	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
+
+stress: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.stress
 
 clean:
 	rm -rf .venv build out

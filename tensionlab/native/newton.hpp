@@ -80,7 +80,7 @@ class Newton {
   enum class Stage { render, nearest };
 
   // Far beyond what any known problem takes; one that gets there keeps its best answer so far.
-  static constexpr int kRenderLimit = 200, kNearestLimit = 400, kIterationLimit = 2000;
+  static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
 
   // What the lanes do not share: the rare decisions, in plain numbers. Up to `astray` it is set for every problem,
   // what follows only for those that cannot be rendered at once.

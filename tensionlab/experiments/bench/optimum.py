@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.experiments.proof import distance_bound, sides, size
 from tensionlab.measure import measure
 from tensionlab.solvers.contract import Floats, Problem, Status
 from tensionlab.solvers.linear import times, whitener
@@ -17,8 +18,6 @@ Flags = NDArray[np.bool_]
 PROVED = 1e-7
 """An optimum is proved to be no further than this from the tensions of least ``|t|²`` that render its wrench, as a
 share of the largest limit, and so near is it to those that would render the wrench without rounding."""
-AT_LIMIT = 1e-10
-"""A tension this close to a limit is at it, as a share of the largest limit."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def optimum(problem: Problem) -> Optimum:
     missing = np.linalg.norm(problem.wrench - wrench, axis=1)
     proved = np.where(reachable, missing * sensitivity, 0.0) + distance_bound(problem, tensions)
     known = reachable | (found.status == Status.NEAREST)
-    verified = known & (proved <= PROVED * np.maximum(1.0, _size(problem)))
+    verified = known & (proved <= PROVED * np.maximum(1.0, size(problem)))
     return Optimum(tensions, wrench, reachable, verified)
 
 
@@ -71,7 +70,7 @@ def _polished(problem: Problem, tensions: Floats, reachable: Flags) -> tuple[Flo
     sensitivity : (B,) array
         Largest change of the tensions, in N, for a change of the wrench by 1 N.
     """
-    low, high = _sides(problem, tensions)
+    low, high = sides(problem, tensions)
     loose = problem.structure * ~(low | high)[:, None, :]
     inverse = np.asarray(np.linalg.pinv(loose), dtype=np.float64)
     better = tensions + times(inverse, problem.wrench - times(problem.structure, tensions))
@@ -107,86 +106,3 @@ def error_above_least(problem: Problem, best: Optimum, tensions: Floats) -> Floa
         missing, least = times(root, missing), times(root, least)
     above = np.linalg.norm(missing, axis=1) - np.where(best.reachable, 0.0, np.linalg.norm(least, axis=1))
     return np.asarray(above)
-
-
-def distance_bound(problem: Problem, tensions: Floats) -> Floats:
-    """How far can tensions be, at most, from those of least ``|t|²`` that render the same wrench?
-
-    For any multipliers y, ``t(y) = clip(W' y)`` minimises the Lagrangian inside the limits, so the dual value
-    is a lower bound, and because ``|t|²/2`` is strongly convex the duality gap bounds half the squared
-    distance. The sum is written so that nothing cancels: with ``e = t(y) - t`` the gap is
-    ``sum(e (W'y - t(y)) + e²/2)``.
-
-    Parameters
-    ----------
-    problem : Problem
-        B problems with reference 0; their wrenches don't matter.
-    tensions : (B, m) array
-        Inside their limits, in N.
-
-    Returns
-    -------
-    (B,) array
-        In N; infinite where no multipliers were found.
-    """
-    transposed = np.swapaxes(problem.structure, 1, 2)
-    low, high = _sides(problem, tensions)
-    free = ~(low | high)
-    multipliers = times(
-        np.asarray(np.linalg.pinv(transposed * free[:, :, None]), dtype=np.float64), tensions * free
-    )
-    bound = _bound(problem, tensions, multipliers)
-    # With few cables off their limits, many multipliers serve those, and most of them not the others.
-    for row in np.flatnonzero(bound > PROVED):
-        found = _multipliers(problem.structure[row], tensions[row], low[row], high[row])
-        part = _row(problem, int(row))
-        bound[row] = min(bound[row], _bound(part, tensions[row : row + 1], found[None])[0])
-    return bound
-
-
-def _sides(problem: Problem, tensions: Floats) -> tuple[Flags, Flags]:
-    """Which tensions are at their lower and at their upper limits."""
-    close = AT_LIMIT * np.maximum(1.0, _size(problem))[:, None]
-    return tensions - problem.lower <= close, problem.upper - tensions <= close
-
-
-def _size(problem: Problem) -> Floats:
-    """The largest limit of each problem."""
-    return np.asarray(np.maximum(np.abs(problem.lower), np.abs(problem.upper)).max(axis=1, initial=0.0))
-
-
-def _bound(problem: Problem, tensions: Floats, multipliers: Floats) -> Floats:
-    pull = times(np.swapaxes(problem.structure, 1, 2), multipliers)
-    best = np.clip(pull, problem.lower, problem.upper)
-    off = best - tensions
-    gap = np.sum(off * (pull - best) + off**2 / 2, axis=1)
-    return np.asarray(np.sqrt(2 * np.maximum(gap, 0.0)))
-
-
-def _multipliers(structure: Floats, tensions: Floats, low: Flags, high: Flags) -> Floats:
-    """Which y satisfy ``W'y = t`` between the limits, ``<=`` at lower ones and ``>=`` at upper ones."""
-    from scipy.optimize import nnls
-
-    use = ~(low & high)
-    slack = np.diag(low.astype(float) - high)[:, low ^ high]
-    matrix = np.hstack([structure.T, -structure.T, slack])[use]
-    count = len(structure)
-    if not matrix.size:
-        return np.zeros(count)
-    try:
-        found, _ = nnls(matrix, tensions[use], maxiter=50 * matrix.shape[1])
-    except RuntimeError:  # too many iterations: then there is no proof
-        return np.full(count, np.nan)
-    return np.asarray(found[:count] - found[count : 2 * count])
-
-
-def _row(problem: Problem, row: int) -> Problem:
-    part = slice(row, row + 1)
-    return replace(
-        problem,
-        structure=problem.structure[part],
-        wrench=problem.wrench[part],
-        lower=problem.lower[part],
-        upper=problem.upper[part],
-        reference=problem.reference[part],
-    )

@@ -8,7 +8,8 @@ from batch import problem
 from hypothesis import given
 from problems import Case, batches, random_cases
 
-from tensionlab.experiments.bench.optimum import _bound, distance_bound, error_above_least, optimum
+from tensionlab.experiments.bench.optimum import error_above_least, optimum
+from tensionlab.experiments.proof import distance_bound
 from tensionlab.solvers.contract import POLICIES, Problem
 
 PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
@@ -19,30 +20,6 @@ def as_problem(case: Case, nearest: str = "force") -> Problem:
     """A batch of the tests with reference 0, as the benchmark asks for."""
     zero, ones = np.zeros_like(case.lower), np.ones(case.wrench.shape[-1])
     return Problem(case.structure, case.wrench, case.lower, case.upper, zero, ones, nearest)
-
-
-def test_multipliers_prove_an_answer_known_by_hand_and_no_other():
-    # The sum of two cables is 4 N: 2 N each. (3, 1) renders the same and is √2 away.
-    two = problem([[1, 1]], [[4], [4]], [0, 0], [5, 5])
-    bound = distance_bound(two, np.array([[2.0, 2.0], [3.0, 1.0]]))
-    assert bound[0] < 1e-12
-    assert bound[1] >= np.sqrt(2)
-
-
-def test_the_bound_by_hand():
-    one, t = problem([[1, 2]], [4], [0, 0], [5, 5]), np.array([[4.0, 0.0]])
-    # The free cable gives y = 4; then W'y = (4, 8), clipped (4, 5), and the gap is 5 (8 - 5) + 5²/2.
-    assert _bound(one, t, np.array([[4.0]]))[0] == pytest.approx(np.sqrt(2 * 27.5))
-    # The best is (0.8, 1.6), with y = 0.8: the bound is then the distance itself.
-    assert distance_bound(one, t)[0] == pytest.approx(np.hypot(3.2, 1.6))
-
-
-def test_multipliers_are_found_where_few_cables_are_off_their_limits():
-    # All at a limit, opposed, parallel, fixed, pulling nothing: every kind has multipliers.
-    W = np.array([[1.0, -1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
-    t = np.array([[5.0, 1.0, 5.0, 1.0]])
-    one = problem(W, W @ t[0], [1, 1, 5, 1], [5, 5, 5, 5])
-    assert distance_bound(one, t)[0] < 1e-9
 
 
 @pytest.mark.parametrize(("n", "m"), [(2, 2), (3, 3), (3, 5), (3, 12), (6, 8)])
