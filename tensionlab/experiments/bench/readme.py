@@ -48,10 +48,10 @@ def section(found: Results) -> str:
     return "\n\n".join(
         [
             f"{count(total)} problems in {len(found.sets)} sets on one thread of {about['processor']}"
-            f"{busy}, {about['date'][:10]}: the share solved within reach to an accuracy, *elsewhere* (where wrenches may "
-            "be out of reach) to 1e-6 N; the largest difference of a tension to the proved optimum; the time of "
-            "one call (proof included for solvers of the house, in bold) and of a problem in a batch. Peers solve "
-            "the plain program, at their defaults and tight. † has another objective.",
+            f"{busy}, {about['date'][:10]}: the share solved within reach to an accuracy, *elsewhere* (where "
+            "wrenches may be out of reach) to 1e-6 N; the largest difference of a tension to the proved optimum; "
+            "the time of one call (proof included for solvers of the house, in bold) and of a problem in a batch. "
+            "Peers solve the plain program, at their defaults and tight. † has another objective.",
             table(["solver", *(heading for heading, _ in COLUMNS)], rows),
             "\n".join(f"- {finding}" for finding in findings(found)),
         ]
