@@ -15,8 +15,8 @@ struct LooseCables {
   int count = 0;
   int index[M];  // which they are, in order
   Real lower[M], upper[M];
-  Real structure[N * M];  // N x count, row by row ...
-  Real wrench[N];         // ... and what is left for them, both times a power of two that makes W of size one
+  Real structure[N * M];  // N x count, row by row
+  Real wrench[N];         // what is left for them
 
   // all: N x m, row by row.
   LooseCables(const Real* all, const Real* asked, const Real* low, const Real* high, int m) {
@@ -26,21 +26,11 @@ struct LooseCables {
       upper[count] = high[i];
       index[count++] = i;
     }
-    Real largest = 0;
     for (int k = 0; k < N; ++k) {
       wrench[k] = asked[k];
       for (int i = 0; i < m; ++i) wrench[k] -= low[i] < high[i] ? Real(0) : all[k * m + i] * low[i];
-      for (int i = 0; i < count; ++i) {
-        structure[k * count + i] = all[k * m + index[i]];
-        largest = larger(largest, magnitude(structure[k * count + i]));
-      }
+      for (int i = 0; i < count; ++i) structure[k * count + i] = all[k * m + index[i]];
     }
-    if (!(largest > 0)) return;
-    int exponent;
-    std::frexp(largest, &exponent);
-    const Real unit = std::ldexp(Real(1), exponent > -1000 ? -exponent : 1000);
-    for (int e = 0; e < N * count; ++e) structure[e] *= unit;
-    for (int k = 0; k < N; ++k) wrench[k] *= unit;
   }
 };
 

@@ -46,12 +46,12 @@ class Polygon {
       const Real length = std::sqrt(dot(rise, rise));
       if (length <= Is::parallel) continue;
       sum_ = sum_ + rise;
-      const bool first = magnitude(low) <= magnitude(high);  // the limit next to zero
-      add(first ? origin[i] - low : high - origin[i], first ? rise : Real(-1) * rise, length);
-      add(first ? high - origin[i] : origin[i] - low, first ? Real(-1) * rise : rise, length);
+      add(origin[i] - low, rise, length);
+      add(high - origin[i], Real(-1) * rise, length);
     }
   }
 
+  // reference: the point of the plane that is closest to the reference.
   Point<Real> choose(Goal goal, Point<Real> reference) {
     if (goal == Goal::least_squares && contains(reference)) return reference;
     const Round polygon = dimension_ == 2 ? walk() : segment();
@@ -89,8 +89,8 @@ class Polygon {
     return true;
   }
 
-  // Redundancy one: an interval. Redundancy none: a point. Where the interval is empty, the two limits that want
-  // it so are missed by the same.
+  // Redundancy one: an interval. Redundancy none: a point. Where the interval is empty, be it by rounding alone,
+  // the two limits that want it so are missed by the same.
   Round segment() const {
     const Real most = std::numeric_limits<Real>::max();
     Real low = -most, high = most, low_length = 0, high_length = 0;
@@ -119,8 +119,8 @@ class Polygon {
     Real side[kMost];  // of each line: 1 where it is kept from here on, -1 where it is missed so far
   };
 
-  // At the crossing of the two cables that cross best, on the lines of their limits next to zero, and along the
-  // one that enters the kept side of the other. Both limits of both are kept, so the walk cannot lead to infinity.
+  // At the crossing of the two cables that cross best, on the lines of their lower limits, and along the one that
+  // enters the kept side of the other. Both limits of both are kept there, so the walk cannot lead to infinity.
   Walker start() const {
     int i = 0, j = 0;
     for (int k = 2; k < lines_; k += 2) {
@@ -133,7 +133,7 @@ class Polygon {
     walker.on = dot(normal(j), along(i)) > 0 ? i : j;
     walker.here = crossing(i, j, {0, 0});
     walker.way = along(walker.on);
-    for (int k = 0; k < lines_; ++k) walker.side[k] = k / 2 == i / 2 || k / 2 == j / 2 ? Real(1) : Real(-1);
+    for (int k = 0; k < lines_; ++k) walker.side[k] = -1;
     return walker;
   }
 

@@ -29,8 +29,8 @@ class Polygon:
 
     With one cable more the polygon is a segment, and with none a point. A cable whose limits are equal does
     not count. More redundancy than two is refused; where it is only a rank-deficient structure matrix that
-    leaves more, that problem of the batch has FAILED, with the reason. Out of reach the answer is a corner
-    near the limits, clipped to them, and it is no best substitute.
+    leaves more, that problem of the batch has FAILED, with the reason. Out of reach the answer is where
+    the walk missed the limits by least, clipped to them, and it is no best substitute.
 
     Source: Gouttefarde, Lamaury, Reichert and Bruckmann, "A versatile tension distribution algorithm for
     n-DOF parallel robots driven by n+2 cables", 2015.

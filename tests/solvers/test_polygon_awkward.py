@@ -45,7 +45,7 @@ def awkward(kind: str, seed: int, n: int, m: int, count: int) -> tuple[Floats, F
     if kind == "parallel cables":
         W[:, :, -1] = W[:, :, 0] * rng.choice([1, -2, 1 + 1e-9, 1 + 1e-13], (count, 1))
     elif kind == "nearly singular":
-        W[:, -1] = W[:, 0] + 10.0 ** rng.integers(-6, 0, (count, 1)) * W[:, -1]
+        W[:, -1] = W[:, 0] + 10.0 ** rng.integers(-7, 0, (count, 1)) * W[:, -1]
     elif kind == "nearly integers":
         W = rng.integers(-2, 3, (count, n, m)) / 2
         W += rng.choice([0, 1e-12, 1e-10, 1e-7], (count, 1, 1)) * rng.normal(size=W.shape)
@@ -64,12 +64,22 @@ def awkward(kind: str, seed: int, n: int, m: int, count: int) -> tuple[Floats, F
 @pytest.mark.parametrize(("n", "m"), [(2, 3), (2, 4), (3, 4), (3, 5), (6, 8)])
 def test_rounding_hides_no_answer(kind: str, n: int, m: int) -> None:
     for seed in range(4):
-        W, w, lower, upper = awkward(kind, seed, n, m, 1000)
+        W, w, lower, upper = awkward(kind, seed, n, m, 2000)
         for goal in ("polygon:centroid", "polygon:1-norm", "polygon:2-norm"):
             found = tl.allocate(W, w, (lower, upper), goal)
             served = found.status != tl.Status.FAILED
             assert served.mean() > 0.5
             assert np.all(found.status[served] == tl.Status.EXACT)
+
+
+def test_a_sliver_is_not_left_by_rounding() -> None:
+    # Two cables have 1e-9 N of play, and the others are parallel to them but for 1e-10.
+    W = [
+        [1.4233809528669456e-10, 1.0000000000140652, 0.49999999986709603, 1.0000000001191587],
+        [0.500000000090366, 1.8454775102232279e-10, 0.4999999999912238, 0.9999999998260347],
+    ]
+    w, limits = [5.669956925512372, 6.169956925229624], ([1.0, 0.0, 1.0, 0.0], [1.000000001, 1e-9, 6.5, 5.5])
+    tensions(W, w, limits, "polygon:centroid")
 
 
 @every_goal
