@@ -75,12 +75,15 @@ class Newton {
   }
 
  private:
-  // render: look for W t = s w. nearest: as close to s w as the limits allow. (s is 1 but for the direction
-  // policy.)
-  enum class Stage { render, nearest };
+  // render: look for W t = s w. whitened: the same where the rows of W are orthonormal, if that takes long.
+  // nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
+  enum class Stage { render, whitened, nearest };
 
   // Far beyond what any known problem takes; one that gets there keeps its best answer so far.
   static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
+
+  // What may be missing of a wrench that is as good as rendered, against the parts it is made of.
+  static constexpr Real kNegligible = std::numeric_limits<Real>::epsilon() < Real(1e-10) ? Real(1e-9) : Real(1e-4);
 
   // What the lanes do not share: the rare decisions, in plain numbers. Up to `astray` it is set for every problem,
   // what follows only for those that cannot be rendered at once.
@@ -89,12 +92,14 @@ class Newton {
     Stage stage;
     int iterations, deadline;  // so far, and when the stage must end
     bool astray;
-    bool hopeless;       // no s keeps the direction
-    Real scale;          // s of the direction policy
-    Real below, above;   // s w is too short, if ever; s w is too long
-    Real basis[N][N];    // lane coordinates = basis * wrench coordinates
-    Real wrench[N];      // as asked, in lane coordinates
-    Real target[N];      // s times that
+    bool hopeless;      // no s keeps the direction
+    Real scale;         // s of the direction policy
+    Real below, above;  // s w is too short, if ever; s w is too long
+    Real basis[N][N];   // lane coordinates = basis * wrench coordinates
+    Real wrench[N];     // as asked, in lane coordinates
+    Real target[N];     // s times that
+    const Real* given;  // structure and wrench before whitening
+    Real unwhitened[N];
     Real separation[N];  // the best separating direction so far, of unit length
     Real from_below[N];  // one that excludes all s < below
   };
@@ -105,10 +110,17 @@ class Newton {
     if (!control.astray) go_astray(l);
     Real d[N];
     for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
-    if (control.stage == Stage::render) {
+    if (control.stage == Stage::render && late) {
+      render_whitened(l, d);
+      return false;
+    }
+    const bool back = control.stage == Stage::whitened;
+    if (back) unwhiten(l, d);
+    if (back && nearly_rendered(l)) return true;
+    if (control.stage != Stage::nearest) {
       const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
       if (!late && first && policy_ == Policy::direction && cut(l, d)) return false;
-      if (plain_ && !late) {
+      if (plain_ && !back) {
         control.stage = Stage::nearest;  // the lane has gone on
         control.deadline = control.iterations + kNearestLimit;
       } else {
@@ -142,6 +154,52 @@ class Newton {
     control.stage = Stage::render;
     control.deadline = control.iterations + kRenderLimit;
     steps_.render(l, control.problem);
+  }
+
+  // Look for them where W is as well conditioned as can be, by the surest steps, from the multiplier y.
+  void render_whitened(int l, Real* y) {
+    Control& control = control_[l];
+    control.given = control.problem.structure;
+    copy(control.wrench, control.unwhitened);
+    whiten(l, y);
+    aim(l);
+    control.stage = Stage::whitened;
+    control.deadline = control.iterations + kNearestLimit;
+    steps_.approach(l, control.problem, y);
+  }
+
+  // Back to the coordinates before; y, a multiplier, follows.
+  void unwhiten(int l, Real* y) {
+    Control& control = control_[l];
+    Real whitened[N];
+    copy(y, whitened);
+    for (int k = 0; k < N; ++k) {
+      y[k] = 0;
+      for (int j = 0; j < N; ++j) y[k] += control.basis[j][k] * whitened[j];
+    }
+    for (int k = 0; k < N; ++k) {
+      for (int j = 0; j < N; ++j) control.basis[k][j] = k == j ? Real(1) : Real(0);
+    }
+    control.problem.structure = control.given;
+    copy(control.unwhitened, control.wrench);
+    aim(l);
+  }
+
+  // Whether so little of the wrench is missing that it may well be rounding.
+  bool nearly_rendered(int l) const {
+    const Control& control = control_[l];
+    Real error = 0, size = 0;
+    for (int k = 0; k < N; ++k) {
+      Real missing = control.target[k], sum = 0;
+      for (int i = 0; i < m_; ++i) {
+        const Real part = control.problem.structure[k * m_ + i] * steps_.tension(i, l);
+        missing -= part;
+        sum += std::abs(part);
+      }
+      error = larger(error, std::abs(missing));
+      size = larger(size, sum);
+    }
+    return error <= kNegligible * size;
   }
 
   // Seek the reachable wrench nearest to s w, from the multiplier y. Only here does it matter how errors are
