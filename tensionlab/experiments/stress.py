@@ -174,12 +174,14 @@ def _check(problem: Problem) -> tuple[NDArray[np.int8], Floats, Integers]:
     exact = found.status == Status.EXACT
     distance = distance_bound(problem, found.tensions, found.separation)
     # What is missing of a wrench that counts as rendered would change the tensions, the more the nearer W is to
-    # singular; unless they have no room for it, and the wrench is a hair out of reach.
+    # singular; unless they cannot change so, and the wrench is a hair out of reach.
     missing = problem.wrench - found.wrench
     free = ~np.logical_or(*sides(problem, found.tensions))
     change = times(np.asarray(np.linalg.pinv(problem.structure * free[:, None, :])), missing)
     better = found.tensions + change
+    left = np.linalg.norm(problem.wrench - times(problem.structure, better), axis=1)
     room = ((problem.lower <= better) & (better <= problem.upper)).all(axis=1)
+    room &= left <= np.linalg.norm(missing, axis=1) / 2
     distance += np.where(exact & room, np.linalg.norm(change, axis=1), 0.0)
     asked = np.maximum(1.0, np.linalg.norm(problem.wrench, axis=1))
     missed = exact & (np.linalg.norm(missing, axis=1) > TOLERANCE * asked)
