@@ -181,7 +181,7 @@ def _check(problem: Problem) -> tuple[NDArray[np.int8], Floats, Integers]:
     better = found.tensions + change
     left = np.linalg.norm(problem.wrench - times(problem.structure, better), axis=1)
     room = ((problem.lower <= better) & (better <= problem.upper)).all(axis=1)
-    room &= left <= np.linalg.norm(missing, axis=1) / 2
+    room &= left <= 1e-3 * np.linalg.norm(missing, axis=1)
     distance += np.where(exact & room, np.linalg.norm(change, axis=1), 0.0)
     asked = np.maximum(1.0, np.linalg.norm(problem.wrench, axis=1))
     missed = exact & (np.linalg.norm(missing, axis=1) > TOLERANCE * asked)
