@@ -36,7 +36,7 @@ struct SlackNorm : Middle<Real, L, N, M> {
   // The x whose price has slope q: the root of (price'(x) - q) (1 - x^2), by Newton steps inside a bracket.
   V cable(int i, const V& q, V& give) const {
     const V zero = V{}, one = zero + Real(1);
-    const Real c1 = prices.c1, c2 = prices.c2;
+    const Real c1 = Real(prices.c1), c2 = Real(prices.c2);
     V low = -one, high = one, bend;
     V x = q + Real(2) * preferred[i];
     x = x / (Real(2) + magnitude(x));
@@ -64,7 +64,7 @@ struct SlackNorm : Middle<Real, L, N, M> {
   // left side is concave for s > 0, so that Newton steps from anywhere end below the root, and rise to it.
   void slack(const V (&y)[N], V (&s)[N], V (&yield)[N][N]) const {
     const V zero = V{}, one = zero + Real(1);
-    const Real kappa = prices.kappa, epsilon = prices.epsilon, stiff = 2 * prices.gamma;
+    const Real kappa = Real(prices.kappa), epsilon = Real(prices.epsilon), stiff = Real(2 * prices.gamma);
     const Real soft = std::sqrt(epsilon), steepest = 1 / soft + stiff;
     for (int k = 0; k < N; ++k) {
       const V asked = magnitude(y[k]) / kappa;
@@ -94,7 +94,7 @@ struct SlackNorm : Middle<Real, L, N, M> {
 
   // p |x|^(p - 1) sign(x), and how fast it rises. Powers are slow, and p is mostly a small whole number.
   V slope(const V& x, V& bend) const {
-    const Real p = prices.p;
+    const Real p = Real(prices.p);
     V power = V{} + Real(1);
     if (p <= 8 && p == std::floor(p)) {
       for (int k = 2; k < static_cast<int>(p); ++k) power *= magnitude(x);
