@@ -69,7 +69,9 @@ class DualStep {
   static constexpr Real kConverged = 4096 * kUlp;  // error of a rendered wrench, against wrench and tensions
   // Least pivots of the factorisation, against the diagonal of W W': at first, what a step leaves of them, and to
   // finish with. While the free set is still being found, large ones keep steps short; proximal steps need none.
-  static constexpr Real kLoose = Real(1e-3), kTighten = Real(0.1), kTight = 4096 * kUlp, kSafe = 8 * kUlp;
+  // Cables to spare make it likelier that too few of them are free for a while.
+  static constexpr Real kLoose = Real(1e-3), kLooser = Real(0.2), kTighten = Real(0.1), kTight = 4096 * kUlp,
+                        kSafe = 8 * kUlp;
   // Proximal weight, against the largest entry of that diagonal: at first, how fast it falls, and its floors.
   static constexpr Real kProximal = kDouble ? Real(1e-5) : Real(1e-2), kProximalFall = Real(0.03);
   static constexpr Real kProximalFloor = 64 * kUlp, kProximalShare = kProximal / 10;
@@ -111,7 +113,7 @@ class DualStep {
       last_[k] = fresh ? zero : last_[k];
     }
     proximal_ = fresh ? (nearest ? kProximal * gain_ * gain_ : zero) : proximal_;
-    looseness_ = fresh ? zero + kLoose : looseness_;
+    looseness_ = fresh ? zero + (m_ < 2 * N ? kLoose : kLooser) : looseness_;
     unseen_ = fresh ? (nearest ? one : zero + Real(2)) : unseen_;
     for (int l = 0; l < L; ++l) begun_[l] = 0;
     stale_ = false;
