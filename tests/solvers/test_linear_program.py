@@ -227,7 +227,7 @@ def test_many_equal_cables_make_it_neither_cycle_nor_stray(name):
     wrench = (W @ rng.integers(1, 6, (2000, 12, 1)))[..., 0]
     found = allocate(W, wrench, (1, 5), name)
     assert np.all(found.status == Status.EXACT)
-    assert found.iterations.max() < 60
+    assert found.iterations.max() < 120  # of the simplex method and of the exact solver that breaks the ties
 
 
 @pytest.mark.parametrize("name", ["least-sum", "minimax", "safe"])
@@ -240,7 +240,7 @@ def test_a_nearly_singular_rig_is_rendered_to_the_last_digits(name):
     found = allocate(W, wrench, (0, [5, 5, 5, 5, 5, 1000]), name)
     assert np.all(found.status == Status.EXACT)
     assert found.residual.max() < 1e-10
-    assert found.iterations.max() < 60
+    assert found.iterations.max() < 120  # of the simplex method and of the exact solver that breaks the ties
 
 
 # --- Which of equals ----------------------------------------------------------------------------------------
