@@ -15,9 +15,10 @@ class Newton:
 
     Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with
     one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where
-    y is such that ``W t(y) = w``. Semismooth Newton steps with an exact line search along the piecewise
-    quadratic dual end after finitely many. Where the wrench is out of reach, a separating direction shows up
-    as a ray of the dual, and the policy's own problem is solved to the same precision. The whole batch is one
+    y is such that ``W t(y) = w``. Semismooth Newton steps, with a line search along the piecewise quadratic dual
+    where a whole step goes astray, end after finitely many. Where the dual exceeds what any tensions inside the
+    limits can cost, its multiplier separates the wrench from all that they render, and the policy's own problem
+    is solved to the same precision. The whole batch is one
     call to `tensionlab/native/newton.hpp`, which states the method; ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     References
