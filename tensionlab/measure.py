@@ -7,7 +7,7 @@ a certificate that anyone can check (`tensionlab/native/judge.hpp`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -130,7 +130,7 @@ def measure(problem: Problem, answer: Answer, shape: tuple[int, ...]) -> Allocat
         unproved = np.flatnonzero(status == Status.ITERATION_LIMIT)
         if problem.nearest == "direction" and not proposed and unproved.size:
             # That proof needs a direction that no error vector supplies: ask the exact solver for one.
-            part, found = _take(problem, unproved), tensions[unproved]
+            part, found = problem.take(unproved), tensions[unproved]
             proof = _own(Newton().solve(part).separation)
             _, _, status[unproved], scale[unproved], _ = _judge(part, found, proof)
             separation[unproved] = proof
@@ -225,15 +225,4 @@ def _judge(
         0 if problem.nearest is None else 1 + POLICIES.index(problem.nearest),
         TOLERANCE,
         RANK_TOLERANCE,
-    )
-
-
-def _take(problem: Problem, rows: NDArray[np.intp]) -> Problem:
-    return replace(
-        problem,
-        structure=problem.structure[rows],
-        wrench=problem.wrench[rows],
-        lower=problem.lower[rows],
-        upper=problem.upper[rows],
-        reference=problem.reference[rows],
     )

@@ -16,6 +16,7 @@
 #include <cmath>
 #include <limits>
 
+#include "factor.hpp"
 #include "lanes.hpp"
 
 namespace tensionlab {
@@ -107,7 +108,7 @@ class DualAscent {
   // The Newton step p from H p = r, with H = A diag(x') A' + s' = L D L'. Its pivots D stay positive.
   void direct() {
     const V zero = V{};
-    V matrix[N][N], factor[N][N], inverse[N], y[N], least[N];
+    V matrix[N][N], least[N];
     for (int k = 0; k < N; ++k) {
       for (int j = 0; j <= k; ++j) matrix[k][j] = yield_[k][j];
     }
@@ -117,28 +118,12 @@ class DualAscent {
         for (int j = 0; j <= k; ++j) matrix[k][j] += part * column_[i][j];
       }
     }
-    for (int k = 0; k < N; ++k) least[k] = kLeastPivot * matrix[k][k];
     for (int k = 0; k < N; ++k) {
-      V sum = residual_[k], d = matrix[k][k];
-      for (int j = 0; j < k; ++j) {
-        V entry = matrix[k][j];
-        for (int i = 0; i < j; ++i) entry -= matrix[k][i] * factor[j][i];
-        matrix[k][j] = entry;  // L D
-        factor[k][j] = entry * inverse[j];
-        sum -= factor[k][j] * y[j];
-        d -= entry * factor[k][j];
-      }
-      const V pivot = larger(d, least[k]);
-      inverse[k] = Real(1) / (pivot > zero ? pivot : zero + Real(1));
-      y[k] = sum;
-    }
-    slope_ = zero;
-    for (int k = N - 1; k >= 0; --k) {
-      direction_[k] = y[k] * inverse[k];
-      for (int j = k + 1; j < N; ++j) direction_[k] -= factor[j][k] * direction_[j];
-      slope_ += direction_[k] * residual_[k];
+      const V share = kLeastPivot * matrix[k][k];
+      least[k] = share > zero ? share : zero + Real(1);
       origin_[k] = dual_[k];
     }
+    solve_with_pivots(matrix, residual_, least, direction_, slope_);
   }
 
   // How far along p: until the slope p'r, which falls, is a small part of what it was. Newton steps inside a

@@ -3,8 +3,8 @@
 // The dual has one variable y for each of the n wrench components. Its tensions are t(y) = clip(t0 + W' y, a, b),
 // its gradient is r(y) = w - W t(y), and H = W_F W_F', over the cables F inside their limits, is its curvature.
 // A step evaluates all of these at a trial point. Where the slope along the last direction p has fallen far
-// enough, the point is taken and the next direction solves H p = r; elsewhere the next trial is another point
-// along p, between those where the slope was too high and too low.
+// enough, the point is taken and the next direction solves H p = r; elsewhere the next trial is the point along p
+// where the slope is nought, which is piecewise linear and falls, so that its root is found exactly.
 //
 // With a proximal weight eps the steps maximise the dual less eps |y - c|^2 / 2, and the centre c follows each
 // maximum: the method of multipliers, which also converges where no tensions render w.
@@ -12,6 +12,7 @@
 
 #include <limits>
 
+#include "factor.hpp"
 #include "lanes.hpp"
 
 namespace tensionlab {
@@ -232,8 +233,10 @@ class DualStep {
     looseness_ = judged ? smaller(looseness_, tighter) : looseness_;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) matrix[k][k] += proximal_;
-    V path[N];
-    solve(matrix, gradient, path, first_slope_);
+    V path[N], least_pivot[N];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) least_pivot[k] = looseness_ * diagonal_[k];
+    solve_with_pivots(matrix, gradient, least_pivot, path, first_slope_);
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
       trial_[k] += taken ? path[k] : V((step - one) * path_[k]);
@@ -340,35 +343,6 @@ class DualStep {
       last_[k] = maximal ? residual[k] : last_[k];
     }
   }
-
-  // The direction p from H p = g, with H = L D L' and its pivots D kept positive; and the slope p'g.
-  void solve(V (&matrix)[N][N], const V (&gradient)[N], V (&p)[N], V& slope) const {
-    V factor[N][N], inverse[N], y[N];  // L, 1 / D
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) {
-      V sum = gradient[k], d = matrix[k][k];
-      TENSIONLAB_UNROLL
-      for (int j = 0; j < k; ++j) {
-        V entry = matrix[k][j];
-        for (int i = 0; i < j; ++i) entry -= matrix[k][i] * factor[j][i];
-        matrix[k][j] = entry;  // L D
-        factor[k][j] = entry * inverse[j];
-        sum -= factor[k][j] * y[j];
-        d -= entry * factor[k][j];
-      }
-      inverse[k] = Real(1) / larger(d, V(looseness_ * diagonal_[k]));
-      y[k] = sum;
-    }
-    slope = V{};
-    TENSIONLAB_UNROLL
-    for (int k = N - 1; k >= 0; --k) {
-      p[k] = y[k] * inverse[k];
-      TENSIONLAB_UNROLL
-      for (int j = k + 1; j < N; ++j) p[k] -= factor[j][k] * p[j];
-      slope += p[k] * gradient[k];
-    }
-  }
-
   int m_;
   bool go_on_;
   // As given: one entry a lane.

@@ -13,13 +13,9 @@ void dykstra_of_size(const Batch& batch, const DykstraSettings& settings, std::s
   Dykstra<double, kLanes, N, kMaxCables> block(batch.m, settings.tolerance, settings.iteration_limit,
                                                settings.rank_tolerance);
   const auto m = static_cast<std::size_t>(batch.m);
-  refill<kLanes>(
-      block, begin, end,
-      [&](int l, std::size_t row) {
-        block.load(l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row],
-                       batch.reference[row]});
-      },
-      [&](int l, std::size_t row) { answer.iterations[row] = block.store(l, answer.tensions + row * m); });
+  refill<kLanes>(block, batch, begin, end, [&](int l, std::size_t row) {
+    answer.iterations[row] = block.store(l, answer.tensions + row * m);
+  });
 }
 
 void dykstra(const Batch& batch, const DykstraSettings& settings, std::size_t begin, std::size_t end,

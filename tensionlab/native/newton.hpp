@@ -144,7 +144,14 @@ class Newton {
     copy(control.problem.wrench, control.wrench);
     for (int k = 0; k < N; ++k) {
       control.separation[k] = control.from_below[k] = 0;
-      for (int j = 0; j < N; ++j) control.basis[k][j] = k == j ? Real(1) : Real(0);
+    }
+    keep_coordinates(l);
+  }
+
+  // Lane coordinates as the wrench is given in.
+  void keep_coordinates(int l) {
+    for (int k = 0; k < N; ++k) {
+      for (int j = 0; j < N; ++j) control_[l].basis[k][j] = k == j ? Real(1) : Real(0);
     }
   }
 
@@ -177,9 +184,7 @@ class Newton {
       y[k] = 0;
       for (int j = 0; j < N; ++j) y[k] += control.basis[j][k] * whitened[j];
     }
-    for (int k = 0; k < N; ++k) {
-      for (int j = 0; j < N; ++j) control.basis[k][j] = k == j ? Real(1) : Real(0);
-    }
+    keep_coordinates(l);
     control.problem.structure = control.given;
     copy(control.unwhitened, control.wrench);
     aim(l);

@@ -16,15 +16,9 @@ void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, st
   for (int k = 0; k < N; ++k) roots[k] = std::sqrt(batch.weights[k]);
   Newton<double, kLanes, N, kMaxCables> block(batch.m, roots, policy, rank_tolerance);
   const auto m = static_cast<std::size_t>(batch.m);
-  refill<kLanes>(
-      block, begin, end,
-      [&](int l, std::size_t row) {
-        block.load(l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row],
-                       batch.reference[row]});
-      },
-      [&](int l, std::size_t row) {
-        answer.iterations[row] = block.store(l, answer.tensions + row * m, answer.separation + row * N);
-      });
+  refill<kLanes>(block, batch, begin, end, [&](int l, std::size_t row) {
+    answer.iterations[row] = block.store(l, answer.tensions + row * m, answer.separation + row * N);
+  });
 }
 
 void newton(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,

@@ -4,15 +4,20 @@
 
 #include <cstddef>
 
+#include "batch.hpp"
 #include "lanes.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 // block: step() advances every lane, finished(l) tells whether lane l is done, park(l) lets it rest.
-// load(l, row) gives lane l a problem, store(l, row) takes its answer.
-template <int L, class Block, class Load, class Store>
-void refill(Block& block, std::size_t begin, std::size_t end, const Load& load, const Store& store) {
+// load(l, problem) gives lane l one; store(l, row), as given here, takes its answer.
+template <int L, class Block, class Store>
+void refill(Block& block, const Batch& batch, std::size_t begin, std::size_t end, const Store& store) {
+  const auto load = [&](int l, std::size_t row) {
+    block.load(
+        l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row], batch.reference[row]});
+  };
   std::size_t row[L], next = begin;
   int busy = 0;
   for (int l = 0; l < L; ++l) {

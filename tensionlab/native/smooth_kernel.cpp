@@ -18,13 +18,9 @@ template <int N, class Law>
 void ascend(const Law& law, const Batch& batch, std::size_t begin, std::size_t end, const SmoothAnswer& answer) {
   DualAscent<Law, double, kLanes, N, kMaxCables> block(batch.m, law);
   const auto m = static_cast<std::size_t>(batch.m);
-  refill<kLanes>(
-      block, begin, end,
-      [&](int l, std::size_t row) {
-        block.load(l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row],
-                       batch.reference[row]});
-      },
-      [&](int l, std::size_t row) { answer.iterations[row] = block.store(l, answer.tensions + row * m); });
+  refill<kLanes>(block, batch, begin, end, [&](int l, std::size_t row) {
+    answer.iterations[row] = block.store(l, answer.tensions + row * m);
+  });
 }
 
 template <int N>

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, Protocol, get_args
 
 import numpy as np
@@ -74,6 +74,17 @@ class Problem:
 
     def __len__(self) -> int:
         return len(self.structure)
+
+    def take(self, rows: NDArray[np.intp]) -> Problem:
+        """Which problems have these rows? In arrays of their own."""
+        return replace(
+            self,
+            structure=self.structure[rows],
+            wrench=self.wrench[rows],
+            lower=self.lower[rows],
+            upper=self.upper[rows],
+            reference=self.reference[rows],
+        )
 
 
 @dataclass(frozen=True)

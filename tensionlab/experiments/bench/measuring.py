@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.errors import TensionlabError
 from tensionlab.experiments.bench import statistics
@@ -125,18 +124,6 @@ def whole(group: Group) -> Problem:
     )
 
 
-def take(problem: Problem, rows: NDArray[np.intp]) -> Problem:
-    """Some of the problems, in arrays of their own."""
-    return replace(
-        problem,
-        structure=problem.structure[rows],
-        wrench=problem.wrench[rows],
-        lower=problem.lower[rows],
-        upper=problem.upper[rows],
-        reference=problem.reference[rows],
-    )
-
-
 def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
     """All problems in blocks, shuffled, but so that the groups take turns."""
     dealt: list[tuple[float, Block]] = []
@@ -149,7 +136,7 @@ def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
         # The k-th of K pieces comes at about k/K of the way.
         turns = (rng.permutation(len(pieces)) + rng.random(len(pieces))) / max(1, len(pieces))
         dealt += [
-            (float(turn), Block(start + rows, take(problem, rows)))
+            (float(turn), Block(start + rows, problem.take(rows)))
             for turn, rows in zip(turns, pieces, strict=True)
         ]
         start += size
