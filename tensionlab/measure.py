@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,6 +160,9 @@ def exact(problem: Problem, shape: tuple[int, ...], largest: float) -> Allocatio
     return None if found is None else _shaped(shape, *found, {})
 
 
+_STATUSES = tuple(np.int8(status) for status in sorted(Status))
+
+
 def exact_single(solve: _native.Single, structure: Floats, wrench: object) -> Allocation | None:
     """The same for one problem, prepared; None if the arguments are not two plain arrays of the right shapes."""
     n, m = structure.shape
@@ -168,17 +170,19 @@ def exact_single(solve: _native.Single, structure: Floats, wrench: object) -> Al
     found = solve(structure, wrench, numbers)
     if found is None:
         return None
-    status: Any = np.int8(found[0])
-    iterations: Any = np.int64(found[1])
-    return Allocation(
+    allocation = object.__new__(Allocation)
+    # All at once: one by one, as the initialiser of a frozen class sets them, takes longer than solving.
+    vars(allocation).update(
         tensions=numbers[:m],
         wrench=numbers[m : m + n],
         residual=numbers[-2],
-        status=status,
+        status=_STATUSES[found[0]],
         scale=numbers[-1],
-        iterations=iterations,
+        iterations=np.int64(found[1]),
         separation=numbers[m + n : -2],
+        failures={},
     )
+    return allocation
 
 
 def _shaped(

@@ -1,12 +1,11 @@
 """How fast is the exact solver, against the fastest peer's own clock, in one run?
 
 `python -m tensionlab.experiments.bench.batches` prints it: a hundred thousand problems in one call, beside
-DAQP's C code and a Python loop over DAQP; and single calls, beside qpsolvers.
+DAQP's C code and a Python loop over DAQP.
 """
 
 from __future__ import annotations
 
-import gc
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -17,18 +16,15 @@ from typing import Any
 import numpy as np
 
 from tensionlab import _native
-from tensionlab.allocation import Allocator, allocate
+from tensionlab.allocation import allocate
 from tensionlab.experiments.bench import daqp_direct
 from tensionlab.experiments.bench.statistics import quantile
 from tensionlab.solvers.contract import Floats, Status
-from tensionlab.solvers.quadratic import solve_qp
 
 LOWER, UPPER = 0.5, 6.0
 SHAPES = ((3, 4), (3, 8), (3, 12), (6, 8))
 """Components and cables of the batches."""
 THREADS = "TENSIONLAB_NUM_THREADS"
-BLOCK = 20
-"""Single calls in a row before the next caller's turn."""
 PEER_CALLS = 1000
 """Problems that DAQP solves in each round."""
 
@@ -68,17 +64,6 @@ class BatchRow:
     def ratio(self) -> float:
         """One core's time over DAQP's in C."""
         return self.one_core_s / self.daqp_c_s
-
-
-@dataclass(frozen=True)
-class CallRow:
-    """Seconds of one call for one problem, the machine's hiccups included: median and 99.9 % quantile."""
-
-    components: int
-    cables: int
-    caller: str
-    median_s: float
-    p999_s: float
 
 
 def instruction_set() -> str:
@@ -124,7 +109,7 @@ def against_daqp(
     inside: list[float] = []
     loop: list[float] = []
     gap = 0.0
-    peer = _daqp_loop(structure, wrench) if daqp_direct.installed() else None
+    peer = daqp_loop(structure, wrench) if daqp_direct.installed() else None
     for turn in range(rounds):
         for threads, spent in ((1, one), (cores, every)):
             with _threads(threads):
@@ -156,45 +141,6 @@ def against_daqp(
     )
 
 
-def single_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -> list[CallRow]:
-    """How long does one call take, for a control loop or a script, against qpsolvers on the same problems?
-
-    Callers take turns of `BLOCK` calls, in a new random order each time, after one that is not timed. Nothing
-    is left out and nothing repeated: the 99.9 % quantile has the machine's hiccups in it.
-    """
-    structure, wrench = random_problems(components, cables, calls, seed)
-    lower, upper = np.full(cables, LOWER), np.full(cables, UPPER)
-    prepared = Allocator((lower, upper))
-    callers: dict[str, Callable[[int], Any]] = {
-        "tl.Allocator": lambda row: prepared(structure[row], wrench[row]),
-        "tl.allocate": lambda row: allocate(structure[row], wrench[row], (lower, upper)),
-    }
-    if daqp_direct.installed():
-        callers["daqp.solve"] = _one_daqp_call(structure, wrench)
-        callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: solve_qp(
-            structure[row], wrench[row], lower, upper, "daqp"
-        )
-    names, rng = list(callers), np.random.default_rng(seed)
-    spent = {name: np.empty(calls) for name in names}
-    gc.collect()
-    gc.disable()
-    try:
-        for first in range(0, calls, BLOCK):
-            for name in rng.permutation(names):
-                call = callers[name]
-                call(first)
-                for row in range(first, min(first + BLOCK, calls)):
-                    began = time.perf_counter()
-                    call(row)
-                    spent[name][row] = time.perf_counter() - began
-    finally:
-        gc.enable()
-    return [
-        CallRow(components, cables, name, quantile(spent[name], 0.5), quantile(spent[name], 0.999))
-        for name in names
-    ]
-
-
 @contextmanager
 def _threads(count: int) -> Iterator[None]:
     """Let the kernels use so many threads; they read the environment in each call."""
@@ -209,7 +155,7 @@ def _threads(count: int) -> Iterator[None]:
             os.environ[THREADS] = before
 
 
-def _daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
+def daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
     """A function that solves some of the problems with DAQP, all stacking done beforehand."""
     solve = daqp_direct.load().solve
     count, n, m = structure.shape
@@ -219,13 +165,8 @@ def _daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
     return lambda rows: [solve(cost, linear, structure[row], above[row], below[row], sense) for row in rows]
 
 
-def _one_daqp_call(structure: Floats, wrench: Floats) -> Callable[[int], Any]:
-    loop = _daqp_loop(structure, wrench)
-    return lambda row: loop((row,))
-
-
 def main() -> None:
-    """Print both tables."""
+    """Print the table."""
     print(f"Instruction set: {instruction_set()}")
     print("                   µs a problem:     batch       batch    DAQP  DAQP, loop   ratio to  largest gap")
     print("  n   m   wrenches            1 core   all cores    in C   in Python  DAQP in C            N")
@@ -236,13 +177,6 @@ def main() -> None:
             cells = [f"{1e6 * value:11.3f}" for value in times]
             kind = "reachable  " if reachable else "unreachable"
             print(f"{components:3d} {cables:3d}   {kind} {' '.join(cells)} {row.ratio:10.3f} {row.gap_max:12.1e}")
-    print("\nOne call, µs                              median   p99.9   p99.9 / median")
-    for components, cables in ((3, 8), (6, 8)):
-        for call in single_calls(components, cables):
-            print(
-                f"n = {components}, m = {cables}  {call.caller:32s} {1e6 * call.median_s:7.1f} "
-                f"{1e6 * call.p999_s:7.1f} {call.p999_s / call.median_s:16.1f}"
-            )
 
 
 if __name__ == "__main__":

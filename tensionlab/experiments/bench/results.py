@@ -11,7 +11,8 @@ from typing import Any
 
 from tensionlab.errors import ShapeError
 from tensionlab.experiments import records
-from tensionlab.experiments.bench.batches import BatchRow, CallRow
+from tensionlab.experiments.bench.batches import BatchRow
+from tensionlab.experiments.bench.calls import CallRow
 from tensionlab.experiments.bench.rows import EVIDENCE, Row
 
 FILE = "results.parquet"

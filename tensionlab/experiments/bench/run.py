@@ -21,6 +21,7 @@ import numpy as np
 from tensionlab.errors import ShapeError, TensionlabError
 from tensionlab.experiments import records
 from tensionlab.experiments.bench import batches, results
+from tensionlab.experiments.bench.calls import CallRow, single_calls
 from tensionlab.experiments.bench.contestants import contestants
 from tensionlab.experiments.bench.measuring import Effort, measure_set
 from tensionlab.experiments.bench.rows import Row
@@ -174,9 +175,7 @@ def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callabl
     (folder / "manifest.json").write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
 
 
-def _batches(
-    what: Plan, progress: Callable[[float], None]
-) -> tuple[list[batches.BatchRow], list[batches.CallRow]]:
+def _batches(what: Plan, progress: Callable[[float], None]) -> tuple[list[batches.BatchRow], list[CallRow]]:
     """The measurements of `batches`, none if there are no rounds."""
     if not what.rounds:
         return [], []
@@ -185,7 +184,7 @@ def _batches(
     for done, case in enumerate(cases):
         found.append(batches.against_daqp(*case, what.batch, what.rounds, what.seed))
         progress(1.0 - BATCH_SHARE * (1.0 - 0.9 * (done + 1) / len(cases)))
-    calls = [row for shape in ((3, 8), (6, 8)) for row in batches.single_calls(*shape, what.calls, what.seed)]
+    calls = [row for shape in ((3, 8), (6, 8)) for row in single_calls(*shape, what.calls, what.seed)]
     progress(1.0)
     return found, calls
 

@@ -5,7 +5,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.experiments.bench import batches, daqp_direct
-from tensionlab.experiments.bench.batches import against_daqp, beyond, random_problems, single_calls
+from tensionlab.experiments.bench.batches import against_daqp, beyond, random_problems
 
 
 @pytest.mark.parametrize(("n", "m"), batches.SHAPES)
@@ -41,12 +41,3 @@ def test_without_daqp_its_columns_are_empty(monkeypatch):
     row = against_daqp(3, 4, count=200, rounds=1)
     assert row.one_core_s > 0
     assert np.isnan([row.daqp_c_s, row.daqp_loop_s, row.gap_max, row.ratio]).all()
-    assert [call.caller for call in single_calls(3, 4, calls=20)] == ["tl.Allocator", "tl.allocate"]
-
-
-def test_single_calls_of_all_four_callers():
-    found = single_calls(3, 8, calls=45)
-    assert [call.caller for call in found] == [
-        "tl.Allocator", "tl.allocate", "daqp.solve", 'qpsolvers.solve_qp(solver="daqp")',
-    ]  # fmt: skip
-    assert all(1e-7 < call.median_s <= call.p999_s < 1.0 for call in found)
