@@ -1,0 +1,77 @@
+"""A swept measure as the pictures need it: one array of values for each rig, with the rig's anchors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensionlab.errors import ShapeError
+from tensionlab.model.kinematics import Floats
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True)
+class Field:
+    """One measure over a grid, for each of several rigs.
+
+    Attributes
+    ----------
+    values : (rigs, *grid) array
+        NaN where a cable has no length.
+    axes : mapping of name to array
+        Coordinates along each axis of the grid, in m.
+    names : list of str
+        Of the rigs.
+    anchors : list of (m, d) arrays
+        In m.
+    label : str
+        Of the measure, with its unit.
+    up : str
+        Name of the axis that points up.
+    """
+
+    values: Floats
+    axes: dict[str, Floats]
+    names: list[str]
+    anchors: list[Floats]
+    label: str
+    up: str
+
+
+def read_field(swept: xarray.Dataset, measure: str | None = None) -> Field:
+    """Which values, and which rigs, are in a sweep?
+
+    Raises
+    ------
+    ShapeError
+        If the sweep has no such measure, or is not over a grid of positions alone.
+    """
+    if measure is None:
+        measure = str(next(iter(swept.data_vars)))
+    if measure not in swept.data_vars:
+        known = ", ".join(str(name) for name in swept.data_vars)
+        raise ShapeError(f'the sweep has no measure "{measure}"; it has {known}')
+    values = swept[measure]
+    axes = {name: swept[name].to_numpy() for name in "xyz" if name in values.dims}
+    configurations = swept["kind"].dims
+    other = [str(name) for name in values.dims if name not in axes and name not in configurations]
+    if other or len(axes) < 2:
+        raise ShapeError(f"pictures need a sweep over a grid of positions; this one has the axes {values.dims}")
+    d = len(axes)
+    anchors = swept["anchor"].transpose(*configurations, "module", "axis").to_numpy()
+    anchors = anchors.reshape(-1, *anchors.shape[-2:])
+    ups = {str(up) for up in np.atleast_1d(swept["up"].to_numpy()).ravel()}
+    attributes = values.attrs
+    unit = "" if attributes["units"] == "1" else f" ({attributes['units']})"
+    return Field(
+        values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
+        axes=axes,
+        names=[str(name) for name in np.atleast_1d(swept["rig"].to_numpy()).ravel()],
+        anchors=[each[~np.isnan(each).any(axis=1), :d] for each in anchors],
+        label=f"{attributes['long_name']}{unit}",
+        up=ups.pop() if len(ups) == 1 else list(axes)[-1],
+    )
