@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 MAX_COMPONENTS: int
 MAX_CABLES: int
+MAX_SEGMENTS: int
 
 def newton(
     structure: NDArray[float64],
@@ -145,3 +146,6 @@ class Single:
 
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def instruction_set() -> str: ...
+def closest_pair(
+    segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
+) -> tuple[NDArray[float64], NDArray[int64]]: ...

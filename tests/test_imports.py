@@ -71,6 +71,7 @@ NATIVE = {
     "allocation.py",
     "measure.py",
     "experiments/bench/batches.py",
+    "workspace/interference.py",
     "workspace/wrench_set.py",
     "hardware/simulated.py",
 }

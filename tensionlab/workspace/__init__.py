@@ -1,0 +1,1 @@
+"""Where and how well a rig can pull."""
