@@ -14,5 +14,6 @@ void bind_judge(nanobind::module_&);
 void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);
 void bind_smooth(nanobind::module_&);
+void bind_workspace(nanobind::module_&);
 
 }  // namespace tensionlab

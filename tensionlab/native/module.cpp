@@ -22,4 +22,5 @@ NB_MODULE(_native, module) {
   bind_linear_program(module);
   bind_newton(module);
   bind_smooth(module);
+  bind_workspace(module);
 }
