@@ -1,5 +1,6 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
+from tensionlab import workspace
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
     MissingDependency,
@@ -73,4 +74,5 @@ __all__ = [
     "load_rig",
     "ring_plus_top",
     "save_rig",
+    "workspace",
 ]
