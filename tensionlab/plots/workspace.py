@@ -25,6 +25,11 @@ COLUMNS = 4
 """Panels in a row, at most."""
 CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
 DASHES = ("-", "--", ":")
+SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [
+    ("module", {"color": BLUE, "marker": "s", "ls": ""}),
+    ("cable to the middle", {"color": GREY, "linewidth": 0.8}),
+    ("zero or less", {"color": NONE, "marker": "s", "markersize": 9, "ls": ""}),
+]
 
 
 def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = None) -> None:
@@ -47,45 +52,58 @@ def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = N
         If there is no such variable or no grid, or the suffix is no such format.
     """
     field = read_field(swept, measure)
-    across, along, cut = _plane(field)
-    names = list(field.axes)
-    middle = {name: len(axis) // 2 for name, axis in field.axes.items()}
-    top = float(np.nanmax(field.values, initial=0.0))
     columns = min(COLUMNS, len(field.names))
     rows = -(-len(field.names) // columns)
+    levels = shade_levels([field])
     with new_figure(path, (1.6 + 3.3 * columns, 1.0 + 3.1 * rows)) as figure:
         grid: Any = figure.subplots(rows, columns, squeeze=False)
-        shades = None
-        for number, axes in enumerate(grid.flat):
-            if number >= len(field.names):
-                axes.set_axis_off()
-                continue
-            picture = field.values[number]
-            if cut is not None:
-                picture = picture.take(middle[cut], axis=names.index(cut))
-            picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
-            anchors = field.anchors[number][:, [names.index(across), names.index(along)]]
-            x, y = field.axes[across], field.axes[along]
-            axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE, linewidth=0)
-            if top > 0:
-                shades = axes.contourf(x, y, picture, levels=_levels(top), cmap="viridis")
-                axes.contour(x, y, picture, levels=[1e-9 * top], colors="black", linewidths=0.8)
-            centre = [field.axes[name][middle[name]] for name in (across, along)]
-            for anchor in anchors:
-                axes.plot(*zip(anchor, centre, strict=True), color="white", linewidth=2.0, alpha=0.6)
-                axes.plot(*zip(anchor, centre, strict=True), color=GREY, linewidth=0.8)
-            axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE, clip_on=False)
-            axes.set(xlabel=f"{across} (m)", ylabel=f"{along} (m)", aspect="equal")
-            axes.set_title(field.names[number], fontsize="medium")
-        if shades is not None:
-            figure.colorbar(shades, ax=grid, shrink=0.85, label=field.label)
-        if cut is not None:
-            figure.suptitle(f"{cut} = {field.axes[cut][middle[cut]]:.4g} m", fontsize="medium")
-        add_legend(figure, 3, [
-            ("module", {"color": BLUE, "marker": "s", "ls": ""}),
-            ("cable to the middle", {"color": GREY, "linewidth": 0.8}),
-            ("zero or less", {"color": NONE, "marker": "s", "markersize": 9, "ls": ""}),
-        ])  # fmt: skip
+        for axes in grid.flat[len(field.names) :]:
+            axes.set_axis_off()
+        for number, axes in zip(range(len(field.names)), grid.flat, strict=False):
+            shades = draw_slice(axes, field, number, levels)
+        figure.colorbar(shades, ax=grid, shrink=0.85, label=field.label)
+        if title := cut_title(field):
+            figure.suptitle(title, fontsize="medium")
+        add_legend(figure, 3, SLICE_LEGEND)
+
+
+def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
+    """Draw a measure over the slice of one rig, and the rig. Returns the shades, for the colour bar."""
+    names, middle = list(field.axes), _middle(field)
+    across, along, cut = _plane(field)
+    picture = field.values[number]
+    if cut is not None:
+        picture = picture.take(middle[cut], axis=names.index(cut))
+    picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
+    x, y = field.axes[across], field.axes[along]
+    axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE, linewidth=0)
+    shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
+    if (picture > 0).any():
+        axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)
+    centre = [field.axes[name][middle[name]] for name in (across, along)]
+    anchors = field.anchors[number][:, [names.index(across), names.index(along)]]
+    for anchor in anchors:
+        axes.plot(*zip(anchor, centre, strict=True), color="white", linewidth=2.0, alpha=0.6)
+        axes.plot(*zip(anchor, centre, strict=True), color=GREY, linewidth=0.8)
+    axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE, clip_on=False)
+    axes.set(xlabel=f"{across} (m)", ylabel=f"{along} (m)", aspect="equal")
+    axes.set_title(field.names[number], fontsize="medium")
+    return shades
+
+
+def cut_title(field: Field) -> str:
+    """Where the slices cut; nothing in the plane."""
+    cut = _plane(field)[2]
+    return "" if cut is None else f"{cut} = {field.axes[cut][_middle(field)[cut]]:.4g} m"
+
+
+def shade_levels(fields: list[Field]) -> Floats:
+    """Round steps from nothing to the largest value of all."""
+    from matplotlib.ticker import MaxNLocator
+
+    top = max(float(np.nanmax(field.values, initial=0.0)) for field in fields) or 1.0
+    steps = MaxNLocator(nbins=9, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top)
+    return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
 def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, measure: str | None = None) -> None:
@@ -124,10 +142,7 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
             share = _share(field.values[number], np.array([level]))[0]
             axes.set_title(f"{name}: {100 * share:.0f} % of the box", fontsize="medium")
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
-        add_legend(figure, 2, [
-            ("module", {"color": BLUE, "marker": "s", "ls": ""}),
-            ("cable to the middle", {"color": GREY, "linewidth": 0.8}),
-        ])  # fmt: skip
+        add_legend(figure, 2, SLICE_LEGEND[:2])
 
 
 def plot_shares(swept: xarray.Dataset, path: str | Path, measure: str | None = None) -> None:
@@ -161,6 +176,11 @@ def _share(values: Floats, levels: Floats) -> Floats:
     return np.asarray(1.0 - np.searchsorted(known, np.maximum(levels, 1e-300), side="left") / known.size)
 
 
+def _middle(field: Field) -> dict[str, int]:
+    """Index of the middle of each axis."""
+    return {name: len(axis) // 2 for name, axis in field.axes.items()}
+
+
 def _plane(field: Field) -> tuple[str, str, str | None]:
     """The two axes of the pictures, and the one they cut."""
     names = list(field.axes)
@@ -169,14 +189,6 @@ def _plane(field: Field) -> tuple[str, str, str | None]:
     cut = min(names, key=lambda name: (len(field.axes[name]), name == field.up, -names.index(name)))
     first, second = (name for name in names if name != cut)
     return (second, first, cut) if first == field.up else (first, second, cut)
-
-
-def _levels(top: float) -> Floats:
-    """Round steps from nothing to the largest value."""
-    from matplotlib.ticker import MaxNLocator
-
-    steps = MaxNLocator(nbins=9, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top)
-    return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
 def _shaded(triangles: Floats, up: int) -> Floats:
