@@ -1,0 +1,1 @@
+"""Where, and how well, can a rig pull?"""
