@@ -6,6 +6,7 @@ from tensionlab.errors import (
     PluginError,
     RigError,
     ShapeError,
+    SweepError,
     TensionlabError,
     UnknownSolver,
     Unreachable,
@@ -31,6 +32,7 @@ from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 from tensionlab.solvers.slack_norm import SlackNorm
 from tensionlab.solvers.spidar import Spidar
+from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -63,6 +65,7 @@ __all__ = [
     "Solver",
     "Spidar",
     "Status",
+    "SweepError",
     "TensionLimits",
     "TensionlabError",
     "UnknownSolver",
@@ -73,4 +76,5 @@ __all__ = [
     "load_rig",
     "ring_plus_top",
     "save_rig",
+    "sweep",
 ]

@@ -51,14 +51,14 @@ def _rigs(plan: Plan) -> list[Coordinate]:
     seen: set[tuple[str, int]] = set()
     for index in np.ndindex(*shape):
         rig = plan.configurations.rig(index)
-        if (rig.kind, rig.m) not in seen:
-            plan.check(rig)
-            seen.add((rig.kind, rig.m))
         used.update(rig.frames)
         own = {name: plan.frames[name] for name in rig.frames if name in plan.frames}
         anchors = pose.place_anchors(rig.modules, rig.anchors, own)
         if anchors.ndim > 2:
             raise SweepError("frames: give one pose for each body frame; it is the same all over the sweep")
+        if (rig.kind, rig.m) not in seen:
+            plan.check(rig)
+            seen.add((rig.kind, rig.m))
         names.append((rig.name, rig.kind, [module.name for module in rig.modules]))
         rows.append((anchors, rig.attachments, rig.limits.lower, rig.limits.upper))
     if unknown := sorted(set(plan.frames) - used):

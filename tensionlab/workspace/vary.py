@@ -118,9 +118,7 @@ def vary(
 def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[list[Axis], Callable[..., Rig]]:
     """The axis "rig"."""
     if parameters:
-        raise SweepError(
-            f"vary: {next(iter(parameters))!r} is a parameter of a layout, and these are rigs; leave it out"
-        )
+        raise SweepError(f"vary: {next(iter(parameters))!r} is the parameter of a layout, and this is no layout")
     rigs = [what] if isinstance(what, Rig) else list(what)
     if not rigs:
         raise SweepError("rigs is empty; give at least one rig")
@@ -137,15 +135,14 @@ def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[lis
 def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[list[Axis], Callable[..., Rig]]:
     """One axis for each parameter of the layout that has several values."""
     title = getattr(what, "__name__", "the layout")
-    try:
-        inspect.signature(what).bind(**parameters)
-    except TypeError as error:
-        raise SweepError(
-            f"vary: {title}: {error}; give each of its parameters a value or a list of them"
-        ) from None
+    known = inspect.signature(what).parameters
+    if unknown := [name for name in parameters if name not in known]:
+        raise SweepError(f"vary: {title} has no parameter {unknown[0]!r}; it has {', '.join(known)}")
+    if needed := [name for name, each in known.items() if each.default is each.empty and name not in parameters]:
+        raise SweepError(f"vary: {title} needs {needed[0]!r}; give a value, or a list of values to try")
     axes, fixed = [], {}
     for name, values in parameters.items():
-        if values is None or isinstance(values, str) or np.ndim(values) == 0:
+        if isinstance(values, str) or not isinstance(values, (Sequence, np.ndarray)):
             fixed[name] = values
             continue
         listed = list(values)
