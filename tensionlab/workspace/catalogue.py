@@ -72,10 +72,15 @@ def make(word: str) -> Measure:
 
 
 def name(measure: Measure) -> str:
-    """Under which name would `make` make this measure? Only the first hyper-parameter is in it."""
+    """Under which name would `make` make this measure? Only the first hyper-parameter is in it.
+
+    A measure from elsewhere is called like its class.
+    """
     names = [each for each, kind in MEASURES.items() if type(measure) is kind]
-    family = names[0] if names else type(measure).__name__
-    parameters = fields(measure)  # type: ignore[arg-type]  # it is a dataclass
+    if not names:
+        return type(measure).__name__
+    family = names[0]
+    parameters = fields(MEASURES[family])
     if not parameters or not isinstance(parameters[0].default, (float, str)):
         return family
     value = getattr(measure, parameters[0].name)

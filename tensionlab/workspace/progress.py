@@ -6,6 +6,7 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 
 PATIENCE = 2.0
 """Seconds before the bar shows up."""
@@ -28,28 +29,29 @@ def bar(total: int, done: int, shown: bool) -> Iterator[Callable[[int], None]]:
         To be told of more finished poses.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TextColumn
 
     columns = (
         TextColumn("Sweep"),
         BarColumn(),
-        TextColumn("{task.completed:,.0f} of {task.total:,.0f} poses, {task.fields[rate]:,.0f}/s"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
+        TextColumn("{task.completed:,.0f} of {task.total:,.0f} poses, {task.fields[speed]}"),
     )
     progress = Progress(*columns, console=Console(file=sys.stderr), transient=True)
+    shown = shown and progress.console.is_terminal
+    task = progress.add_task("", total=total, completed=done, speed="")
     start, new = time.monotonic(), 0
-    task = progress.add_task("", total=total, completed=done, rate=0.0)
 
     def advance(count: int) -> None:
         nonlocal new
         new += count
         elapsed = time.monotonic() - start
-        progress.update(task, completed=done + new, rate=new / elapsed)
-        if shown and elapsed > PATIENCE and progress.console.is_terminal and not progress.live.is_started:
+        left = timedelta(seconds=round((total - done - new) * elapsed / new))
+        progress.update(task, completed=done + new, speed=f"{new / elapsed:,.0f}/s, {left} left")
+        if shown and elapsed > PATIENCE and not progress.live.is_started:
             progress.start()
 
     try:
         yield advance
     finally:
-        progress.stop()
+        if progress.live.is_started:
+            progress.stop()

@@ -178,9 +178,7 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
         ),
         (lambda: tl.sweep(vary(CUBE, limits=[(6, 1)]), [[0, 0, 0]], "effort"), RigError, '"lower" is 6.0'),
         (
-            lambda: tl.sweep(
-                vary(CUBE, anchors={"a": [[0, 0, 0]]}), [[0, 0, 0]], "effort"
-            ),
+            lambda: tl.sweep(vary(CUBE, anchors={"a": [[0, 0, 0]]}), [[0, 0, 0]], "effort"),
             RigError,
             'no module "a"',
         ),
