@@ -1,5 +1,6 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
+from tensionlab import workspace
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
     MissingDependency,
@@ -77,4 +78,5 @@ __all__ = [
     "ring_plus_top",
     "save_rig",
     "sweep",
+    "workspace",
 ]

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 MAX_COMPONENTS: int
 MAX_CABLES: int
+MAX_SEGMENTS: int
 
 def newton(
     structure: NDArray[float64],
@@ -93,6 +94,34 @@ def box_price(
     reference: NDArray[float64],
     row_roots: NDArray[float64],
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def capacity_margin(
+    structure: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    wrenches: NDArray[float64],
+    rank_tolerance: float,
+) -> NDArray[float64]: ...
+def tension_factor(
+    structure: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    rank_tolerance: float,
+) -> NDArray[float64]: ...
+def isotropic_force(
+    structure: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    dimension: int,
+    rank_tolerance: float,
+) -> NDArray[float64]: ...
+def reachable_share(
+    structure: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    wrenches: NDArray[float64],
+    tolerance: float,
+    rank_tolerance: float,
+) -> NDArray[float64]: ...
 def judge(
     structure: NDArray[float64],
     wrench: NDArray[float64],
@@ -145,3 +174,6 @@ class Single:
 
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def instruction_set() -> str: ...
+def closest_pair(
+    segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
+) -> tuple[NDArray[float64], NDArray[int64]]: ...

@@ -1,0 +1,79 @@
+// The workspace measures for Python.
+#include "arrays.hpp"
+#include "bindings.hpp"
+#include "workspace_batch.hpp"
+
+namespace tensionlab {
+namespace {
+
+Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
+  const Poses poses{structure.shape(0),
+                    static_cast<int>(structure.shape(1)),
+                    static_cast<int>(structure.shape(2)),
+                    rows_of(structure),
+                    rows_of(lower),
+                    rows_of(upper),
+                    rank_tolerance};
+  if (poses.n < 1 || poses.n > kMaxComponents || poses.m < 1 || poses.m > kMaxCables) {
+    throw std::invalid_argument("at most 6 wrench components and 32 cables");
+  }
+  return poses;
+}
+
+// measure(begin, end, found) over all poses.
+template <class Measure>
+Out<double, 1> measured(const Poses& poses, const Measure& measure) {
+  double* const found = allocate<double>(poses.size);
+  {
+    nb::gil_scoped_release unlocked;
+    share_out(poses.size, [&](std::size_t begin, std::size_t end) { measure(begin, end, found); });
+  }
+  return vector_of(found, poses.size);
+}
+
+Out<double, 1> margins(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                       double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const Wrenches required{rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+  const auto kernel = capacity_margin_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* margin) {
+    kernel(poses, required, begin, end, margin);
+  });
+}
+
+Out<double, 1> factors(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const auto kernel = tension_factor_for_this_processor();
+  return measured(poses,
+                  [&](std::size_t begin, std::size_t end, double* factor) { kernel(poses, begin, end, factor); });
+}
+
+Out<double, 1> forces(const In<3>& structure, const In<2>& lower, const In<2>& upper, int dimension,
+                      double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const auto kernel = isotropic_force_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* force) {
+    kernel(poses, dimension, begin, end, force);
+  });
+}
+
+Out<double, 1> shares(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                      double tolerance, double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const Wrenches wanted{rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+  const auto kernel = reachable_share_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* share) {
+    kernel(poses, wanted, tolerance, begin, end, share);
+  });
+}
+
+}  // namespace
+
+void bind_workspace(nb::module_& module) {
+  module.def("capacity_margin", &margins);
+  module.def("tension_factor", &factors);
+  module.def("isotropic_force", &forces);
+  module.def("reachable_share", &shares);
+}
+
+}  // namespace tensionlab

@@ -1,0 +1,29 @@
+// What the workspace measures make of a batch of poses, and the kernels that do it (workspace_kernel.cpp).
+#pragma once
+
+#include "batch.hpp"
+#include "instruction_set.hpp"
+
+namespace tensionlab {
+
+struct Poses {
+  std::size_t size;
+  int n, m;
+  Rows structure, lower, upper;
+  double rank_tolerance;
+};
+
+// `count` wrenches for each pose, each of n numbers, one after the other.
+struct Wrenches {
+  Rows rows;
+  int count;
+};
+
+TENSIONLAB_KERNEL(capacity_margin, const Poses&, const Wrenches&, std::size_t begin, std::size_t end,
+                  double* margin)
+TENSIONLAB_KERNEL(tension_factor, const Poses&, std::size_t begin, std::size_t end, double* factor)
+TENSIONLAB_KERNEL(isotropic_force, const Poses&, int dimension, std::size_t begin, std::size_t end, double* force)
+TENSIONLAB_KERNEL(reachable_share, const Poses&, const Wrenches&, double tolerance, std::size_t begin,
+                  std::size_t end, double* share)
+
+}  // namespace tensionlab
