@@ -61,7 +61,6 @@ def read_field(swept: xarray.Dataset, measure: str | None = None) -> Field:
     other = [str(name) for name in values.dims if name not in axes and name not in configurations]
     if other or len(axes) < 2:
         raise ShapeError(f"pictures need a sweep over a grid of positions; this one has the axes {values.dims}")
-    d = len(axes)
     anchors = swept["anchor"].transpose(*configurations, "module", "axis").to_numpy()
     anchors = anchors.reshape(-1, *anchors.shape[-2:])
     ups = {str(up) for up in np.atleast_1d(swept["up"].to_numpy()).ravel()}
@@ -70,8 +69,21 @@ def read_field(swept: xarray.Dataset, measure: str | None = None) -> Field:
     return Field(
         values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
         axes=axes,
-        names=[str(name) for name in np.atleast_1d(swept["rig"].to_numpy()).ravel()],
-        anchors=[each[~np.isnan(each).any(axis=1), :d] for each in anchors],
+        names=_names(swept, [str(dim) for dim in configurations]),
+        anchors=[each[~np.isnan(each).any(axis=1)] for each in anchors],
         label=f"{attributes['long_name']}{unit}",
         up=ups.pop() if len(ups) == 1 else list(axes)[-1],
     )
+
+
+def _names(swept: xarray.Dataset, dims: list[str]) -> list[str]:
+    """What each configuration is called: its rig, or the parameters that tell it from the others."""
+    if dims == ["rig"]:
+        return [str(name) for name in swept["rig"].to_numpy()]
+    several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
+    labels = {dim: swept[dim].to_numpy() for dim in dims}
+    index = np.ndindex(*(swept.sizes[dim] for dim in dims))
+    return [
+        ", ".join(f"{dim} {labels[dim][i]}" for dim, i in zip(dims, where, strict=True) if dim in several)
+        for where in index
+    ]

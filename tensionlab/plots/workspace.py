@@ -35,7 +35,8 @@ SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [
 def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = None) -> None:
     """Draw a measure over a slice of space for each rig, with the rig in it.
 
-    In space the slice cuts the axis with the fewest points in its middle; it is upright if there is a choice.
+    In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
+    the middle.
 
     Parameters
     ----------
@@ -186,7 +187,8 @@ def _plane(field: Field) -> tuple[str, str, str | None]:
     names = list(field.axes)
     if len(names) == 2:
         return names[0], names[1], None
-    cut = min(names, key=lambda name: (len(field.axes[name]), name == field.up, -names.index(name)))
+    single = [name for name in names if len(field.axes[name]) == 1]
+    cut = (single or [name for name in names if name != field.up])[-1]
     first, second = (name for name in names if name != cut)
     return (second, first, cut) if first == field.up else (first, second, cut)
 
