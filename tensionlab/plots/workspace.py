@@ -95,7 +95,7 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
 def cut_title(field: Field) -> str:
     """Where the slices cut; nothing in the plane."""
     cut = _plane(field)[2]
-    return "" if cut is None else f"{cut} = {field.axes[cut][_middle(field)[cut]]:.4g} m"
+    return "" if cut is None else f"{cut} = {np.round(field.axes[cut][_middle(field)[cut]], 9) + 0.0:.4g} m"
 
 
 def shade_levels(fields: list[Field]) -> Floats:
@@ -103,7 +103,7 @@ def shade_levels(fields: list[Field]) -> Floats:
     from matplotlib.ticker import MaxNLocator
 
     top = max(float(np.nanmax(field.values, initial=0.0)) for field in fields) or 1.0
-    steps = MaxNLocator(nbins=9, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top)
+    steps = np.asarray(MaxNLocator(nbins=9, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top))
     return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
@@ -115,7 +115,7 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
     field = read_field(swept, measure)
     if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
         raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     columns = min(3, len(field.names))
     rows = -(-len(field.names) // columns)
@@ -140,7 +140,7 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
             for anchor in anchors:
                 axes.plot(*zip(anchor, (low + high) / 2, strict=True), color=GREY, linewidth=0.8)
             axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
-            share = _share(field.values[number], np.array([level]))[0]
+            share = share_above(field.values[number], np.array([level]))[0]
             axes.set_title(f"{name}: {100 * share:.0f} % of the box", fontsize="medium")
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
         add_legend(figure, 2, SLICE_LEGEND[:2])
@@ -164,14 +164,14 @@ def draw_shares(axes: Any, field: Field) -> None:
     levels = np.linspace(0.0, top if top > 0 else 1.0, 400)
     for number, name in enumerate(field.names):
         look = {"color": CURVES[number % len(CURVES)], "linestyle": DASHES[number // len(CURVES) % len(DASHES)]}
-        axes.plot(levels, 100 * _share(field.values[number], levels), label=name, linewidth=1.8, **look)
+        axes.plot(levels, 100 * share_above(field.values[number], levels), label=name, linewidth=1.8, **look)
     axes.set(
         xlabel=f"at least: {field.label}", ylabel="share of the volume (%)", ylim=(0, 101), xlim=(0, levels[-1])
     )
     axes.grid()
 
 
-def _share(values: Floats, levels: Floats) -> Floats:
+def share_above(values: Floats, levels: Floats) -> Floats:
     """In which share of all poses is the value at least each level, and above zero?"""
     known = np.sort(np.where(np.isfinite(values) & (values > 0), values, -np.inf).ravel())
     return np.asarray(1.0 - np.searchsorted(known, np.maximum(levels, 1e-300), side="left") / known.size)
