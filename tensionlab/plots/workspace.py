@@ -56,7 +56,9 @@ def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = N
     columns = min(COLUMNS, len(field.names))
     rows = -(-len(field.names) // columns)
     levels = shade_levels([field])
-    with new_figure(path, (1.6 + 3.3 * columns, 1.0 + 3.1 * rows)) as figure:
+    width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
+    panel = min(max(3.3 * height / width if width > 0 else 3.3, 1.8), 5.5) + 0.7
+    with new_figure(path, (1.6 + 3.3 * columns, 1.0 + panel * rows)) as figure:
         grid: Any = figure.subplots(rows, columns, squeeze=False)
         for axes in grid.flat[len(field.names) :]:
             axes.set_axis_off()
@@ -115,6 +117,7 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
     field = read_field(swept, measure)
     if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
         raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
+    from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     columns = min(3, len(field.names))
@@ -131,17 +134,18 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
             axes.set_box_aspect(highest - lowest, zoom=0.9)
             for letter, a, b in zip("xyz", lowest, highest, strict=True):
                 axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
-            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+            shares = (highest - lowest) / (highest - lowest).max()
+            for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
                 axis.set_pane_color("white")
-            axes.locator_params(nbins=4)
+                axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
             triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
             if len(triangles):
                 axes.add_collection3d(Poly3DCollection(triangles, facecolors=_shaded(triangles, up), alpha=0.55))
             for anchor in anchors:
                 axes.plot(*zip(anchor, (low + high) / 2, strict=True), color=GREY, linewidth=0.8)
             axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
-            share = share_above(field.values[number], np.array([level]))[0]
-            axes.set_title(f"{name}: {100 * share:.0f} % of the box", fontsize="medium")
+            part = share_above(field.values[number], np.array([level]))[0]
+            axes.set_title(f"{name}: {100 * part:.0f} % of the box", fontsize="medium")
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
         add_legend(figure, 2, SLICE_LEGEND[:2])
 
