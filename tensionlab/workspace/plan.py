@@ -22,6 +22,15 @@ from tensionlab.workspace.vary import Configurations
 Block = tuple[slice, ...]
 """A part of every axis of a sweep."""
 
+BATCH = 2_000
+"""Poses evaluated at once: few enough for the cache, and for kernels not to start threads of their own."""
+
+PARTS = 16
+"""Chunks of a small sweep, at least, so that all processors have work."""
+
+SMALL = 1_024
+"""Values of a chunk that is not worth cutting up."""
+
 
 @dataclass(frozen=True, eq=False)
 class Task:
@@ -39,9 +48,12 @@ class Task:
         position, rotation = self.poses.arrays()
         values = np.full((len(self.measures), len(self.rigs), len(position)), np.nan)
         for number, rig in enumerate(self.rigs):
-            batch, sound = _batch(rig, position, rotation, self.frames)
-            for row, measure in enumerate(self.measures):
-                values[row, number, sound] = measure.evaluate(batch)
+            for start in range(0, len(position), BATCH):
+                some = slice(start, start + BATCH)
+                turns = None if rotation is None else rotation[some]
+                batch, sound = _batch(rig, position[some], turns, self.frames)
+                for row, measure in enumerate(self.measures):
+                    values[row, number, some][sound] = measure.evaluate(batch)
         return values.reshape(len(self.measures), *(part.stop - part.start for part in self.block))
 
 
@@ -72,7 +84,7 @@ class Plan:
     def chunks(self) -> tuple[int, ...]:
         """Length of a chunk along each axis: as much of the last axes as fits, then of those before."""
         found: list[int] = []
-        left = self.chunk
+        left = min(self.chunk, max(SMALL, math.prod(self.shape) // PARTS))
         for length in reversed(self.shape):
             found.append(min(length, max(left, 1)))
             left //= found[-1]
