@@ -74,7 +74,8 @@ def workspace(
         raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
     where = _box(loaded, box, step) if poses is None else read_poses(poses)
     frames = {name: place for rig in loaded for name, place in at_rest(rig).items()}
-    asked = output.words(measures) or MEASURES
+    asked = output.words(measures)
+    asked = MEASURES if asked is None else asked
     data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
     found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in asked]
     if json:

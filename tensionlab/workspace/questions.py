@@ -17,7 +17,7 @@ from tensionlab.workspace.contract import Batch
 
 @dataclass(frozen=True)
 class CapacityMargin:
-    """How much more than the radius can the cables render in their weakest direction?
+    """How much can the cables render in their weakest direction, beyond the radius (0 if left out)?
 
     The required set is a ball about zero, of forces and torques as one (N and N·m) if the rig has torques. Below
     zero is how much of it is missing.

@@ -144,6 +144,34 @@ def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, t
     xr.testing.assert_equal(data, expected)
 
 
+@pytest.mark.slow
+def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, scheduler, tmp_path):
+    from distributed import Client
+
+    only = worker(start, scheduler)
+    with Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=60)
+        process = client.run_on_scheduler(os.getpid)
+
+    tally, out = tmp_path / "tally", tmp_path / "sweep.zarr"
+
+    def kill():
+        wait_for(lambda: (out / LEDGER).exists() and len((out / LEDGER).read_text().splitlines()) >= 10)
+        os.kill(process, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    arguments = {"measures": Tallied(str(tally), 0.05), "out": out, "chunk": CHUNK}
+    with pytest.raises(SweepError, match=r"(?s)gave up: .*the same call goes on from here"):
+        tl.sweep(CUBE, POSES, **arguments, scheduler=scheduler)
+    killer.join()
+    only.kill()
+    only.wait()
+    finished, evaluated = len((out / LEDGER).read_text().splitlines()), len(read(tally))
+    assert tl.sweep(CUBE, POSES, **arguments)["Tallied"].notnull().all()
+    assert len(read(tally)) - evaluated == COUNT - finished
+
+
 def test_a_scheduler_without_workers_is_refused(scheduler):
     with pytest.raises(SweepError, match="has no workers; start some with: dask worker tcp://"):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler=scheduler)

@@ -2,6 +2,9 @@
 
 import itertools
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,6 +96,13 @@ def test_alternate_corners_close_a_third_of_the_box_and_all_corners_all_of_it(la
     half = (np.arange(30) + 0.5) / 30 - 0.5
     data = tl.sweep(layout([2, 1, 3]), Grid(2 * half, half, 3 * half), "wrench-closure")
     assert float(data["wrench-closure"].mean()) == pytest.approx(share, abs=0.01)
+
+
+def test_the_workspace_of_ipanema_2_has_as_many_poses_as_published():
+    rig = tl.load_rig(Path(__file__).parents[2] / "datasets" / "rigs" / "ipanema-2.toml")
+    plane = box((-4, 4), (-3, 3), 0.0, step=0.1)
+    closed = tl.sweep(rig, Grid(plane.x, plane.y, [2.0, 3.0, 4.0]), "wrench-closure")["wrench-closure"]
+    assert closed.sum(["rig", "x", "y"]).values.tolist() == [3591, 3575, 3575]
 
 
 def test_layouts_with_other_numbers_of_modules_share_one_dataset():
@@ -217,3 +227,30 @@ def test_the_limit_of_memory_counts_all_measures(monkeypatch):
     assert tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure"]).sizes["pose"] == 3
     with pytest.raises(SweepError, match="give out"):
         tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure", "tension-factor"])
+
+
+LARGE = """
+import resource, sys
+import numpy as np
+import tensionlab as tl
+
+axis = np.linspace(-0.4, 0.4, 216)
+data = tl.sweep(
+    tl.box_corners([1, 1, 1]),
+    tl.workspace.Grid(axis, axis, axis),
+    ["capacity-margin", "wrench-closure"],
+    out=sys.argv[1],
+)
+print(data["capacity-margin"].size, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss")
+def test_ten_million_poses_take_less_than_a_gigabyte(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", LARGE, tmp_path / "a.zarr"], capture_output=True, text=True, check=True
+    )
+    size, peak = map(int, done.stdout.split())
+    assert size == 216**3 > 10_000_000
+    assert peak < 0.4e9, f"{peak:,} bytes"  # twice what Python and its libraries take by themselves
