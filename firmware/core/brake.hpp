@@ -1,4 +1,5 @@
-// The one-way brake: a pawl that a servo lays on a toothed wheel. Laid on, the cable reels in but does not pay out.
+// The one-way brake: a pawl that a servo lays on a toothed wheel. Laid on, the cable reels in but does not pay
+// out.
 //
 // A pawl under load does not come off: to release it the motor first reels in a little, so that the load leaves
 // the pawl, and then the servo lifts it. The brake never changes faster than its dwell, so that it can't chatter.

@@ -9,8 +9,8 @@ namespace tensionlab {
 namespace firmware {
 
 constexpr size_t kMaxPayload = 56;
-constexpr size_t kMaxBody = 2 + kMaxPayload + 2;   // before stuffing
-constexpr size_t kMaxFrame = kMaxBody + 2;         // on the wire, the zero byte included
+constexpr size_t kMaxBody = 2 + kMaxPayload + 2;  // before stuffing
+constexpr size_t kMaxFrame = kMaxBody + 2;        // on the wire, the zero byte included
 
 struct Frame {
   uint8_t type;

@@ -9,15 +9,15 @@ namespace firmware {
 // What keeps the tension from being what the host wants, the one that bites most.
 enum class Limit : uint8_t {
   none = 0,
-  lower = 1,     // the taut minimum
+  lower = 1,  // the taut minimum
   upper = 2,
   slew = 3,
   thermal = 4,
-  speed = 5,     // the cable reels in too fast
-  length = 6,    // the cable is reeled in, or out, as far as it may be
+  speed = 5,      // the cable reels in too fast
+  length = 6,     // the cable is reeled in, or out, as far as it may be
   releasing = 7,  // the brake is being released
   timeout = 8,
-  idle = 9,      // the driver is off
+  idle = 9,  // the driver is off
 };
 
 struct CableState {

@@ -76,9 +76,9 @@ struct SetImpedance {
 
 // What to calibrate, and the number that it needs.
 enum class Calibration : uint8_t {
-  length = 0,            // the cable is `value` m long now
+  length = 0,             // the cable is `value` m long now
   newton_per_ampere = 1,  // measured; the module counts as calibrated
-  encoder = 2,           // find the motor's electrical zero; `value` is ignored
+  encoder = 2,            // find the motor's electrical zero; `value` is ignored
 };
 
 struct Calibrate {

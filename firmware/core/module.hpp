@@ -90,9 +90,9 @@ class Module {
   Outbox outbox_;
 
   State state_ = State::idle;
-  uint16_t faults_ = 0;        // latched until cleared
-  uint32_t entered_us_ = 0;    // when the state began
-  bool relaxed_ = false;       // second stage of the timeout: let go for good
+  uint16_t faults_ = 0;      // latched until cleared
+  uint32_t entered_us_ = 0;  // when the state began
+  bool relaxed_ = false;     // second stage of the timeout: let go for good
   uint16_t session_ = 0;
   uint8_t last_sequence_ = 0;  // of the set-points
   uint32_t renewed_us_ = 0;    // when the last set-point came
@@ -105,7 +105,7 @@ class Module {
   Monitor monitor_;
   float length_offset_ = 0.0f;  // of the cable, where the encoder reads nought, m
   bool length_known_ = false;
-  float current_ = 0.0f;        // asked of the motor, A
+  float current_ = 0.0f;  // asked of the motor, A
 
   Chore chore_ = Chore::none;
   uint8_t chore_type_ = 0, chore_sequence_ = 0;  // of the command that asked for it

@@ -45,7 +45,8 @@ class Monitor {
       paid_out_ = sensors.angle * radius;
       speed_ = sensors.speed * radius;
       current_ = sensors.current;
-      supply_.judge(sensors.supply < p[Parameter::supply_lower] || sensors.supply > p[Parameter::supply_upper], 40);
+      supply_.judge(sensors.supply < p[Parameter::supply_lower] || sensors.supply > p[Parameter::supply_upper],
+                    40);
       fast_.judge(-speed_ > 2.0f * p[Parameter::speed_limit], 4);
       strong_.judge(magnitude(current_) > 1.5f * p[Parameter::current_peak], 4);
     }

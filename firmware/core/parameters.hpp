@@ -51,16 +51,16 @@ struct ParameterInfo {
 inline constexpr size_t kParameterCount = static_cast<size_t>(Parameter::count);
 
 inline constexpr ParameterInfo kParameters[kParameterCount] = {
-    {"tension_lower", "N", 0.1f, 2.0f, 0.5f},             // the taut minimum
+    {"tension_lower", "N", 0.1f, 2.0f, 0.5f},  // the taut minimum
     {"tension_upper", "N", 0.5f, 12.0f, 6.0f},
     {"slew", "N/s", 1.0f, 300.0f, 60.0f},
     {"newton_per_ampere", "N/A", 0.5f, 12.0f, 3.0f},
-    {"friction_coulomb", "N", 0.0f, 2.0f, 0.0f},          // at the cable, against its motion
+    {"friction_coulomb", "N", 0.0f, 2.0f, 0.0f},  // at the cable, against its motion
     {"friction_viscous", "N s/m", 0.0f, 5.0f, 0.0f},
     {"current_continuous", "A", 0.1f, 2.0f, 1.0f},
     {"current_peak", "A", 0.1f, 3.0f, 2.2f},
-    {"thermal_time", "s", 1.0f, 300.0f, 20.0f},           // of the winding
-    {"speed_limit", "m/s", 0.1f, 10.0f, 3.0f},            // reeling in; at twice this the module faults
+    {"thermal_time", "s", 1.0f, 300.0f, 20.0f},  // of the winding
+    {"speed_limit", "m/s", 0.1f, 10.0f, 3.0f},   // reeling in; at twice this the module faults
     {"length_lower", "m", 0.0f, 10.0f, 0.05f},
     {"length_upper", "m", 0.1f, 20.0f, 5.0f},
     {"spool_radius", "m", 0.005f, 0.1f, 0.0195f},
@@ -71,13 +71,13 @@ inline constexpr ParameterInfo kParameters[kParameterCount] = {
     {"supply_upper", "V", 5.0f, 28.0f, 16.0f},
     {"brake_open_pulse", "us", 500.0f, 2500.0f, 1000.0f},
     {"brake_closed_pulse", "us", 500.0f, 2500.0f, 1500.0f},
-    {"brake_travel", "ms", 5.0f, 1000.0f, 60.0f},         // of the servo, from one end to the other
-    {"brake_dwell", "ms", 0.0f, 5000.0f, 100.0f},         // least time from one change to the next
-    {"brake_tooth", "m", 0.0005f, 0.02f, 0.003f},         // of cable, from tooth to tooth
-    {"brake_release_tension", "N", 0.5f, 6.0f, 2.0f},     // to reel the load off the pawl
+    {"brake_travel", "ms", 5.0f, 1000.0f, 60.0f},      // of the servo, from one end to the other
+    {"brake_dwell", "ms", 0.0f, 5000.0f, 100.0f},      // least time from one change to the next
+    {"brake_tooth", "m", 0.0005f, 0.02f, 0.003f},      // of cable, from tooth to tooth
+    {"brake_release_tension", "N", 0.5f, 6.0f, 2.0f},  // to reel the load off the pawl
     {"timeout_brake", "0 open, 1 as it is", 0.0f, 1.0f, 0.0f},
-    {"motor_direction", "1 or -1", -1.0f, 1.0f, 1.0f},    // of the encoder while the cable pays out
-    {"motor_zero", "rad", 0.0f, 6.2831855f, 0.0f},        // electrical angle at the encoder's zero
+    {"motor_direction", "1 or -1", -1.0f, 1.0f, 1.0f},  // of the encoder while the cable pays out
+    {"motor_zero", "rad", 0.0f, 6.2831855f, 0.0f},      // electrical angle at the encoder's zero
     {"calibrated", "0 or 1", 0.0f, 1.0f, 0.0f},
 };
 

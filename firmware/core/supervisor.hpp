@@ -30,26 +30,54 @@ struct Transition {
 
 inline constexpr Transition kTransitions[kEvents][kStates] = {
     // arm
-    {{true, State::armed}, {false, State::armed}, {false, State::running},
-     {false, State::timeout}, {false, State::fault}, {false, State::estop}},
+    {{true, State::armed},
+     {false, State::armed},
+     {false, State::running},
+     {false, State::timeout},
+     {false, State::fault},
+     {false, State::estop}},
     // set_point
-    {{false, State::idle}, {true, State::running}, {true, State::running},
-     {false, State::timeout}, {false, State::fault}, {false, State::estop}},
+    {{false, State::idle},
+     {true, State::running},
+     {true, State::running},
+     {false, State::timeout},
+     {false, State::fault},
+     {false, State::estop}},
     // stop
-    {{true, State::idle}, {true, State::idle}, {true, State::idle},
-     {true, State::idle}, {false, State::fault}, {false, State::estop}},
+    {{true, State::idle},
+     {true, State::idle},
+     {true, State::idle},
+     {true, State::idle},
+     {false, State::fault},
+     {false, State::estop}},
     // estop
-    {{true, State::estop}, {true, State::estop}, {true, State::estop},
-     {true, State::estop}, {true, State::estop}, {true, State::estop}},
+    {{true, State::estop},
+     {true, State::estop},
+     {true, State::estop},
+     {true, State::estop},
+     {true, State::estop},
+     {true, State::estop}},
     // clear
-    {{true, State::idle}, {true, State::armed}, {true, State::running},
-     {true, State::timeout}, {true, State::idle}, {true, State::idle}},
+    {{true, State::idle},
+     {true, State::armed},
+     {true, State::running},
+     {true, State::timeout},
+     {true, State::idle},
+     {true, State::idle}},
     // expire
-    {{true, State::idle}, {true, State::timeout}, {true, State::timeout},
-     {true, State::timeout}, {true, State::fault}, {true, State::estop}},
+    {{true, State::idle},
+     {true, State::timeout},
+     {true, State::timeout},
+     {true, State::timeout},
+     {true, State::fault},
+     {true, State::estop}},
     // fault
-    {{true, State::fault}, {true, State::fault}, {true, State::fault},
-     {true, State::fault}, {true, State::fault}, {true, State::estop}},
+    {{true, State::fault},
+     {true, State::fault},
+     {true, State::fault},
+     {true, State::fault},
+     {true, State::fault},
+     {true, State::estop}},
 };
 
 constexpr Transition transition(State state, Event event) {

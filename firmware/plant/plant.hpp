@@ -1,8 +1,7 @@
 // The hardware around a module's firmware, simulated: motor, spool, cable, brake and sensors.
 //
-// Sources of the numbers: GM3506 motor and SimpleFOC shield (data sheets; Kt = 8.3 / KV), AS5048A encoder
-// (14 bit), the published module (1.5 N at 0.5 A; one-way brake of 186 N; Bartels et al. 2026). What no source
-// gives (inertia, friction, cogging, stretch, servo travel, noise) is an estimate, marked so below.
+// kPlantTable says where each number comes from: data sheets, the published module (1.5 N at 0.5 A, a one-way
+// brake of 186 N; Bartels et al. 2026), or an estimate where no source gives one.
 #pragma once
 
 #include <cmath>
@@ -14,34 +13,52 @@ namespace tensionlab {
 namespace plant {
 
 struct PlantParameters {
-  // Motor, as one coil that makes torque.
-  double resistance = 2.8;          // ohm, of a phase
-  double inductance = 1.0e-3;       // H, estimate
-  double torque_constant = 0.0585;  // N m/A
-  double current_loop = 1.0e-3;     // s, time constant of the current controller
-  double supply = 12.0;             // V; a phase gets at most this over the square root of 3
-  // Spool and rotor.
-  double radius = 0.0195;           // m
-  double inertia = 1.2e-5;          // kg m2, estimate
-  double dry_friction = 0.12;       // N at the cable, estimate
-  double viscous_friction = 0.05;   // N s/m at the cable, estimate
-  double cogging = 0.05;            // N at the cable, estimate
-  double cogging_periods = 264.0;   // a turn; 24 slots and 22 poles
-  // Cable.
-  double stiffness = 4000.0;        // N/m, estimate: 1 m of braided polyethylene and its attachments
-  double damping = 3.0;             // N s/m, estimate
-  // Brake.
-  double brake_strength = 186.0;    // N, beyond which the pawl slips
-  double tooth = 0.003;             // m of cable
-  double servo_time = 0.05;         // s from one end to the other, estimate
-  // Sensors.
-  double encoder_counts = 16384.0;  // a turn
-  double encoder_noise = 1.0;       // counts, standard deviation, estimate
-  double speed_filter = 2.0e-3;     // s, time constant of the speed that the driver library reports
-  double current_noise = 0.005;     // A, standard deviation, estimate
-  double current_count = 0.0016;    // A a count of the converter: 3.3 A either way in 12 bits
-  double supply_noise = 0.05;       // V, standard deviation, estimate
+  double resistance, inductance, torque_constant, current_loop, supply;
+  double radius, inertia, dry_friction, viscous_friction, cogging, cogging_periods;
+  double stiffness, damping;
+  double brake_strength, tooth, servo_time;
+  double encoder_counts, encoder_noise, speed_filter, current_noise, current_count, supply_noise;
 };
+
+struct PlantInfo {
+  const char* name;
+  double PlantParameters::* member;
+  const char* unit;
+  double standard;
+  const char* about;
+};
+
+inline constexpr PlantInfo kPlantTable[] = {
+    {"resistance", &PlantParameters::resistance, "ohm", 2.8, "of a motor phase; GM3506 data sheet"},
+    {"inductance", &PlantParameters::inductance, "H", 1.0e-3, "of a motor phase; estimate"},
+    {"torque_constant", &PlantParameters::torque_constant, "N m/A", 0.0585, "8.3 / KV at KV 142"},
+    {"current_loop", &PlantParameters::current_loop, "s", 1.0e-3,
+     "time constant of the current control; estimate"},
+    {"supply", &PlantParameters::supply, "V", 12.0, "a phase gets at most this over the square root of 3"},
+    {"radius", &PlantParameters::radius, "m", 0.0195, "of the spool, from 3 N/A as published"},
+    {"inertia", &PlantParameters::inertia, "kg m2", 1.2e-5, "of rotor and spool; estimate"},
+    {"dry_friction", &PlantParameters::dry_friction, "N", 0.05, "at the cable; estimate"},
+    {"viscous_friction", &PlantParameters::viscous_friction, "N s/m", 0.05, "at the cable; estimate"},
+    {"cogging", &PlantParameters::cogging, "N", 0.03, "at the cable; estimate"},
+    {"cogging_periods", &PlantParameters::cogging_periods, "1", 264.0, "a turn: 24 slots, 22 poles"},
+    {"stiffness", &PlantParameters::stiffness, "N/m", 4000.0, "of cable and attachments; estimate"},
+    {"damping", &PlantParameters::damping, "N s/m", 3.0, "of the cable; estimate"},
+    {"brake_strength", &PlantParameters::brake_strength, "N", 186.0, "beyond which the pawl slips; as published"},
+    {"tooth", &PlantParameters::tooth, "m", 0.003, "of cable from tooth to tooth; estimate"},
+    {"servo_time", &PlantParameters::servo_time, "s", 0.05, "of the brake servo from end to end; estimate"},
+    {"encoder_counts", &PlantParameters::encoder_counts, "1", 16384.0, "a turn: AS5048A, 14 bit"},
+    {"encoder_noise", &PlantParameters::encoder_noise, "counts", 1.0, "standard deviation; estimate"},
+    {"speed_filter", &PlantParameters::speed_filter, "s", 2.0e-3, "time constant of the measured speed; estimate"},
+    {"current_noise", &PlantParameters::current_noise, "A", 0.005, "standard deviation; estimate"},
+    {"current_count", &PlantParameters::current_count, "A", 0.0016, "a count: 3.3 A either way in 12 bits"},
+    {"supply_noise", &PlantParameters::supply_noise, "V", 0.05, "standard deviation; estimate"},
+};
+
+inline PlantParameters standard_plant() {
+  PlantParameters parameters;
+  for (const PlantInfo& info : kPlantTable) parameters.*info.member = info.standard;
+  return parameters;
+}
 
 // Random numbers that are the same everywhere: xorshift64*.
 class Noise {
@@ -64,11 +81,11 @@ class Noise {
 
 // What can break.
 struct Breakage {
-  bool encoder = false;   // reads an error
-  bool supply = false;    // sinks to 5 V
-  bool motor = false;     // a wire is off: no current
-  bool brake = false;     // the servo does not move
-  bool runaway = false;   // the cable is cut: nothing holds the far end
+  bool encoder = false;  // reads an error
+  bool supply = false;   // sinks to 5 V
+  bool motor = false;    // a wire is off: no current
+  bool brake = false;    // the servo does not move
+  bool cable = false;    // is cut: nothing holds the far end
 };
 
 class Plant {
@@ -103,10 +120,10 @@ class Plant {
             !broken.encoder};
   }
 
-  double tension() const { return tension_; }                          // of the cable, N
-  double length() const { return out_; }                               // paid out, without stretch, m
-  double current() const { return current_; }                          // A
-  double brake_force() const { return brake_force_; }                  // that the pawl holds, N
+  double tension() const { return tension_; }          // of the cable, N
+  double length() const { return out_; }               // paid out, without stretch, m
+  double current() const { return current_; }          // A
+  double brake_force() const { return brake_force_; }  // that the pawl holds, N
   bool pawl_down() const { return servo_ > 0.5; }
 
   Breakage broken;
@@ -131,7 +148,8 @@ class Plant {
     if (broken.brake) return;
     const double open = static_cast<double>(settings[firmware::Parameter::brake_open_pulse]);
     const double closed = static_cast<double>(settings[firmware::Parameter::brake_closed_pulse]);
-    const double target = closed == open ? 0.0 : (static_cast<double>(wanted.brake_pulse_us) - open) / (closed - open);
+    const double target =
+        closed == open ? 0.0 : (static_cast<double>(wanted.brake_pulse_us) - open) / (closed - open);
     const double step = seconds / p_.servo_time;
     const bool down = pawl_down();
     // A loaded pawl is jammed: it can be laid on, but not lifted.
@@ -147,7 +165,7 @@ class Plant {
     const double mass = p_.inertia / (p_.radius * p_.radius);
     const double stretch = distance_ - out_;
     tension_ = 0.0;
-    if (!broken.runaway && stretch > 0.0) {
+    if (!broken.cable && stretch > 0.0) {
       tension_ = std::fmax(p_.stiffness * stretch + p_.damping * (end_speed_ - speed_), 0.0);
     }
     const double cogging = p_.cogging * std::sin(p_.cogging_periods * (out_ - zero_) / p_.radius);
@@ -176,7 +194,8 @@ class Plant {
 
   double encoder_angle() {
     const double turn = 6.283185307179586;
-    const double counts = (out_ - zero_) / p_.radius / turn * p_.encoder_counts + p_.encoder_noise * noise_.normal();
+    const double counts =
+        (out_ - zero_) / p_.radius / turn * p_.encoder_counts + p_.encoder_noise * noise_.normal();
     return std::floor(counts) * turn / p_.encoder_counts;
   }
 
