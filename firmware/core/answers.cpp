@@ -24,7 +24,6 @@ void Module::acknowledge(uint8_t type, uint8_t sequence, Code code) {
 
 void Module::send_info(uint8_t sequence) {
   const Parameters& p = parameters_;
-  const bool calibrated = p[Parameter::calibrated] == 1.0f;
   uint8_t payload[kMaxPayload];
   Writer writer(payload);
   writer.u8(kProtocol);
@@ -32,7 +31,8 @@ void Module::send_info(uint8_t sequence) {
   writer.u32(serial_number_);
   writer.u8(static_cast<uint8_t>(reset_reason_));
   writer.u8(static_cast<uint8_t>(state_));
-  writer.u8(static_cast<uint8_t>((calibrated ? 1 : 0) | (length_known_ ? 2 : 0)));
+  writer.u8(p[Parameter::calibrated] == 1.0f ? 1 : 0);
+  writer.u8(length_known_ ? 1 : 0);
   writer.u8(static_cast<uint8_t>(kParameterCount));
   writer.u16(static_cast<uint16_t>(p[Parameter::ttl]));
   writer.f32(p[Parameter::tension_lower]);

@@ -24,34 +24,36 @@ struct PlantInfo {
   const char* name;
   double PlantParameters::* member;
   const char* unit;
-  double standard;
+  double lower, standard;
   const char* about;
 };
 
 inline constexpr PlantInfo kPlantTable[] = {
-    {"resistance", &PlantParameters::resistance, "ohm", 2.8, "of a motor phase; GM3506 data sheet"},
-    {"inductance", &PlantParameters::inductance, "H", 1.0e-3, "of a motor phase; estimate"},
-    {"torque_constant", &PlantParameters::torque_constant, "N m/A", 0.0585, "8.3 / KV at KV 142"},
-    {"current_loop", &PlantParameters::current_loop, "s", 1.0e-3,
+    {"resistance", &PlantParameters::resistance, "ohm", 0.01, 2.8, "of a motor phase; GM3506 data sheet"},
+    {"inductance", &PlantParameters::inductance, "H", 1e-6, 1.0e-3, "of a motor phase; estimate"},
+    {"torque_constant", &PlantParameters::torque_constant, "N m/A", 1e-4, 0.0585, "8.3 / KV at KV 142"},
+    {"current_loop", &PlantParameters::current_loop, "s", 1e-4, 1.0e-3,
      "time constant of the current control; estimate"},
-    {"supply", &PlantParameters::supply, "V", 12.0, "a phase gets at most this over the square root of 3"},
-    {"radius", &PlantParameters::radius, "m", 0.0195, "of the spool, from 3 N/A as published"},
-    {"inertia", &PlantParameters::inertia, "kg m2", 1.2e-5, "of rotor and spool; estimate"},
-    {"dry_friction", &PlantParameters::dry_friction, "N", 0.05, "at the cable; estimate"},
-    {"viscous_friction", &PlantParameters::viscous_friction, "N s/m", 0.05, "at the cable; estimate"},
-    {"cogging", &PlantParameters::cogging, "N", 0.03, "at the cable; estimate"},
-    {"cogging_periods", &PlantParameters::cogging_periods, "1", 264.0, "a turn: 24 slots, 22 poles"},
-    {"stiffness", &PlantParameters::stiffness, "N/m", 4000.0, "of cable and attachments; estimate"},
-    {"damping", &PlantParameters::damping, "N s/m", 3.0, "of the cable; estimate"},
-    {"brake_strength", &PlantParameters::brake_strength, "N", 186.0, "beyond which the pawl slips; as published"},
-    {"tooth", &PlantParameters::tooth, "m", 0.003, "of cable from tooth to tooth; estimate"},
-    {"servo_time", &PlantParameters::servo_time, "s", 0.05, "of the brake servo from end to end; estimate"},
-    {"encoder_counts", &PlantParameters::encoder_counts, "1", 16384.0, "a turn: AS5048A, 14 bit"},
-    {"encoder_noise", &PlantParameters::encoder_noise, "counts", 1.0, "standard deviation; estimate"},
-    {"speed_filter", &PlantParameters::speed_filter, "s", 2.0e-3, "time constant of the measured speed; estimate"},
-    {"current_noise", &PlantParameters::current_noise, "A", 0.005, "standard deviation; estimate"},
-    {"current_count", &PlantParameters::current_count, "A", 0.0016, "a count: 3.3 A either way in 12 bits"},
-    {"supply_noise", &PlantParameters::supply_noise, "V", 0.05, "standard deviation; estimate"},
+    {"supply", &PlantParameters::supply, "V", 0.0, 12.0, "a phase gets at most this over the square root of 3"},
+    {"radius", &PlantParameters::radius, "m", 0.001, 0.0195, "of the spool, from 3 N/A as published"},
+    {"inertia", &PlantParameters::inertia, "kg m2", 1e-7, 1.2e-5, "of rotor and spool; estimate"},
+    {"dry_friction", &PlantParameters::dry_friction, "N", 0.0, 0.05, "at the cable; estimate"},
+    {"viscous_friction", &PlantParameters::viscous_friction, "N s/m", 0.0, 0.05, "at the cable; estimate"},
+    {"cogging", &PlantParameters::cogging, "N", 0.0, 0.03, "at the cable; estimate"},
+    {"cogging_periods", &PlantParameters::cogging_periods, "1", 0.0, 264.0, "a turn: 24 slots, 22 poles"},
+    {"stiffness", &PlantParameters::stiffness, "N/m", 0.0, 4000.0, "of cable and attachments; estimate"},
+    {"damping", &PlantParameters::damping, "N s/m", 0.0, 3.0, "of the cable; estimate"},
+    {"brake_strength", &PlantParameters::brake_strength, "N", 0.0, 186.0,
+     "beyond which the pawl slips; as published"},
+    {"tooth", &PlantParameters::tooth, "m", 1e-4, 0.003, "of cable from tooth to tooth; estimate"},
+    {"servo_time", &PlantParameters::servo_time, "s", 1e-3, 0.05, "of the brake servo from end to end; estimate"},
+    {"encoder_counts", &PlantParameters::encoder_counts, "1", 16.0, 16384.0, "a turn: AS5048A, 14 bit"},
+    {"encoder_noise", &PlantParameters::encoder_noise, "counts", 0.0, 1.0, "standard deviation; estimate"},
+    {"speed_filter", &PlantParameters::speed_filter, "s", 0.0, 2.0e-3,
+     "time constant of the measured speed; estimate"},
+    {"current_noise", &PlantParameters::current_noise, "A", 0.0, 0.005, "standard deviation; estimate"},
+    {"current_count", &PlantParameters::current_count, "A", 1e-6, 0.0016, "a count: 3.3 A either way in 12 bits"},
+    {"supply_noise", &PlantParameters::supply_noise, "V", 0.0, 0.05, "standard deviation; estimate"},
 };
 
 inline PlantParameters standard_plant() {
@@ -87,6 +89,17 @@ struct Breakage {
   bool brake = false;    // the servo does not move
   bool cable = false;    // is cut: nothing holds the far end
 };
+
+struct PartInfo {
+  const char* name;
+  bool Breakage::* member;
+};
+
+inline constexpr PartInfo kParts[] = {{"encoder", &Breakage::encoder},
+                                      {"supply", &Breakage::supply},
+                                      {"motor", &Breakage::motor},
+                                      {"brake", &Breakage::brake},
+                                      {"cable", &Breakage::cable}};
 
 class Plant {
  public:

@@ -79,14 +79,14 @@ void advance(SimulatedModule& self, std::uint32_t steps, double distance) {
   self.advance(steps, distance, [](const Sample&) {});
 }
 
-bool& breakage(SimulatedModule& self, const std::string& what) {
-  plant::Breakage& broken = self.broken();
-  if (what == "encoder") return broken.encoder;
-  if (what == "supply") return broken.supply;
-  if (what == "motor") return broken.motor;
-  if (what == "brake") return broken.brake;
-  if (what == "cable") return broken.cable;
-  throw nb::key_error(what.c_str());
+void set_broken(SimulatedModule& self, const std::string& name, bool broken) {
+  for (const plant::PartInfo& part : plant::kParts) {
+    if (name == part.name) {
+      self.broken().*part.member = broken;
+      return;
+    }
+  }
+  throw nb::key_error(name.c_str());
 }
 
 // The frames in a stream, as (type, sequence, payload), and how many were bad.
@@ -126,9 +126,15 @@ nb::list parameter_table() {
 nb::list plant_table() {
   nb::list table;
   for (const plant::PlantInfo& info : plant::kPlantTable) {
-    table.append(nb::make_tuple(info.name, info.unit, info.standard, info.about));
+    table.append(nb::make_tuple(info.name, info.unit, info.lower, info.standard, info.about));
   }
   return table;
+}
+
+nb::list plant_parts() {
+  nb::list names;
+  for (const plant::PartInfo& part : plant::kParts) names.append(part.name);
+  return names;
 }
 
 // Row by event, column by state: (accepted, next state).
@@ -151,7 +157,9 @@ void bind_firmware(nb::module_& module) {
   module.def("build_frame", &build_frame);
   module.def("parameter_table", &parameter_table);
   module.def("plant_table", &plant_table);
+  module.def("plant_parts", &plant_parts);
   module.def("transition_table", &transition_table);
+  module.def("step_microseconds", [] { return SimulatedModule::kStepMicroseconds; });
   nb::class_<SimulatedModule>(module, "SimulatedModule")
       .def("__init__",
            [](SimulatedModule* self, std::uint32_t serial_number, const nb::dict& plant, double distance,
@@ -177,8 +185,7 @@ void bind_firmware(nb::module_& module) {
       .def("sample", [](const SimulatedModule& self) { return tuple_of(self.sample()); })
       .def("faults", [](const SimulatedModule& self) { return self.module().faults(); })
       .def("pause", &SimulatedModule::pause)
-      .def("set_broken",
-           [](SimulatedModule& self, const std::string& what, bool broken) { breakage(self, what) = broken; });
+      .def("set_broken", &set_broken);
 }
 
 }  // namespace tensionlab
