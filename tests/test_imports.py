@@ -54,6 +54,7 @@ DOORS = {
     "osqp": {"solvers/quadratic/backends.py"},
     "clarabel": {"solvers/quadratic/backends.py"},
     "cvxpy": {"solvers/convex.py"},
+    "cobs": {"hardware/frames.py"},
     "serial": {"hardware/link.py"},
     "matplotlib": {"plots"},
     "mpl_toolkits": {"plots"},
