@@ -122,6 +122,20 @@ def reachable_share(
     tolerance: float,
     rank_tolerance: float,
 ) -> NDArray[float64]: ...
+def active_facet(
+    structure: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    wrenches: NDArray[float64],
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[int64], NDArray[float64]]: ...
+def half_spaces(
+    structure: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    capacity: int,
+    rank_tolerance: float,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]: ...
 def judge(
     structure: NDArray[float64],
     wrench: NDArray[float64],

@@ -75,6 +75,8 @@ NATIVE = {
     "measure.py",
     "experiments/bench/batches.py",
     "workspace/interference.py",
+    "workspace/directions.py",
+    "workspace/gradient.py",
     "workspace/margin.py",
     "workspace/measures.py",
     "workspace/wrench_set.py",
