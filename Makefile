@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
-NATIVE := $(wildcard tensionlab/native/*.hpp tensionlab/native/*.cpp)
+NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
 .PHONY: demo test check format bench bench-quick bench-readme stress clean
 

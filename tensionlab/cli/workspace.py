@@ -147,7 +147,10 @@ def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: P
         meaning = f" Above 0: {measure.above_zero}." if measure.above_zero else ""
         console.print(f"{name}: {catalogue.question(measure)}{meaning}", style="dim")
     if any(summary.missing for *_, summary in found):
-        console.print("no value: a cable has no length there, its attachment lies on the anchor", style="dim")
+        console.print(
+            "no value: a cable has no length there, or a force whose effort is asked for is out of reach",
+            style="dim",
+        )
     if found[0][2].poses > SAMPLE:
         console.print(f"median: of an even selection of {SAMPLE:,} values at most", style="dim")
     if out:

@@ -74,7 +74,7 @@ def test_a_store_is_written_and_then_only_opened(run, tmp_path):
     assert run(TETRA, "--step", 0.25, "--out", out)[1] == first[1]
     code, _, err = run(TETRA, "--step", 0.2, "--out", out)
     assert code == 2
-    assert "a.zarr holds another sweep: its poses" in err
+    assert "a.zarr holds a sweep that differs in poses" in err
 
 
 def test_a_planar_rig_has_a_planar_box(run):

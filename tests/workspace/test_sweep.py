@@ -16,9 +16,10 @@ from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential
 from tensionlab.workspace import store
 from tensionlab.workspace.catalogue import MEASURES
+from tensionlab.workspace.directions import effort, reachable_share
 from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
 from tensionlab.workspace.margin import capacity_margin
-from tensionlab.workspace.measures import effort, reachable_share, tension_factor, wrench_closure
+from tensionlab.workspace.measures import tension_factor, wrench_closure
 from tensionlab.workspace.paths import box, polyline
 from tensionlab.workspace.pose_sets import Grid, PoseList
 from tensionlab.workspace.questions import BodyDistance, CapacityMargin, ReachableShare
