@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tensionlab.workspace.pose_sets import Grid, PoseList
     from tensionlab.workspace.summary import Summary
 
-MEASURES = ["wrench-closure", "capacity-margin", "isotropic-force"]
+MEASURES = ["wrench-closure", "isotropic-force", "reachable-share"]
 """Asked for if nothing else is."""
 
 STEPS = 40

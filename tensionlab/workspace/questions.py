@@ -79,7 +79,7 @@ class IsotropicForce:
 
 @dataclass(frozen=True)
 class ReachableShare:
-    """In which share of all directions can a force of this size be rendered?
+    """In which share of all directions can a force of this magnitude (1 N if left out) be rendered?
 
     Without torque, in directions that cover the circle or sphere evenly.
     """
@@ -128,7 +128,7 @@ class ConditionNumber:
 
 @dataclass(frozen=True)
 class SquaredTension:
-    """How much squared tension does a force of this size take, in the mean over directions, or in the worst?
+    """How much squared tension does a force (1 N) take, in the mean over directions, or in the worst?
 
     Without torque, in directions that cover the circle or sphere evenly. NaN where some are out of reach.
     """

@@ -123,28 +123,37 @@ def number(path):
     return int(np.ravel_multi_index([int(i) for i in path.name.split(".")], (2, 2, 5, 2, 1)))
 
 
-@pytest.fixture
-def interrupted(store, tmp_path, monkeypatch):
-    """A store with 12 finished chunks, and the number of those evaluated for it."""
+def stop(store, tally, count, monkeypatch):
+    """Sweep until so many chunks are finished."""
     write = Store.write
 
-    def stop(self, task, values):
-        if len(lines(store)) == 12:
+    def until(self, task, values):
+        if len(lines(store)) == count:
             raise KeyboardInterrupt
         write(self, task, values)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Store, "write", stop)
+        patch.setattr(Store, "write", until)
         with pytest.raises(KeyboardInterrupt):
-            sweep(store, tmp_path / "tally")
+            sweep(store, tally)
+
+
+@pytest.fixture
+def interrupted(store, tmp_path, monkeypatch):
+    """A store with 12 finished chunks, and the number of those evaluated for it."""
+    stop(store, tmp_path / "tally", 12, monkeypatch)
     return len(read(tmp_path / "tally"))
 
 
-def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path):
-    whole = lines(store)
-    (store / LEDGER).write_text("\n".join([*whole[:10], whole[11][:1]]))
+def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path, monkeypatch):
+    unfinished = max(set(range(COUNT)) - {int(line) for line in lines(store)})
+    with (store / LEDGER).open("a") as ledger:
+        ledger.write(str(unfinished))
+    stop(store, tmp_path / "tally", 20, monkeypatch)
+    assert len({int(line) for line in lines(store)} & set(range(COUNT))) == 20
+    evaluated = len(read(tmp_path / "tally"))
     data = sweep(store, tmp_path / "tally")
-    assert len(read(tmp_path / "tally")) - interrupted == COUNT - 10
+    assert len(read(tmp_path / "tally")) - evaluated == COUNT - 20
     assert not data["Tallied"].isnull().any()
 
 
