@@ -25,6 +25,9 @@ Block = tuple[slice, ...]
 BATCH = 2_000
 """Poses evaluated at once: few enough for the cache, and for kernels not to start threads of their own."""
 
+NO_LENGTH = 1e-12
+"""A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
+
 PARTS = 16
 """Chunks of a small sweep, at least, so that all processors have work."""
 
@@ -151,7 +154,7 @@ def _batch(rig: Rig, position: Floats, rotation: Floats | None, frames: Frames) 
         turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
         arms = rig.attachments if turn is None else kinematics.rotate(turn, rig.attachments)
     lengths, directions = kinematics.cables(anchors, position, arms)
-    sound = np.asarray((lengths > 0.0).all(axis=-1))
+    sound = np.asarray((lengths > NO_LENGTH * lengths.max(axis=-1, keepdims=True)).all(axis=-1))
     structure = kinematics.structure_matrix(directions, arms)
     if not sound.all():
         position, structure = position[sound], structure[sound]

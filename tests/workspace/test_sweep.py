@@ -149,6 +149,15 @@ def test_where_a_cable_has_no_length_there_is_no_value():
         assert np.isnan(values.values).tolist() == [[False, True, False]], name
 
 
+def test_there_is_no_value_on_an_anchor_whatever_the_orientation():
+    rig, turn = held("platform", 3), exponential(np.array([0.0, 0.0, 0.4]))
+    corner = np.array([2.0, 3.0, 1.0]) - turn @ [0.1, 0.2, -0.1]
+    poses = PoseList([[0.1, 0.0, 0.2], corner, corner], [turn, turn, np.eye(3)])
+    found = tl.sweep(rig, poses, "cable-distance")["cable-distance"].values[0]
+    assert np.isnan(found).tolist() == [False, True, False]
+    assert found[2] == cable_distance(rig, corner, np.eye(3)).distance
+
+
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
     for out in (None, tmp_path / "a.zarr"):
         rigs = vary(tl.ring_plus_top, side=[1.0], limits=[(0.5, 6)], anchors={"top": [[0, 2, 0]]})
