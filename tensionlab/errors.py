@@ -9,7 +9,9 @@
     ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
     ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
-    └── Unreachable                          an allocation that is not exact; carries the evidence
+    ├── Unreachable                          an allocation that is not exact; carries the evidence
+    └── HardwareError                        what goes wrong with modules
+        └── ProtocolError                    a frame or message that cannot be sent, or was not understood
 """
 
 from __future__ import annotations
@@ -60,3 +62,11 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
     def __init__(self, message: str, allocation: Allocation) -> None:
         super().__init__(message)
         self.allocation = allocation
+
+
+class HardwareError(TensionlabError):
+    """The root of all that goes wrong with modules and the links to them."""
+
+
+class ProtocolError(HardwareError):
+    """A frame or a message that cannot be sent, or that was not understood."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tensionlab.workspace.pose_sets import Grid, PoseList
     from tensionlab.workspace.summary import Summary
 
-MEASURES = ["wrench-closure", "capacity-margin", "isotropic-force"]
+MEASURES = ["wrench-closure", "isotropic-force", "reachable-share"]
 """Asked for if nothing else is."""
 
 STEPS = 40
@@ -74,7 +74,8 @@ def workspace(
         raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
     where = _box(loaded, box, step) if poses is None else read_poses(poses)
     frames = {name: place for rig in loaded for name, place in at_rest(rig).items()}
-    asked = output.words(measures) or MEASURES
+    asked = output.words(measures)
+    asked = MEASURES if asked is None else asked
     data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
     found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in asked]
     if json:
@@ -146,7 +147,10 @@ def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: P
         meaning = f" Above 0: {measure.above_zero}." if measure.above_zero else ""
         console.print(f"{name}: {catalogue.question(measure)}{meaning}", style="dim")
     if any(summary.missing for *_, summary in found):
-        console.print("no value: a cable has no length there, its attachment lies on the anchor", style="dim")
+        console.print(
+            "no value: a cable has no length there, or a force whose effort is asked for is out of reach",
+            style="dim",
+        )
     if found[0][2].poses > SAMPLE:
         console.print(f"median: of an even selection of {SAMPLE:,} values at most", style="dim")
     if out:

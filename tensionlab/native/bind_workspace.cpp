@@ -67,6 +67,39 @@ Out<double, 1> shares(const In<3>& structure, const In<2>& lower, const In<2>& u
   });
 }
 
+nb::tuple active_facets(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                        double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const Wrenches required{rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+  const auto n = static_cast<std::size_t>(poses.n), m = static_cast<std::size_t>(poses.m);
+  const Active active{allocate<double>(poses.size), allocate<double>(poses.size * n),
+                      allocate<std::int64_t>(poses.size), allocate<double>(poses.size * m)};
+  {
+    nb::gil_scoped_release unlocked;
+    const auto kernel = active_facet_for_this_processor();
+    share_out(poses.size,
+              [&](std::size_t begin, std::size_t end) { kernel(poses, required, begin, end, active); });
+  }
+  return nb::make_tuple(vector_of(active.margin, poses.size), table_of(active.normal, poses.size, n),
+                        vector_of(active.number, poses.size), table_of(active.tensions, poses.size, m));
+}
+
+nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2>& upper, std::size_t capacity,
+                          double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const auto n = static_cast<std::size_t>(poses.n);
+  const Facets facets{allocate<double>(poses.size), allocate<double>(poses.size * capacity * n),
+                      allocate<double>(poses.size * capacity)};
+  {
+    nb::gil_scoped_release unlocked;
+    const auto kernel = half_spaces_for_this_processor();
+    share_out(poses.size,
+              [&](std::size_t begin, std::size_t end) { kernel(poses, capacity, begin, end, facets); });
+  }
+  return nb::make_tuple(table_of(facets.normals, poses.size, capacity * n),
+                        table_of(facets.offsets, poses.size, capacity), vector_of(facets.count, poses.size));
+}
+
 }  // namespace
 
 void bind_workspace(nb::module_& module) {
@@ -74,6 +107,8 @@ void bind_workspace(nb::module_& module) {
   module.def("tension_factor", &factors);
   module.def("isotropic_force", &forces);
   module.def("reachable_share", &shares);
+  module.def("active_facet", &active_facets);
+  module.def("half_spaces", &all_half_spaces);
 }
 
 }  // namespace tensionlab

@@ -10,6 +10,7 @@ void bind_clearance(nanobind::module_&);
 void bind_closed_form(nanobind::module_&);
 void bind_dykstra(nanobind::module_&);
 void bind_equilibrium(nanobind::module_&);
+void bind_firmware(nanobind::module_&);
 void bind_judge(nanobind::module_&);
 void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);

@@ -18,6 +18,7 @@ NB_MODULE(_native, module) {
   bind_closed_form(module);
   bind_dykstra(module);
   bind_equilibrium(module);
+  bind_firmware(module);
   bind_judge(module);
   bind_linear_program(module);
   bind_newton(module);

@@ -1,5 +1,6 @@
 // The workspace measures over a batch of poses; compiled once for each instruction set (instruction_set.hpp).
 #include "workspace_batch.hpp"
+#include "workspace_facets.hpp"
 #include "workspace_measures.hpp"
 
 namespace tensionlab {
@@ -72,6 +73,31 @@ void isotropic_force(const Poses& poses, int dimension, std::size_t begin, std::
 void reachable_share(const Poses& poses, const Wrenches& wrenches, double tolerance, std::size_t begin,
                      std::size_t end, double* share) {
   measure_any(poses, begin, end, ReachableShare{wrenches, poses.n, tolerance}, share);
+}
+
+template <int N>
+void tensions_of_size(const Poses& poses, const Wrenches& wrenches, std::size_t begin, std::size_t end,
+                      const Active& active) {
+  const auto m = static_cast<std::size_t>(poses.m);
+  for (std::size_t row = begin; row < end; ++row) {
+    tensions_in_facet<N>({poses.structure[row], poses.lower[row], poses.upper[row]}, poses.m,
+                         active.normal + row * N, wrenches.rows[row] + active.number[row] * N,
+                         poses.rank_tolerance, active.tensions + row * m);
+  }
+}
+
+void active_facet(const Poses& poses, const Wrenches& wrenches, std::size_t begin, std::size_t end,
+                  const Active& active) {
+  measure_any(poses, begin, end, ActiveFacet{wrenches, poses.n, active.normal, active.number}, active.margin);
+  static constexpr decltype(&tensions_of_size<1>) kTensions[] = {tensions_of_size<1>, tensions_of_size<2>,
+                                                                 tensions_of_size<3>, tensions_of_size<4>,
+                                                                 tensions_of_size<5>, tensions_of_size<6>};
+  kTensions[poses.n - 1](poses, wrenches, begin, end, active);
+}
+
+void half_spaces(const Poses& poses, std::size_t capacity, std::size_t begin, std::size_t end,
+                 const Facets& facets) {
+  measure_any(poses, begin, end, HalfSpaces{poses.n, capacity, facets.normals, facets.offsets}, facets.count);
 }
 
 }  // namespace TENSIONLAB_BUILD

@@ -16,24 +16,22 @@ struct Seen {
   using V = typename Set::V;
   static constexpr int kMost = 32;
 
-  V offset[kMost][Set::kRank];  // in the coordinates of the set
-  V off_range[kMost];
+  V wrench[kMost][Set::kComponents];
+  V offset[kMost][Set::kRank];  // the same in the coordinates of the set
   int count;
 
   Seen(const Set& set, const Wrenches& wrenches, const std::size_t (&row)[Set::kLanes], int n, int first)
       : count(std::min(wrenches.count - first, kMost)) {
     for (int j = 0; j < count; ++j) {
       const std::ptrdiff_t start = static_cast<std::ptrdiff_t>(first + j) * n;
-      V wrench[Set::kComponents];
       for (int k = 0; k < Set::kComponents; ++k) {
-        wrench[k] = V{};
+        wrench[j][k] = V{};
         if (k < n) {
-          wrench[k] = gather<double, Set::kLanes>([&](int l) { return wrenches.rows[row[l]][start + k]; });
-          wrench[k] -= set.centre[k];
+          wrench[j][k] = gather<double, Set::kLanes>([&](int l) { return wrenches.rows[row[l]][start + k]; });
+          wrench[j][k] -= set.centre[k];
         }
       }
-      set.transform(wrench, offset[j]);
-      off_range[j] = set.off_range(wrench);
+      set.transform(wrench[j], offset[j]);
     }
   }
 };
@@ -56,7 +54,7 @@ struct CapacityMargin {
         const V room = height - furthest;
         return V(room * magnitude(room) / set.square(normal));  // the distance squared, with its sign
       });
-      for (int j = 0; j < seen.count; ++j) off_range = larger(off_range, seen.off_range[j]);
+      for (int j = 0; j < seen.count; ++j) off_range = larger(off_range, set.off_range(seen.wrench[j]));
     }
     const V distance = square_root<double, Set::kLanes>(magnitude(least));
     const V margin = least < V{} ? V(-distance) : distance;
@@ -125,7 +123,7 @@ struct ReachableShare {
     for (int first = 0; first < wrenches.count; first += Seen<Set>::kMost) {
       const Seen<Set> seen(set, wrenches, row, n, first);
       V outside[Seen<Set>::kMost];
-      std::copy(seen.off_range, seen.off_range + seen.count, outside);
+      for (int j = 0; j < seen.count; ++j) outside[j] = set.off_range(seen.wrench[j]);
       set.facets([&](const V* normal, const V& height, const auto& spans) {
         const V length = square_root<double, Set::kLanes>(set.square(normal));
         const V inverse = spans ? 1 / length : V{};

@@ -45,15 +45,21 @@ struct WrenchSet {
     }
   }
 
-  // The sum of squares of the first `count` components of B'h.
+  // Component k of B'h, the normal in wrenches.
+  V component(const V* normal, int k) const {
+    V sum = basis[R - 1][k] * normal[R - 1];
+    TENSIONLAB_UNROLL
+    for (int r = kTriangular ? k : 0; r < R - 1; ++r) sum += basis[r][k] * normal[r];
+    return sum;
+  }
+
+  // The sum of squares of the first `count` of them.
   V square(const V* normal, int count = N) const {
     V sum{};
     TENSIONLAB_UNROLL
     for (int k = 0; k < count; ++k) {
-      V component = basis[R - 1][k] * normal[R - 1];
-      TENSIONLAB_UNROLL
-      for (int r = kTriangular ? k : 0; r < R - 1; ++r) component += basis[r][k] * normal[r];
-      sum += component * component;
+      const V each = component(normal, k);
+      sum += each * each;
     }
     return sum;
   }
@@ -182,7 +188,7 @@ struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, false> {
     }
     std::fill(this->centre, this->centre + N, 0.0);
     size = 0;
-    this->zonotope.count = m;
+    this->zonotope.count = rank > 0 ? m : 0;
     for (int i = 0; i < m; ++i) {
       const double room = (pose.upper[i] - pose.lower[i]) / 2, middle = pose.lower[i] + room;
       double pull[N] = {}, square = 0;
@@ -198,25 +204,34 @@ struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, false> {
 
   bool flat() const { return rank < components; }
 
-  // How far a wrench, seen from the centre, is off the range of what the tensions can change; zero but for
-  // rounding is zero.
-  double off_range(const double* wrench) const {
-    double left[N];
-    std::copy(wrench, wrench + N, left);
+  // wrench -= what of it the tensions can change
+  void take_off(double* wrench) const {
     for (int pass = 0; pass < 2; ++pass) {
       for (int r = 0; r < rank; ++r) {
         double share = 0;
-        for (int k = 0; k < components; ++k) share += range[r][k] * left[k];
-        for (int k = 0; k < components; ++k) left[k] -= share * range[r][k];
+        for (int k = 0; k < N; ++k) share += range[r][k] * wrench[k];
+        for (int k = 0; k < N; ++k) wrench[k] -= share * range[r][k];
       }
     }
+  }
+
+  // The rest of a wrench, seen from the centre: all of it is 0 where it is no more than rounding. Returns its
+  // length.
+  double off_range(const double* wrench, double* off) const {
+    std::copy(wrench, wrench + N, off);
+    take_off(off);
     double square = 0, length = 0;
-    for (int k = 0; k < components; ++k) {
-      square += left[k] * left[k];
+    for (int k = 0; k < N; ++k) {
+      square += off[k] * off[k];
       length += wrench[k] * wrench[k];
     }
-    const double rounding = 1e-12 * (size + std::sqrt(length));
-    return std::sqrt(square) > rounding ? std::sqrt(square) : 0.0;
+    if (std::sqrt(square) > 1e-12 * (size + std::sqrt(length))) return std::sqrt(square);
+    std::fill(off, off + N, 0.0);
+    return 0;
+  }
+  double off_range(const double* wrench) const {
+    double off[N];
+    return off_range(wrench, off);
   }
 };
 

@@ -61,14 +61,14 @@ struct Zonotope {
   V half[M];       // and half their lengths
   int count;
 
-  // visit(normal, height) for every choice of R - 1 segments: the zonotope lies in |normal . x| <= height and
-  // touches both planes, whatever the length of the normal. Where the choice is dependent, the normal is 0 but for
-  // rounding.
+  // visit(normal, height) for every choice of R - 1 segments, of R or more: the zonotope lies in |normal . x| <=
+  // height and touches both planes, whatever the length of the normal. Where the choice is dependent, the normal
+  // is 0 but for rounding.
   template <class Visit>
   void facets(const Visit& visit) const {
     const V nothing_yet[1] = {V{} + 1};
     int chosen[R];
-    choose<0>(nothing_yet, 0, chosen, visit);
+    if (count >= R) choose<0>(nothing_yet, 0, chosen, visit);
   }
 
   static V dot(const V* a, const V* b) {

@@ -1,6 +1,8 @@
 """Where and how well can a rig pull? Measures of structure matrices and tension limits, and sweeps of them."""
 
 from tensionlab.workspace.catalogue import MEASURES
+from tensionlab.workspace.directions import Effort, effort, reachable_share
+from tensionlab.workspace.gradient import MarginGradient, RigMarginGradient, margin_gradient, rig_margin_gradient
 from tensionlab.workspace.interference import (
     Capsule,
     Clearance,
@@ -24,14 +26,15 @@ from tensionlab.workspace.questions import (
     CableDistance,
     CapacityMargin,
     ConditionNumber,
-    Effort,
     IsotropicForce,
     LeastSingularValue,
     ReachableShare,
+    SquaredTension,
     TensionFactor,
     WrenchClosure,
 )
 from tensionlab.workspace.vary import vary
+from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
 __all__ = [
     "MEASURES",
@@ -43,10 +46,14 @@ __all__ = [
     "ConditionNumber",
     "Effort",
     "Grid",
+    "HalfSpaces",
     "IsotropicForce",
     "LeastSingularValue",
+    "MarginGradient",
     "PoseList",
     "ReachableShare",
+    "RigMarginGradient",
+    "SquaredTension",
     "TensionFactor",
     "WrenchClosure",
     "body_distance",
@@ -55,12 +62,18 @@ __all__ = [
     "cable_pairs",
     "capacity_margin",
     "condition_number",
+    "effort",
+    "half_spaces",
     "isotropic_force",
     "least_singular_value",
+    "margin_gradient",
     "polyline",
+    "reachable_share",
     "read_poses",
+    "rig_margin_gradient",
     "segment_distance",
     "tension_factor",
     "vary",
+    "vertices",
     "wrench_closure",
 ]

@@ -13,10 +13,10 @@ from tensionlab.workspace.questions import (
     CableDistance,
     CapacityMargin,
     ConditionNumber,
-    Effort,
     IsotropicForce,
     LeastSingularValue,
     ReachableShare,
+    SquaredTension,
     TensionFactor,
     WrenchClosure,
 )
@@ -29,7 +29,7 @@ MEASURES: dict[str, type[Any]] = {
     "reachable-share": ReachableShare,
     "least-singular-value": LeastSingularValue,
     "condition-number": ConditionNumber,
-    "effort": Effort,
+    "effort": SquaredTension,
     "cable-distance": CableDistance,
     "body-distance": BodyDistance,
 }

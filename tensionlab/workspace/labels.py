@@ -2,17 +2,55 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import sys
 from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.errors import SweepError
+from tensionlab import records
+from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.model import pose
 from tensionlab.model.kinematics import Floats
 from tensionlab.workspace.catalogue import question
 from tensionlab.workspace.contract import Measure
 from tensionlab.workspace.plan import Plan
 from tensionlab.workspace.pose_sets import Coordinate
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def bare_dataset(plan: Plan) -> xarray.Dataset:
+    """How will the dataset of a sweep look, before there is a value? Its coordinates and attributes.
+
+    Raises
+    ------
+    MissingDependency
+        If xarray is not installed.
+    SweepError, RigError, ShapeError
+        As `coordinates`.
+    """
+    try:
+        import xarray
+    except ImportError as error:
+        raise MissingDependency('a sweep needs xarray: pip install "tensionlab[workspace]"') from error
+    found = coordinates(plan)
+    manifest = records.manifest(sys.orig_argv)
+    return xarray.Dataset(
+        coords={
+            each.name: (each.dims, each.values, {"units": each.units, "long_name": each.long_name})
+            for each in found
+        },
+        attrs={
+            "title": f"tensionlab sweep: {', '.join(plan.measures)}",
+            "sweep": json.dumps(_identity(plan, found, manifest["versions"]["tensionlab"])),
+            "manifest": json.dumps(manifest),
+        },
+    )
 
 
 def coordinates(plan: Plan) -> list[Coordinate]:
@@ -94,3 +132,24 @@ def _padded(rows: list[Floats], length: int, shape: tuple[int, ...]) -> Floats:
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values
     return table.reshape(*shape, *table.shape[1:])
+
+
+def _identity(plan: Plan, found: Sequence[Coordinate], version: str) -> dict[str, Any]:
+    """What makes a sweep this one and no other."""
+    of_poses = plan.poses.coordinates()
+    names = {each.name for each in of_poses}
+    return {
+        "rigs": _digest([each for each in found if each.name not in names]),
+        "poses": _digest(of_poses),
+        "measures": {name: repr(measure) for name, measure in plan.measures.items()},
+        "chunks": list(plan.chunks),
+        "version": version,
+    }
+
+
+def _digest(found: Sequence[Coordinate]) -> str:
+    digest = hashlib.sha256()
+    for each in found:
+        digest.update(repr((each.name, each.dims, each.values.dtype, each.values.shape)).encode())
+        digest.update(np.ascontiguousarray(each.values).tobytes())
+    return digest.hexdigest()

@@ -13,6 +13,9 @@ from tensionlab.inputs import finite, rows
 from tensionlab.solvers.contract import RANK_TOLERANCE, Floats
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
+Wanted = ArrayLike | tuple[ArrayLike, ArrayLike] | None
+"""What is required of a rig, as `capacity_margin` takes it."""
+
 
 class Required(NamedTuple):
     """Which wrenches a rig must render: all within a radius of the hull of some.
@@ -27,9 +30,7 @@ class Required(NamedTuple):
     radius: Floats
 
 
-def capacity_margin(
-    structure: ArrayLike, limits: TensionRange, required: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
-) -> Floats:
+def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Wanted = None) -> Floats:
     """How far inside the available wrench set is all that is required?
 
     The available wrench set is all ``W t`` with t inside the limits. Where n is more than 3, its distances mix N
@@ -70,7 +71,7 @@ def capacity_margin(
     return np.asarray(margin.reshape(given.shape) - radius)[()]
 
 
-def required_set(required: ArrayLike | tuple[ArrayLike, ArrayLike] | None, n: int) -> Required:
+def required_set(required: Wanted, n: int) -> Required:
     """Which wrenches with n components are required?
 
     Raises

@@ -22,6 +22,18 @@ from tensionlab.workspace.vary import Configurations
 Block = tuple[slice, ...]
 """A part of every axis of a sweep."""
 
+BATCH = 2_000
+"""Poses evaluated at once: few enough for the cache, and for kernels not to start threads of their own."""
+
+NO_LENGTH = 1e-12
+"""A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
+
+PARTS = 16
+"""Chunks of a small sweep, at least, so that all processors have work."""
+
+SMALL = 1_024
+"""Values of a chunk that is not worth cutting up."""
+
 
 @dataclass(frozen=True, eq=False)
 class Task:
@@ -39,9 +51,12 @@ class Task:
         position, rotation = self.poses.arrays()
         values = np.full((len(self.measures), len(self.rigs), len(position)), np.nan)
         for number, rig in enumerate(self.rigs):
-            batch, sound = _batch(rig, position, rotation, self.frames)
-            for row, measure in enumerate(self.measures):
-                values[row, number, sound] = measure.evaluate(batch)
+            for start in range(0, len(position), BATCH):
+                some = slice(start, start + BATCH)
+                turns = None if rotation is None else rotation[some]
+                batch, sound = _batch(rig, position[some], turns, self.frames)
+                for row, measure in enumerate(self.measures):
+                    values[row, number, some][sound] = measure.evaluate(batch)
         return values.reshape(len(self.measures), *(part.stop - part.start for part in self.block))
 
 
@@ -72,7 +87,7 @@ class Plan:
     def chunks(self) -> tuple[int, ...]:
         """Length of a chunk along each axis: as much of the last axes as fits, then of those before."""
         found: list[int] = []
-        left = self.chunk
+        left = min(self.chunk, max(SMALL, math.prod(self.shape) // PARTS))
         for length in reversed(self.shape):
             found.append(min(length, max(left, 1)))
             left //= found[-1]
@@ -139,7 +154,7 @@ def _batch(rig: Rig, position: Floats, rotation: Floats | None, frames: Frames) 
         turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
         arms = rig.attachments if turn is None else kinematics.rotate(turn, rig.attachments)
     lengths, directions = kinematics.cables(anchors, position, arms)
-    sound = np.asarray((lengths > 0.0).all(axis=-1))
+    sound = np.asarray((lengths > NO_LENGTH * lengths.max(axis=-1, keepdims=True)).all(axis=-1))
     structure = kinematics.structure_matrix(directions, arms)
     if not sound.all():
         position, structure = position[sound], structure[sound]

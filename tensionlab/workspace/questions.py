@@ -8,16 +8,16 @@ from typing import Any, ClassVar, Literal, get_args
 import numpy as np
 
 from tensionlab.errors import SweepError
-from tensionlab.model import directions
+from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
-from tensionlab.workspace import interference, margin, measures
+from tensionlab.workspace import directions, interference, margin, measures
 from tensionlab.workspace.contract import Batch
 
 
 @dataclass(frozen=True)
 class CapacityMargin:
-    """How much more than the radius can the cables render in their weakest direction?
+    """How much can the cables render in their weakest direction, beyond the radius (0 if left out)?
 
     The required set is a ball about zero, of forces and torques as one (N and N·m) if the rig has torques. Below
     zero is how much of it is missing.
@@ -79,7 +79,7 @@ class IsotropicForce:
 
 @dataclass(frozen=True)
 class ReachableShare:
-    """In which share of all directions can a force of this size be rendered?
+    """In which share of all directions can a force of this magnitude (1 N if left out) be rendered?
 
     Without torque, in directions that cover the circle or sphere evenly.
     """
@@ -96,9 +96,8 @@ class ReachableShare:
 
     def evaluate(self, batch: Batch) -> Floats:
         """Find the value at every pose."""
-        return measures.reachable_share(
-            batch.structure, batch.rig.limits, _directions(batch.rig, self.count), self.magnitude
-        )
+        around = _around(batch.rig, self.count)
+        return directions.reachable_share(batch.structure, batch.rig.limits, around, self.magnitude)
 
 
 @dataclass(frozen=True)
@@ -128,10 +127,10 @@ class ConditionNumber:
 
 
 @dataclass(frozen=True)
-class Effort:
-    """How much squared tension does a force of this size take, in the mean over directions, or in the worst?
+class SquaredTension:
+    """How much squared tension does a force (1 N) take, in the mean over directions, or in the worst?
 
-    Without torque, in directions that cover the circle or sphere evenly.
+    Without torque, in directions that cover the circle or sphere evenly. NaN where some are out of reach.
     """
 
     over: Literal["mean", "worst"] = "mean"
@@ -148,10 +147,9 @@ class Effort:
 
     def evaluate(self, batch: Batch) -> Floats:
         """Find the value at every pose."""
-        mean, worst = measures.effort(
-            batch.structure, batch.rig.limits, _directions(batch.rig, self.count), self.magnitude
-        )
-        return mean if self.over == "mean" else worst
+        around = _around(batch.rig, self.count)
+        found = directions.effort(batch.structure, batch.rig.limits, around, self.magnitude)
+        return found.mean if self.over == "mean" else found.worst
 
 
 @dataclass(frozen=True)
@@ -196,7 +194,6 @@ def _check_forces(measure: Any, magnitude: float, count: int) -> None:
     _check(measure, "count", count >= 1, "a number of directions, 1 or more")
 
 
-def _directions(rig: Rig, count: int) -> Floats:
-    """Directions of force all around, as wrenches of the rig."""
-    around = directions.circle(count) if rig.dimension == 2 else directions.fibonacci(count)
-    return directions.forces(around, rig.n, rig.dimension)
+def _around(rig: Rig, count: int) -> Floats:
+    """Directions of force all around."""
+    return circle(count) if rig.dimension == 2 else fibonacci(count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from tensionlab.errors import MissingDependency, SweepError
@@ -24,7 +24,8 @@ def locally(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
 
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
-    workers = int(os.environ.get("TENSIONLAB_NUM_THREADS") or 0) or _processors()
+    asked = os.environ.get("TENSIONLAB_NUM_THREADS", "")
+    workers = int(asked) if asked.isdecimal() and int(asked) else _processors()
     waiting = iter(tasks)
     running: dict[Future[Floats], Task] = {}
     with ThreadPoolExecutor(workers) as pool:
@@ -52,7 +53,7 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
     MissingDependency
         If dask.distributed is not installed.
     SweepError
-        If the scheduler does not answer, has no workers, or workers died too often.
+        If the scheduler does not answer, has no workers, is lost, or lost too many workers.
     """
     try:
         from distributed import Client, KilledWorker, as_completed
@@ -83,8 +84,10 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
             for future in running:
                 running.update(submit(1))
                 yield known.pop(future.key), future.result()
-        except KilledWorker as error:
-            raise SweepError(f"scheduler {address!r}: workers died too often ({error})") from error
+        except (KilledWorker, CancelledError) as error:
+            raise SweepError(
+                f"scheduler {address!r} gave up: {error}; with out, the same call goes on from here"
+            ) from error
 
 
 def _processors() -> int:

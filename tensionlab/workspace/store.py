@@ -7,23 +7,20 @@ is nothing but Zarr. Its format is version 2, in which texts have a specificatio
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
 import shutil
-from collections.abc import Container, Sequence
+from collections.abc import Container
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from tensionlab import records
 from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.model.kinematics import Floats
 from tensionlab.workspace import labels
 from tensionlab.workspace.plan import Plan, Task
-from tensionlab.workspace.pose_sets import Coordinate
 
 if TYPE_CHECKING:
     import xarray
@@ -133,58 +130,6 @@ class Store:
         return data
 
 
-def bare_dataset(plan: Plan) -> xarray.Dataset:
-    """How will the dataset of a sweep look, before there is a value? Its coordinates and attributes.
-
-    Raises
-    ------
-    MissingDependency
-        If xarray is not installed.
-    SweepError, RigError, ShapeError
-        As `labels.coordinates`.
-    """
-    try:
-        import xarray
-    except ImportError as error:
-        raise MissingDependency('a sweep needs xarray: pip install "tensionlab[workspace]"') from error
-    import sys
-
-    coordinates = labels.coordinates(plan)
-    manifest = records.manifest(sys.orig_argv)
-    return xarray.Dataset(
-        coords={
-            each.name: (each.dims, each.values, {"units": each.units, "long_name": each.long_name})
-            for each in coordinates
-        },
-        attrs={
-            "title": f"tensionlab sweep: {', '.join(plan.measures)}",
-            "sweep": json.dumps(_identity(plan, coordinates, manifest["versions"]["tensionlab"])),
-            "manifest": json.dumps(manifest),
-        },
-    )
-
-
-def _identity(plan: Plan, coordinates: Sequence[Coordinate], version: str) -> dict[str, Any]:
-    """What makes a sweep this one and no other."""
-    of_poses = plan.poses.coordinates()
-    names = {each.name for each in of_poses}
-    return {
-        "rigs": _digest([each for each in coordinates if each.name not in names]),
-        "poses": _digest(of_poses),
-        "measures": {name: repr(measure) for name, measure in plan.measures.items()},
-        "chunks": list(plan.chunks),
-        "version": version,
-    }
-
-
-def _digest(coordinates: Sequence[Coordinate]) -> str:
-    digest = hashlib.sha256()
-    for each in coordinates:
-        digest.update(repr((each.name, each.dims, each.values.dtype, each.values.shape)).encode())
-        digest.update(np.ascontiguousarray(each.values).tobytes())
-    return digest.hexdigest()
-
-
 def _check(path: Path, wanted: str) -> None:
     """Refuse what is no store of this very sweep."""
     import zarr
@@ -196,8 +141,7 @@ def _check(path: Path, wanted: str) -> None:
     differs = [part for part, value in json.loads(wanted).items() if found.get(part) != value]
     if differs:
         raise SweepError(
-            f"{path} holds another sweep: its {' and '.join(differs)} differ; give another place to write to, or "
-            "delete it"
+            f"{path} holds a sweep that differs in {' and '.join(differs)}; give another place, or delete it"
         )
 
 
@@ -212,15 +156,13 @@ def _create(path: Path, plan: Plan, bare: xarray.Dataset) -> None:
     bare.to_zarr(new, zarr_format=2, consolidated=False)
     group = zarr.open_group(new, mode="r+")
     for name, measure in plan.measures.items():
-        # The coordinates that go with a variable, as xarray writes them.
-        others = " ".join(str(each) for each in bare.coords if each not in bare.dims)
         group.create_array(
             name,
             shape=plan.shape,
             chunks=plan.chunks,
             dtype="float64",
             fill_value=np.nan,
-            attributes={**labels.attributes(measure), "_ARRAY_DIMENSIONS": list(plan.dims), "coordinates": others},
+            attributes={**labels.attributes(measure), "_ARRAY_DIMENSIONS": list(plan.dims)},
         )
     zarr.consolidate_metadata(new.as_posix())
     (new / LEDGER).touch()

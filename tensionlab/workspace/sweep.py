@@ -16,11 +16,12 @@ from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import catalogue
 from tensionlab.workspace.contract import Measure
+from tensionlab.workspace.labels import bare_dataset
 from tensionlab.workspace.plan import Plan
 from tensionlab.workspace.pose_sets import Grid, PoseList
 from tensionlab.workspace.progress import bar
 from tensionlab.workspace.run import locally, on_cluster
-from tensionlab.workspace.store import Memory, Sink, Store, bare_dataset
+from tensionlab.workspace.store import Memory, Sink, Store
 from tensionlab.workspace.vary import Configurations, vary
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ def sweep(
     -------
     xarray.Dataset
         A variable for each measure, called as it was asked for, with the axes of the configurations, then those
-        of the poses. NaN where a cable has no length. Every variable has ``units`` and ``long_name``. The
+        of the poses. NaN where a cable has no length, or a measure has
+        no value. Every variable has ``units`` and ``long_name``. The
         coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves. Among the
         attributes is the ``manifest``, as JSON: the call, versions, commit and processor.
 

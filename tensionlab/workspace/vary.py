@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import layouts
+from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.pose_sets import Coordinate
 
@@ -83,7 +84,8 @@ def vary(
     Returns
     -------
     Configurations
-        With the axes "rig" or one for each listed parameter, "anchor_NAME" for each module, and "limits".
+        With the axes "rig" or one for each listed parameter, "anchor_NAME" for each module (spaces become _), and
+        "limits".
 
     Raises
     ------
@@ -96,7 +98,7 @@ def vary(
     for name, points in moved.items():
         places = _rows(f"anchors[{name!r}]", points, "places, each a list of coordinates in m")
         title = f'anchor of module "{name}"'
-        axes.append(_axis(f"anchor_{name}", [tuple(place) for place in places], "m", title))
+        axes.append(_axis("_".join(["anchor", *name.split()]), [tuple(place) for place in places], "m", title))
     if limits is not None:
         pairs = _rows("limits", limits, "pairs (lower, upper) in N")
         if pairs.shape[1] != 2:
@@ -148,7 +150,9 @@ def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[li
         listed = list(values)
         if not listed:
             raise SweepError(f"vary: {name} holds no values; give at least one")
-        unit = layouts.UNITS.get(name, "1" if all(isinstance(value, int) for value in listed) else "SI")
+        unit = layouts.UNITS.get(
+            name, "1" if all(isinstance(value, (int, np.integer)) for value in listed) else "SI"
+        )
         axes.append(_axis(name, listed, unit, f"{name} of {title}"))
     names = [axis.name for axis in axes]
     return axes, lambda *values: what(**fixed, **dict(zip(names, values, strict=True)))
@@ -173,7 +177,7 @@ def _axis(name: str, values: list[Any], unit: str, title: str, parts: Sequence[s
     return Axis(name, tuple(values), tuple(labels))
 
 
-def _rows(what: str, values: ArrayLike, wanted: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _rows(what: str, values: ArrayLike, wanted: str) -> Floats:
     """A table of numbers, a row for each value."""
     try:
         table = np.array(values, dtype=np.float64)

@@ -20,7 +20,7 @@ def test_every_measure_has_a_question_a_unit_and_a_name_that_makes_it_again(name
     [
         ("reachable-share:2.0", questions.ReachableShare(magnitude=2.0)),
         ("capacity-margin:1.5", questions.CapacityMargin(radius=1.5)),
-        ("effort:worst", questions.Effort(over="worst")),
+        ("effort:worst", questions.SquaredTension(over="worst")),
     ],
 )
 def test_a_variant_sets_the_first_parameter(name, measure):

@@ -34,7 +34,7 @@ from tensionlab.workspace.vary import vary
 tl.sweep(
     vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4]),
     Grid(np.linspace(-1, 1, 5), np.linspace(0, 1, 4), np.linspace(-1, 1, 3)),
-    ["least-singular-value", Tallied(sys.argv[2], 0.02)],
+    ["least-singular-value", Tallied(sys.argv[2], 0.1)],
     out=sys.argv[1],
     chunk=9,
 )
@@ -77,6 +77,13 @@ def test_a_finished_store_is_the_sweep_and_nothing_else(store, tmp_path):
     assert data["least-singular-value"].encoding["chunks"] == (1, 1, 1, 3, 3)
 
 
+def test_any_name_of_a_module_can_be_stored(store):
+    rigs = vary(tl.box_corners([1, 1, 1]), anchors={"x- y- z+": [[0, 0, 0], [1, 0, 0]]})
+    data = tl.sweep(rigs, POSES, "wrench-closure", out=store)
+    assert set(data.data_vars) == {"wrench-closure"}
+    assert data["anchor_x-_y-_z+_x"].values.tolist() == [0.0, 1.0]
+
+
 def test_a_finished_sweep_is_only_opened(store, tmp_path):
     first = sweep(store, tmp_path / "a")
     before = read(tmp_path / "a")
@@ -116,28 +123,41 @@ def number(path):
     return int(np.ravel_multi_index([int(i) for i in path.name.split(".")], (2, 2, 5, 2, 1)))
 
 
-@pytest.fixture
-def interrupted(store, tmp_path, monkeypatch):
-    """A store with 12 finished chunks, and the number of those evaluated for it."""
+def stop(store, tally, count, monkeypatch):
+    """Sweep until so many chunks are finished."""
     write = Store.write
 
-    def stop(self, task, values):
-        if len(lines(store)) == 12:
+    def until(self, task, values):
+        if len(lines(store)) == count:
             raise KeyboardInterrupt
         write(self, task, values)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Store, "write", stop)
+        patch.setattr(Store, "write", until)
         with pytest.raises(KeyboardInterrupt):
-            sweep(store, tmp_path / "tally")
+            sweep(store, tally)
+
+
+@pytest.fixture
+def interrupted(store, tmp_path, monkeypatch):
+    """A store with 12 finished chunks, and the number of those evaluated for it."""
+    stop(store, tmp_path / "tally", 12, monkeypatch)
     return len(read(tmp_path / "tally"))
 
 
-def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path):
-    whole = lines(store)
-    (store / LEDGER).write_text("\n".join([*whole[:10], whole[11][:1]]))
+def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path, monkeypatch):
+    def cut_short():
+        unfinished = max(set(range(COUNT)) - {int(line) for line in lines(store)})
+        with (store / LEDGER).open("a") as ledger:
+            ledger.write(str(unfinished))
+
+    cut_short()
+    stop(store, tmp_path / "tally", 20, monkeypatch)
+    assert len({int(line) for line in lines(store)} & set(range(COUNT))) == 20
+    cut_short()
+    evaluated = len(read(tmp_path / "tally"))
     data = sweep(store, tmp_path / "tally")
-    assert len(read(tmp_path / "tally")) - interrupted == COUNT - 10
+    assert len(read(tmp_path / "tally")) - evaluated == COUNT - 20
     assert not data["Tallied"].isnull().any()
 
 
@@ -160,23 +180,23 @@ def test_a_store_half_made_is_made_anew(store, tmp_path):
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        ({"rigs": vary(tl.ring_plus_top, side=[0.5, 1.1], count=[3, 4])}, "its rigs differ"),
-        ({"poses": Grid(POSES.x, POSES.y, POSES.z + 1e-9)}, "its poses differ"),
-        ({"measures": ["condition-number"]}, "its measures differ"),
-        ({"poses": Grid(POSES.x, POSES.y, POSES.z[:2])}, "its poses and chunks differ"),
+        ({"rigs": vary(tl.ring_plus_top, side=[0.5, 1.1], count=[3, 4])}, "rigs"),
+        ({"poses": Grid(POSES.x, POSES.y, POSES.z + 1e-9)}, "poses"),
+        ({"measures": ["condition-number"]}, "measures"),
+        ({"poses": Grid(POSES.x, POSES.y, POSES.z[:2])}, "poses and chunks"),
     ],
 )
 def test_the_store_of_another_sweep_is_refused(store, tmp_path, changed, words):
     sweep(store, tmp_path / "tally")
     before = {path: path.stat().st_mtime_ns for path in store.rglob("*")}
-    with pytest.raises(SweepError, match=f"sweep.zarr holds another sweep: {words}"):
+    with pytest.raises(SweepError, match=f"sweep.zarr holds a sweep that differs in {words};"):
         sweep(store, tmp_path / "tally", **changed)
     assert {path: path.stat().st_mtime_ns for path in store.rglob("*")} == before
 
 
 def test_another_version_does_not_go_on(store, tmp_path, interrupted, monkeypatch):
     monkeypatch.setattr(tl, "__version__", "99.0")
-    with pytest.raises(SweepError, match="its version differ"):
+    with pytest.raises(SweepError, match="differs in version"):
         sweep(store, tmp_path / "tally")
 
 

@@ -2,6 +2,9 @@
 
 import itertools
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +16,10 @@ from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential
 from tensionlab.workspace import store
 from tensionlab.workspace.catalogue import MEASURES
+from tensionlab.workspace.directions import effort, reachable_share
 from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
 from tensionlab.workspace.margin import capacity_margin
-from tensionlab.workspace.measures import effort, reachable_share, tension_factor, wrench_closure
+from tensionlab.workspace.measures import tension_factor, wrench_closure
 from tensionlab.workspace.paths import box, polyline
 from tensionlab.workspace.pose_sets import Grid, PoseList
 from tensionlab.workspace.questions import BodyDistance, CapacityMargin, ReachableShare
@@ -95,6 +99,13 @@ def test_alternate_corners_close_a_third_of_the_box_and_all_corners_all_of_it(la
     assert float(data["wrench-closure"].mean()) == pytest.approx(share, abs=0.01)
 
 
+def test_the_workspace_of_ipanema_2_has_as_many_poses_as_published():
+    rig = tl.load_rig(Path(__file__).parents[2] / "datasets" / "rigs" / "ipanema-2.toml")
+    plane = box((-4, 4), (-3, 3), 0.0, step=0.1)
+    closed = tl.sweep(rig, Grid(plane.x, plane.y, [2.0, 3.0, 4.0]), "wrench-closure")["wrench-closure"]
+    assert closed.sum(["rig", "x", "y"]).values.tolist() == [3591, 3575, 3575]
+
+
 def test_layouts_with_other_numbers_of_modules_share_one_dataset():
     rigs = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 5, 8], limits=[(0.5, 6), (0.5, 12)])
     data = tl.sweep(rigs, box((-0.2, 0.2), (0.1, 0.5), 0.0, step=0.1), "capacity-margin", chunk=37)
@@ -136,6 +147,15 @@ def test_where_a_cable_has_no_length_there_is_no_value():
     data = tl.sweep(CUBE, poses, list({*MEASURES} - {"body-distance"}))
     for name, values in data.items():
         assert np.isnan(values.values).tolist() == [[False, True, False]], name
+
+
+def test_there_is_no_value_on_an_anchor_whatever_the_orientation():
+    rig, turn = held("platform", 3), exponential(np.array([0.0, 0.0, 0.4]))
+    corner = np.array([2.0, 3.0, 1.0]) - turn @ [0.1, 0.2, -0.1]
+    poses = PoseList([[0.1, 0.0, 0.2], corner, corner], [turn, turn, np.eye(3)])
+    found = tl.sweep(rig, poses, "cable-distance")["cable-distance"].values[0]
+    assert np.isnan(found).tolist() == [False, True, False]
+    assert found[2] == cable_distance(rig, corner, np.eye(3)).distance
 
 
 def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
@@ -217,3 +237,30 @@ def test_the_limit_of_memory_counts_all_measures(monkeypatch):
     assert tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure"]).sizes["pose"] == 3
     with pytest.raises(SweepError, match="give out"):
         tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure", "tension-factor"])
+
+
+LARGE = """
+import resource, sys
+import numpy as np
+import tensionlab as tl
+
+axis = np.linspace(-0.4, 0.4, 216)
+data = tl.sweep(
+    tl.box_corners([1, 1, 1]),
+    tl.workspace.Grid(axis, axis, axis),
+    ["capacity-margin", "wrench-closure"],
+    out=sys.argv[1],
+)
+print(data["capacity-margin"].size, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss")
+def test_ten_million_poses_take_less_than_a_gigabyte(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", LARGE, tmp_path / "a.zarr"], capture_output=True, text=True, check=True
+    )
+    size, peak = map(int, done.stdout.split())
+    assert size == 216**3 > 10_000_000
+    assert peak < 0.4e9, f"{peak:,} bytes"  # twice what Python and its libraries take by themselves

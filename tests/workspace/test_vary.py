@@ -49,6 +49,7 @@ def test_any_anchor_moves_and_all_else_stays():
     assert moved.modules[0] == RIG.modules[0]
     assert labels(rigs)["anchor_top_x"].values.tolist() == [0.0, 1.0]
     assert labels(rigs)["rig"].values.tolist() == ["ring-3-plus-top"]
+    assert vary(tl.box_corners([1, 1, 1]), anchors={"x- y- z+": [[0, 0, 0]]}).dims[1] == "anchor_x-_y-_z+"
 
 
 def test_limits_apply_to_all_modules_of_all_rigs():
