@@ -26,8 +26,8 @@ class Field:
         Coordinates along each axis of the grid, in m.
     names : list of str
         Of the rigs.
-    anchors : list of (m, d) arrays
-        In m.
+    anchors, ends : lists of (m, d) arrays
+        Of the cables, with the platform at home, in m.
     label : str
         Of the measure, with its unit.
     up : str
@@ -38,6 +38,7 @@ class Field:
     axes: dict[str, Floats]
     names: list[str]
     anchors: list[Floats]
+    ends: list[Floats]
     label: str
     up: str
 
@@ -61,8 +62,11 @@ def read_field(swept: xarray.Dataset, measure: str | None = None) -> Field:
     other = [str(name) for name in values.dims if name not in axes and name not in configurations]
     if other or len(axes) < 2:
         raise ShapeError(f"pictures need a sweep over a grid of positions; this one has the axes {values.dims}")
-    anchors = swept["anchor"].transpose(*configurations, "module", "axis").to_numpy()
-    anchors = anchors.reshape(-1, *anchors.shape[-2:])
+    anchors, ends = (
+        each.transpose(*configurations, "module", "axis").to_numpy().reshape(-1, *each.shape[-2:])
+        for each in (swept["anchor"], swept["attachment"] + swept["home"])
+    )
+    there = ~np.isnan(anchors).any(axis=-1)
     ups = {str(up) for up in np.atleast_1d(swept["up"].to_numpy()).ravel()}
     attributes = values.attrs
     unit = "" if attributes["units"] == "1" else f" ({attributes['units']})"
@@ -70,7 +74,8 @@ def read_field(swept: xarray.Dataset, measure: str | None = None) -> Field:
         values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
         axes=axes,
         names=_names(swept, [str(dim) for dim in configurations]),
-        anchors=[each[~np.isnan(each).any(axis=1)] for each in anchors],
+        anchors=[each[own] for each, own in zip(anchors, there, strict=True)],
+        ends=[each[own] for each, own in zip(ends, there, strict=True)],
         label=f"{attributes['long_name']}{unit}",
         up=ups.pop() if len(ups) == 1 else list(axes)[-1],
     )

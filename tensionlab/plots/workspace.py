@@ -27,7 +27,7 @@ CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
 DASHES = ("-", "--", ":")
 SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [
     ("module", {"color": BLUE, "marker": "s", "ls": ""}),
-    ("cable to the middle", {"color": GREY, "linewidth": 0.8}),
+    ("cable at home", {"color": GREY, "linewidth": 0.8}),
     ("zero or less", {"color": NONE, "marker": "s", "markersize": 9, "ls": ""}),
 ]
 
@@ -83,11 +83,11 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
     if (picture > 0).any():
         axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)
-    centre = [field.axes[name][middle[name]] for name in (across, along)]
-    anchors = field.anchors[number][:, [names.index(across), names.index(along)]]
-    for anchor in anchors:
-        axes.plot(*zip(anchor, centre, strict=True), color="white", linewidth=2.0, alpha=0.6)
-        axes.plot(*zip(anchor, centre, strict=True), color=GREY, linewidth=0.8)
+    shown = [names.index(across), names.index(along)]
+    anchors = field.anchors[number][:, shown]
+    for anchor, end in zip(anchors, field.ends[number][:, shown], strict=True):
+        axes.plot(*zip(anchor, end, strict=True), color="white", linewidth=2.0, alpha=0.6)
+        axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
     axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE, clip_on=False)
     axes.set(xlabel=f"{across} (m)", ylabel=f"{along} (m)", aspect="equal")
     axes.set_title(field.names[number], fontsize="medium")
@@ -141,8 +141,8 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
             triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
             if len(triangles):
                 axes.add_collection3d(Poly3DCollection(triangles, facecolors=_shaded(triangles, up), alpha=0.55))
-            for anchor in anchors:
-                axes.plot(*zip(anchor, (low + high) / 2, strict=True), color=GREY, linewidth=0.8)
+            for anchor, end in zip(anchors, field.ends[number], strict=True):
+                axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
             axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
             part = share_above(field.values[number], np.array([level]))[0]
             axes.set_title(f"{name}: {100 * part:.0f} % of the box", fontsize="medium")
