@@ -25,7 +25,9 @@ def simulate(
     listen: Annotated[
         str, typer.Option(metavar="HOST", help="Address of this machine to listen at; others reach it there.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0)] = 0,
+    port: Annotated[
+        int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0, max=65535)
+    ] = 0,
     pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
     modules: Annotated[
         Path | None, typer.Option(callback=output.output_file, help="Write the modules file there as well.")
@@ -44,8 +46,8 @@ def simulate(
         Path | None,
         typer.Option(
             callback=output.output_file,
-            help="Settings, read at the start and written when the module saves. In a rig, each module's name is "
-            "put before the suffix.",
+            help="Settings, read at the start and written when the module saves. In a rig, -1, -2, ... is put "
+            "before the suffix.",
         ),
     ] = None,
 ) -> None:
@@ -106,7 +108,7 @@ def _rig(path: Path, seed: int, config_file: Path | None) -> dict[str, tuple[Sim
     lengths = rig.lengths(rig.home, frames=at_rest(rig))
     simulated = {}
     for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
-        at = config_file and config_file.with_name(f"{config_file.stem}-{each.name}{config_file.suffix}")
+        at = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
         module = simulated_module(
             each, float(length), serial_number=index + 1, seed=seed + index, settings=_settings(at)
         )

@@ -53,6 +53,8 @@ class TcpPort:
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
+        if not 0 <= port <= 65535:
+            raise HardwareError(f"a port is from 0 to 65535; got {port}")
         try:
             self._listener = socket.create_server((host, port))
         except OSError as error:

@@ -20,6 +20,8 @@ TICK, IDLE_TICK = 1e-3, 20e-3
 LATE = 20e-3
 """What the server is late beyond this, in s, is time that does not pass in its modules: a busy machine must not
 make them time out."""
+PIECE = 64
+"""Bytes that a module takes at a time, as on the ESP32: the answers to more may not find room."""
 FAULT = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 
@@ -90,14 +92,14 @@ class ServedModule:
         if came != b"":
             self._inbound.put(came, now)
         self._advance(now)
+        self._listen(now)  # what the module said as time passed
         for arrived in self._inbound.take(now):
             if arrived is None:
                 self.module.close_link()
-            else:
-                self.module.receive(arrived)
-        said = self.module.transmit()
-        if said:
-            self._outbound.put(said, now)
+                continue
+            for begin in range(0, len(arrived), PIECE):
+                self.module.receive(arrived[begin : begin + PIECE])
+                self._listen(now)
         for arrived in self._outbound.take(now):
             if arrived:
                 self.port.send(arrived)
@@ -106,6 +108,11 @@ class ServedModule:
         """When it is to be served again at the latest, in s since the start."""
         tick = TICK if self.port.connected() else IDLE_TICK
         return min((now // tick + 1) * tick, self._inbound.due, self._outbound.due)
+
+    def _listen(self, now: float) -> None:
+        said = self.module.transmit()
+        if said:
+            self._outbound.put(said, now)
 
     def _advance(self, now: float) -> None:
         while self._faults and self._faults[-1].seconds <= now:
