@@ -8,24 +8,26 @@ namespace tensionlab {
 namespace firmware {
 namespace board {
 
+using Pin = uint8_t;
+
 // Motor driver (L6234). A resistor of 10 kOhm from the enable pin to ground keeps it off while the ESP32 starts.
-constexpr int kPhaseA = 25, kPhaseB = 26, kPhaseC = 27;
-constexpr int kEnable = 33;
+constexpr Pin kPhaseA = 25, kPhaseB = 26, kPhaseC = 27;
+constexpr Pin kEnable = 33;
 
 // Current sensing (INA240) of two phases, and the motor supply behind a divider. All on the first converter; the
 // pins are inputs only, and not the two (36, 39) that disturb themselves.
-constexpr int kSenseA = 34, kSenseB = 35, kSupply = 32;
+constexpr Pin kSenseA = 34, kSenseB = 35, kSupply = 32;
 constexpr float kShunt = 0.010f;         // ohm: a chip marked R010. Where it is marked R006, write 0.006f.
 constexpr float kSenseGain = 50.0f;      // V/V, INA240A2
 constexpr float kSenseSignB = -1.0f;     // the shield's second amplifier is the other way round
 constexpr float kSupplyDivider = 11.0f;  // 100 kOhm above 10 kOhm
 
 // Encoder (AS5048A).
-constexpr int kClock = 18, kFromEncoder = 19, kToEncoder = 23, kSelectEncoder = 5;
+constexpr Pin kClock = 18, kFromEncoder = 19, kToEncoder = 23, kSelectEncoder = 5;
 constexpr uint32_t kEncoderClock = 8000000;  // Hz; the chip takes 10 MHz
 
 // Servo of the brake (DS2312).
-constexpr int kServo = 13;
+constexpr Pin kServo = 13;
 constexpr uint32_t kServoRate = 50;  // Hz
 constexpr uint8_t kServoBits = 16;
 

@@ -53,9 +53,9 @@ def simulate(
 ) -> None:
     """Simulate one module for each cable of a rig, with its own firmware, until Ctrl-C.
 
-    The cable's far end stays where the rig's home puts it. Prints a modules file: names, and links that pyserial
-    opens. A module has one client at a time; a second one is refused, and one that goes away is a link that
-    closed.
+    The cable's far end stays where the rig's home puts it. Prints a modules file, and an empty line after it:
+    names, and links that pyserial opens. A module has one client at a time; a second one is refused, and one that
+    goes away is a link that closed.
     """
     from tensionlab.hardware.channel import Conditions
     from tensionlab.hardware.modules_file import modules_to_toml
@@ -85,7 +85,7 @@ def simulate(
     ended = []
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, lambda number, _: ended.append(number))
-    typer.echo(text.rstrip("\n"))
+    typer.echo(text)
     serve(served, speed, lambda: bool(ended))
 
 

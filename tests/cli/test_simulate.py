@@ -1,19 +1,15 @@
 """Modules in a process of their own, over real TCP and real pseudo-terminals."""
 
-import os
 import signal
 import socket
 import statistics
-import subprocess
 import sys
 import time
-import tomllib
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import serial
-from wire import Client, connected
+from wire import Client, connected, simulated
 
 from tensionlab.cli import main
 from tensionlab.hardware.codes import Calibration, Code, Fault, State
@@ -42,27 +38,6 @@ from tensionlab.model.files import load_rig
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
 LINKS = [[]] if sys.platform == "win32" else [[], ["--pty"]]
-
-
-@contextmanager
-def simulated(*words):
-    """Run `tensionlab simulate`; gives the links by name, and the process, which must end well when told to."""
-    command = [sys.executable, "-m", "tensionlab", "simulate", *(str(word) for word in words)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
-    modules = 4 if RIG in words else 1
-    try:
-        text = "".join(process.stdout.readline() for _ in range(1 + modules))
-        assert text, process.stderr.read()
-        yield tomllib.loads(text)["modules"], process
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(5.0) == 0
-        assert "Traceback" not in process.stderr.read()
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-        process.stderr.close()
 
 
 @pytest.fixture(scope="module")
