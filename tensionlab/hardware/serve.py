@@ -107,7 +107,7 @@ class ServedModule:
     def due(self, now: float) -> float:
         """When it is to be served again at the latest, in s since the start."""
         tick = TICK if self.port.connected() else IDLE_TICK
-        return min((now // tick + 1) * tick, self._inbound.due, self._outbound.due)
+        return min((int(now / tick + 1e-6) + 1) * tick, self._inbound.due, self._outbound.due)
 
     def _listen(self, now: float) -> None:
         said = self.module.transmit()

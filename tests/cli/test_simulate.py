@@ -119,13 +119,14 @@ def test_a_part_breaks_when_it_was_planned():
         client.ask(ConfigureTelemetry(5))
         assert client.wait(Telemetry).state is State.RUNNING
         last = first = None
-        while first is None:
+        for _ in range(600):
             telemetry = client.wait(Telemetry)
             if telemetry.state is State.FAULT:
                 first = telemetry
-            else:
-                last = telemetry
-                client.send(SetTension(7, 1.0, ttl_ms=2000))
+                break
+            last = telemetry
+            client.send(SetTension(7, 1.0, ttl_ms=2000))
+        assert first is not None
         assert first.faults == Fault.ENCODER
         assert last.time_us < 1.5e6 + 2e3
         assert first.time_us == pytest.approx(1.5e6, abs=30e3)
