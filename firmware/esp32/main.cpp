@@ -66,28 +66,32 @@ class Firmware {
   void do_chore(const Sensors& sensors) {
     if (module_.chore() == Chore::store_parameters) {
       module_.chore_done(store_settings(module_.parameters()), 0.0f);
-    } else if (module_.chore() == Chore::align_encoder) {
+    }
+    // An emergency stop ends the alignment at once: the core then no longer waits for it, or is no longer idle.
+    const bool wanted = module_.chore() == Chore::align_encoder && module_.state() == State::idle;
+    if (wanted) {
       align(sensors);
+    } else if (alignment_) {
+      end_alignment("align: stopped", false);
     }
   }
 
-  // A step of finding the electrical zero. An emergency stop ends it, and so does a fault.
+  // A step of finding the electrical zero.
   void align(const Sensors& sensors) {
     if (!alignment_) alignment_.emplace(kMotor, sensors.now_us);
-    const bool allowed = module_.state() == State::idle && sensors.encoder_ok;
-    const Alignment::Result result =
-        allowed ? alignment_->advance(sensors.now_us, winch_.measure_alignment()) : Alignment::Result::not_moved;
+    if (!sensors.encoder_ok) return end_alignment("align: the encoder failed", false);
+    const Alignment::Result result = alignment_->advance(sensors.now_us, winch_.measure_alignment());
     if (result == Alignment::Result::running) {
       winch_.hold(alignment_->wanted());
-      return;
-    }
-    winch_.let_go();
-    if (!allowed) {
-      module_.log("align: stopped");
     } else {
-      module_.log(kFindings[static_cast<size_t>(result)]);
+      end_alignment(kFindings[static_cast<size_t>(result)], result == Alignment::Result::done);
     }
-    module_.chore_done(result == Alignment::Result::done, alignment_->zero());
+  }
+
+  void end_alignment(const char* finding, bool success) {
+    winch_.let_go();
+    module_.log(finding);
+    module_.chore_done(success, alignment_->zero());  // heard only if the core still waits for it
     alignment_.reset();
   }
 

@@ -6,7 +6,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.codes import Calibration, Code
 from tensionlab.hardware.frames import Decoder
 from tensionlab.hardware.protocol import Acknowledge, Calibrate, Message, SetParameter, read
-from tensionlab.hardware.simulated import PARAMETERS, PLANT, SimulatedModule
+from tensionlab.hardware.simulated import PARAMETERS, PLANT, STEP, SimulatedModule
 from tensionlab.model.module import Module
 
 
@@ -42,6 +42,7 @@ def simulated_module(
         "brake_strength": 0.0 if module.brake is None else module.brake,
     }
     simulated = SimulatedModule(serial_number, plant=plant, distance=length, seed=seed, settings=settings)
+    simulated.advance(STEP)  # before its first step, a module knows nothing
     commands: list[Message] = [Calibrate(Calibration.LENGTH, length)]
     if not simulated.loaded:
         taut = PARAMETERS["tension_lower"]
