@@ -7,6 +7,7 @@ from tensionlab.errors import (
     PluginError,
     RigError,
     ShapeError,
+    SweepError,
     TensionlabError,
     UnknownSolver,
     Unreachable,
@@ -32,6 +33,7 @@ from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 from tensionlab.solvers.slack_norm import SlackNorm
 from tensionlab.solvers.spidar import Spidar
+from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -64,6 +66,7 @@ __all__ = [
     "Solver",
     "Spidar",
     "Status",
+    "SweepError",
     "TensionLimits",
     "TensionlabError",
     "UnknownSolver",
@@ -74,5 +77,6 @@ __all__ = [
     "load_rig",
     "ring_plus_top",
     "save_rig",
+    "sweep",
     "workspace",
 ]

@@ -7,6 +7,7 @@
     ├── RigError (ValueError)                a rig that cannot exist; names file, module and key
     ├── UnknownSolver (LookupError)          a solver name that is not in the table
     ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
+    ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
     ├── Unreachable                          an allocation that is not exact; carries the evidence
     └── HardwareError                        what goes wrong with modules
@@ -39,6 +40,10 @@ class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
 
 class PluginError(TensionlabError, ImportError):
     """A solver that another distribution offers and that cannot be used; the message names the distribution."""
+
+
+class SweepError(TensionlabError, ValueError):
+    """A sweep that cannot be made; the message names the argument, or what is in the way of the store."""
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
