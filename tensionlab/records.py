@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import platform
 import shlex
@@ -51,6 +50,8 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
         files differ from it; None outside a repository), ``processor``, ``platform``, ``python`` and
         ``versions`` (by distribution; only those installed).
     """
+    import importlib.metadata
+
     from tensionlab import __version__
 
     versions = {"tensionlab": __version__}

@@ -19,6 +19,7 @@ from tensionlab.cli.bench import bench
 from tensionlab.cli.compare import compare
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
+from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
 from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
@@ -38,6 +39,7 @@ app.command()(allocate)
 app.command()(solvers)
 app.command()(workspace)
 app.command()(bench)
+app.command()(simulate)
 app.add_typer(rig, name="rig")
 app.add_typer(problems, name="problems")
 

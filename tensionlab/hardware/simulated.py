@@ -44,6 +44,9 @@ PARTS = tuple(_native.plant_parts())
 """What can break."""
 STEP = 1e-6 * _native.step_microseconds()
 """Time from one step of the firmware to the next, in s."""
+TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
+"""The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
+whether it is accepted, and the state after it."""
 
 
 @dataclass(frozen=True)
