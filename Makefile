@@ -38,7 +38,7 @@ stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
 
 anchor-count: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.anchor_count docs/anchor-count.png
+	@$(BIN)/python paper_figures/anchor_count.py docs/anchor-count.png
 
 clean:
 	rm -rf .venv build out

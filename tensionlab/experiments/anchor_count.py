@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,8 +24,6 @@ MEASURE = "capacity-margin"
 """About no force, it is the force that a point rig renders in every direction."""
 POINTS = 61
 """Of a grid, along the longest edge of its box."""
-FORCES = (0.5, 1.0, 1.5, 2.0, 3.0)
-"""In N, for the table."""
 
 
 def room_rigs() -> list[Rig]:
@@ -76,22 +72,6 @@ def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
     ]
 
 
-def main() -> None:
-    """Sweep, draw the figure and print the numbers behind its curves."""
-    from tensionlab.plots import plot_anchor_count
-
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("out") / "anchor-count.png"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    room = sweep_room()
-    plot_anchor_count(sweep_published(), room, path)
-    print("Share of the room in which so many newtons can be rendered in every direction:")
-    print(f"{'':30s}" + "".join(f"{force:8.1f} N" for force in FORCES))
-    for rig in room["rig"].to_numpy():
-        values = np.nan_to_num(room[MEASURE].sel(rig=rig).to_numpy())
-        print(f"{rig:30s}" + "".join(f"{100 * (values >= force).mean():8.1f} %" for force in FORCES))
-    print(f"figure: {path}")
-
-
 def _grid(low: Floats, high: Floats, points: int) -> Grid:
     """Cells as even as can be, with so many points along the longest edge, and one in the middle of every edge."""
     counts = [2 * max(1, round((points - 1) / 2 * edge / (high - low).max())) + 1 for edge in high - low]
@@ -106,7 +86,3 @@ def _room_rig(name: str, floor: list[tuple[float, float]], ceiling: list[tuple[f
         for number, place in enumerate(places, 1)
     ]
     return Rig(name=name, kind="point", modules=tuple(modules), home=np.array([0.0, ROOM[1] / 2, 0.0]))
-
-
-if __name__ == "__main__":
-    main()
