@@ -22,8 +22,8 @@ def plot_layouts(around: xarray.Dataset, target: xarray.Dataset, path: str | Pat
     Parameters
     ----------
     around, target : Dataset
-        The same rigs and the same measure, from `tensionlab.sweep` over a grid of all that is drawn, and over one of
-        the target alone.
+        The same rigs and the same measure, from `tensionlab.sweep`: over a grid of all that is drawn, and over one
+        of the target alone.
     path : path
         The suffix chooses the format: png, pdf or svg.
     level : float
