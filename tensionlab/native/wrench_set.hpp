@@ -3,6 +3,7 @@
 //
 // It is held in coordinates x = B w that make the rows of W orthonormal, so that its facets are well-conditioned
 // however small the platform is beside its cables. A facet whose normal is h there has the normal B'h in wrenches.
+// In up to three dimensions a normal is the product of two columns at most, and B = 1 does as well.
 #pragma once
 
 #include <algorithm>
@@ -24,9 +25,10 @@ struct Pose {
   const double *structure, *lower, *upper;
 };
 
-// N wrench components, of which the tensions can change R independent combinations. B ends each row with its
-// diagonal where kTriangular.
-template <int L, int N, int R, int M, bool kTriangular>
+enum class Basis { identity, triangle, full };  // rows of a triangle end with its diagonal
+
+// N wrench components, of which the tensions can change R independent combinations.
+template <int L, int N, int R, int M, Basis kBasis>
 struct WrenchSet {
   using V = Lanes<double, L>;
   static constexpr int kLanes = L, kComponents = N, kRank = R;
@@ -39,25 +41,33 @@ struct WrenchSet {
   void transform(const V* w, V* out) const {
     TENSIONLAB_UNROLL
     for (int r = 0; r < R; ++r) {
-      out[r] = basis[r][0] * w[0];
-      TENSIONLAB_UNROLL
-      for (int k = 1; k < (kTriangular ? r + 1 : N); ++k) out[r] += basis[r][k] * w[k];
+      if constexpr (kBasis == Basis::identity) {
+        out[r] = w[r];
+      } else {
+        out[r] = basis[r][0] * w[0];
+        TENSIONLAB_UNROLL
+        for (int k = 1; k < (kBasis == Basis::triangle ? r + 1 : N); ++k) out[r] += basis[r][k] * w[k];
+      }
     }
   }
 
   // Component k of B'h, the normal in wrenches.
   V component(const V* normal, int k) const {
-    V sum = basis[R - 1][k] * normal[R - 1];
-    TENSIONLAB_UNROLL
-    for (int r = kTriangular ? k : 0; r < R - 1; ++r) sum += basis[r][k] * normal[r];
-    return sum;
+    if constexpr (kBasis == Basis::identity) {
+      return normal[k];
+    } else {
+      V sum = basis[R - 1][k] * normal[R - 1];
+      TENSIONLAB_UNROLL
+      for (int r = kBasis == Basis::triangle ? k : 0; r < R - 1; ++r) sum += basis[r][k] * normal[r];
+      return sum;
+    }
   }
 
   // The sum of squares of the first `count` of them.
   V square(const V* normal, int count = N) const {
-    V sum{};
+    V sum = component(normal, 0) * component(normal, 0);
     TENSIONLAB_UNROLL
-    for (int k = 0; k < count; ++k) {
+    for (int k = 1; k < count; ++k) {
       const V each = component(normal, k);
       sum += each * each;
     }
@@ -96,9 +106,9 @@ struct WrenchSet {
   static V dot(const V* a, const V* b) { return Zonotope<double, L, R, M>::dot(a, b); }
 };
 
-// Poses whose structure matrices are well-conditioned: B from the Cholesky factor of W W'.
+// Poses whose structure matrices are well-conditioned: B is 1, or the inverse of the Cholesky factor of W W'.
 template <int L, int N, int M>
-struct WrenchSets : WrenchSet<L, N, N, M, true> {
+struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::triangle> {
   using V = Lanes<double, L>;
 
   static constexpr double size = 0;
@@ -169,7 +179,7 @@ struct WrenchSets : WrenchSet<L, N, N, M, true> {
 
 // One pose with any structure matrix, of rank R or, where R is 1, of rank 0. B comes from singular values.
 template <int R, int M>
-struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, false> {
+struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, Basis::full> {
   static constexpr int N = kMaxComponents;
   int components, rank;
   double range[R][N];  // orthonormal
