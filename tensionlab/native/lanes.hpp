@@ -75,6 +75,7 @@ inline Lanes<double, 8> smaller(const Lanes<double, 8>& a, const Lanes<double, 8
 inline Lanes<double, 8> larger(const Lanes<double, 8>& a, const Lanes<double, 8>& b) {
   return _mm512_maskz_max_pd(0xff, a, b);
 }
+inline Lanes<double, 8> magnitude(const Lanes<double, 8>& a) { return _mm512_abs_pd(a); }
 #endif
 
 // Consecutive numbers, which need not be aligned.
@@ -147,7 +148,8 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
       __m256d low[4], high[4];
       transpose_four(row, i, low);
       transpose_four(row + 4, i, high);
-      for (int k = 0; k < 4; ++k) out(i + k, _mm512_insertf64x4(_mm512_castpd256_pd512(low[k]), high[k], 1));
+      for (int k = 0; k < 4; ++k)
+        out(i + k, _mm512_maskz_insertf64x4(0xff, _mm512_castpd256_pd512(low[k]), high[k], 1));
     }
   }
 #endif
