@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check format bench bench-quick bench-readme stress anchor-count clean
+.PHONY: demo test check format bench bench-quick bench-readme bench-workspace stress anchor-count clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -33,6 +33,9 @@ bench-quick: .venv/dev.stamp
 
 bench-readme: bench
 	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
+
+bench-workspace: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.workspace_bench
 
 stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
