@@ -115,39 +115,43 @@ def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, mea
     Parameters and errors as in `plot_slices`; also a `ShapeError` for a sweep that is not over a grid in space.
     """
     field = read_field(swept, measure)
-    if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
-        raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
-    from matplotlib.ticker import MaxNLocator
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
-
     columns = min(3, len(field.names))
     rows = -(-len(field.names) // columns)
-    low = np.array([axis[0] for axis in field.axes.values()])
-    high = np.array([axis[-1] for axis in field.axes.values()])
     with new_figure(path, (4.6 * columns, 0.8 + 4.2 * rows)) as figure:
         for number, name in enumerate(field.names):
             axes: Any = figure.add_subplot(rows, columns, number + 1, projection="3d")
-            anchors = field.anchors[number]
-            lowest, highest = np.minimum(low, anchors.min(axis=0)), np.maximum(high, anchors.max(axis=0))
-            up = "xyz".index(field.up)
-            axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
-            axes.set_box_aspect(highest - lowest, zoom=0.9)
-            for letter, a, b in zip("xyz", lowest, highest, strict=True):
-                axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
-            shares = (highest - lowest) / (highest - lowest).max()
-            for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
-                axis.set_pane_color("white")
-                axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
-            triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
-            if len(triangles):
-                axes.add_collection3d(Poly3DCollection(triangles, facecolors=_shaded(triangles, up), alpha=0.55))
-            for anchor, end in zip(anchors, field.ends[number], strict=True):
-                axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
-            axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
+            draw_volume(axes, field, number, level)
             part = share_above(field.values[number], np.array([level]))[0]
             axes.set_title(f"{name}: {100 * part:.0f} % of the box", fontsize="medium")
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
         add_legend(figure, 2, SLICE_LEGEND[:2])
+
+
+def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
+    """Draw the rig of this number, and the volume in which the measure is above a level, in axes in space."""
+    from matplotlib.ticker import MaxNLocator
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
+        raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
+    anchors = field.anchors[number]
+    ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
+    low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))
+    axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
+    axes.set_box_aspect(high - low, zoom=0.9)
+    for letter, a, b in zip("xyz", low, high, strict=True):
+        axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
+    shares = (high - low) / (high - low).max()
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
+        axis.set_pane_color("white")
+        axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
+    triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
+    if len(triangles):
+        colours = _shaded(triangles, "xyz".index(field.up))
+        axes.add_collection3d(Poly3DCollection(triangles, facecolors=colours, alpha=0.55))
+    for anchor, end in zip(anchors, field.ends[number], strict=True):
+        axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
+    axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
 
 
 def plot_shares(swept: xarray.Dataset, path: str | Path, measure: str | None = None) -> None:

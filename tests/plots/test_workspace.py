@@ -5,7 +5,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.plots import plot_shares, plot_slices, plot_volume
+from tensionlab.plots import plot_layouts, plot_shares, plot_slices, plot_volume
 from tensionlab.plots.field import read_field
 from tensionlab.plots.workspace import share_above
 from tensionlab.workspace.pose_sets import Grid
@@ -91,3 +91,13 @@ def test_the_same_sweep_makes_the_same_file(tmp_path, swept):
         draw(swept, tmp_path / "one.png")
         draw(swept, tmp_path / "two.png")
         assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_before_and_after_a_search(tmp_path, swept):
+    near = np.linspace(-0.1, 0.1, 5)
+    rigs = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
+    target = tl.sweep(rigs, Grid(near, near, near), "capacity-margin", progress=False)
+    plot_layouts(swept, target, tmp_path / "l.svg", level=1.0)
+    words = words_of(tmp_path / "l.svg")
+    for word in ("box-corners", "alternate-corners", "target", "share of the target (%)"):
+        assert word in words, word
