@@ -45,7 +45,8 @@ class SimulatedModule {
     for (std::uint32_t step = 1; step <= steps; ++step) {
       distance_ = start + (distance - start) * step / steps;
       plant_.place_end(distance_, speed);
-      for (int part = 0; part < kParts; ++part) {
+      const std::uint32_t parts = kParts * (1 + pause_us_ / kStepMicroseconds);
+      for (std::uint32_t part = 0; part < parts; ++part) {
         plant_.advance(actuators_, module_.parameters(), kSeconds / kParts);
       }
       now_us_ += kStepMicroseconds + pause_us_;
@@ -82,7 +83,7 @@ class SimulatedModule {
 
  private:
   static constexpr double kSeconds = 1e-6 * kStepMicroseconds;
-  static constexpr int kParts = 2;  // of a step, for the plant
+  static constexpr std::uint32_t kParts = 2;  // of a step, for the plant
 
   void do_chore() {
     if (module_.chore() == firmware::Chore::store_parameters) {

@@ -202,8 +202,13 @@ class SimulatedModule:
 
     @property
     def faults(self) -> Fault:
-        """What the firmware found to be wrong, and nobody cleared."""
+        """What the firmware finds wrong now, and what it found before and nobody cleared."""
         return Fault(self._module.faults())
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Which values does the firmware work with now, by the names in `PARAMETERS`?"""
+        return dict(zip(PARAMETERS, self._module.parameters(), strict=True))
 
     @property
     def settings(self) -> bytes:

@@ -115,6 +115,14 @@ nb::bytes build_frame(std::uint8_t type, std::uint8_t sequence, const nb::bytes&
   return nb::bytes(reinterpret_cast<const char*>(bytes), size);
 }
 
+nb::list parameters(const SimulatedModule& self) {
+  nb::list values;
+  for (std::size_t i = 0; i < firmware::kParameterCount; ++i) {
+    values.append(self.module().parameters()[static_cast<firmware::Parameter>(i)]);
+  }
+  return values;
+}
+
 nb::list parameter_table() {
   nb::list table;
   for (const firmware::ParameterInfo& info : firmware::kParameters) {
@@ -184,6 +192,7 @@ void bind_firmware(nb::module_& module) {
       .def("trace", &trace)
       .def("sample", [](const SimulatedModule& self) { return tuple_of(self.sample()); })
       .def("faults", [](const SimulatedModule& self) { return self.module().faults(); })
+      .def("parameters", &parameters)
       .def("pause", &SimulatedModule::pause)
       .def("set_broken", &set_broken);
 }
