@@ -40,6 +40,7 @@ class Host:
 
     def code(self, message: Message, sequence: int | None = None) -> Code:
         """What a message is acknowledged with; nothing else may come back."""
+        self.hear()
         (answer,) = self.say(message, sequence)
         assert isinstance(answer, Acknowledge)
         assert answer.command == message.type

@@ -18,7 +18,7 @@ def test_the_check_value_of_the_crc():
 
 
 def test_a_frame_worked_out_by_hand():
-    # STOP with sequence number 7; its CRC is 0x921D, low byte first. No zero in it, so the code byte counts to the end.
+    # STOP with sequence number 7; its CRC is 0x921D, low byte first. No zero in it: one code byte says so.
     assert Frame(0x05, 0x07).pack() == bytes.fromhex("05 05 07 1d 92 00")
 
 
