@@ -123,6 +123,16 @@ def test_a_fault_lets_go_latches_and_is_cleared_only_when_it_is_over(part, fault
     host.arm()
 
 
+def test_a_fault_ends_a_stop_at_once():
+    host = host_in(State.RUNNING)
+    host.module.damage("encoder")
+    assert host.code(Stop()) == Code.OK
+    trace = host.module.trace(0.002)
+    assert trace.commanded[0] > 2.0
+    assert trace.commanded[-1] == 0.0
+    assert not trace.driver_on[-1]
+
+
 def test_a_loop_that_hangs_is_a_fault():
     host = host_in(State.RUNNING)
     host.module.pause(0.006)
