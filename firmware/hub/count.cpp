@@ -1,5 +1,5 @@
-// Solves a list of problems as a bare program, without an operating system's library: cycles.py lets qemu run it, and
-// counts what it does.
+// Solves a list of problems as a bare program, without an operating system's library: cycles.py lets qemu run it,
+// and counts what it does.
 #include "problems.hpp"  // written by cycles.py
 
 extern "C" int allocate_tensions(int cables, const float* structure, const float* wrench, const float* lower,

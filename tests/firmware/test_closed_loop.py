@@ -177,17 +177,40 @@ def test_a_brake_under_more_load_than_the_motor_can_take_opens_when_the_load_is_
     assert not host.module.sample.pawl_down
 
 
-def test_the_brake_keeps_its_dwell_however_fast_it_is_asked():
-    host = calibrated()
+@pytest.mark.parametrize("dwell", [0.1, 0.6])
+def test_the_brake_keeps_its_dwell_however_fast_it_is_asked(dwell):
+    host = Host()
+    host.set(brake_dwell=1000.0 * dwell)
+    host.calibrate()
+    host.arm()
     host.hold(0.5, 0.2)
     flips = []
-    for step in range(300):
+    for step in range(500):
         host.pull(0.5, brake=step % 2 == 0)
         flips.append(host.module.trace(0.01))
     down = joined(flips).pawl_down
     changes = np.flatnonzero(np.diff(down)) * STEP
     assert len(changes) > 3
-    assert np.diff(changes).min() > 0.09
+    assert np.diff(changes).min() > 0.9 * dwell
+
+
+def test_a_brake_that_has_rested_for_half_a_clock_is_ready():
+    host = calibrated()
+    host.hold(0.5, 0.4, brake=True)
+    host.hold(0.5, 0.6)
+    host.code(Stop())
+    host.module.advance(2200.0)  # 2^31 us and some
+    host.session += 1
+    host.arm()
+    assert joined(host.hold(0.5, 0.4, brake=True)).pawl_down[-1]
+
+
+def test_a_spring_that_wants_more_than_the_limit_gets_the_limit():
+    host = calibrated(distance=1.0)
+    host.render(rest=0.9, stiffness=500.0, ttl_ms=1000)
+    trace = host.module.trace(0.4)
+    assert trace.commanded.max() == pytest.approx(6.0)
+    assert trace.limit[-1] == Limit.UPPER
 
 
 @pytest.mark.parametrize("keep", [0.0, 1.0])

@@ -144,6 +144,7 @@ def test_lives_that_are_too_short_or_too_long_are_refused(ttl_ms):
     host = host_in(State.ARMED)
     assert host.code(SetTension(SESSION, 1.0, ttl_ms=ttl_ms)) == Code.BAD_VALUE
     assert raw(host, Type.SET_TENSION, "HfBH", SESSION, 1.0, 2, 0) == Code.BAD_VALUE, "a flag is 0 or 1"
+    assert raw(host, Type.SET_IMPEDANCE, "H6fBH", SESSION, *6 * [0.0], 2, 0) == Code.BAD_VALUE
     assert host.state == State.ARMED
 
 
