@@ -235,6 +235,8 @@ def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(program):
 
 def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(program):
     with board(program, speed=1.0, blocking_ms=1000) as module:
+        module.usb.ask(Hello(), Info)
+        time.sleep(0.05)  # before its first step, the firmware does not arm
         air = module.connect_bluetooth()
         air.send(Hello())  # its answer blocks the writing task for a second
         air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
