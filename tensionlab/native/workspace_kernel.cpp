@@ -1,4 +1,5 @@
 // The workspace measures over a batch of poses; compiled once for each instruction set (instruction_set.hpp).
+#include "single_wrench_set.hpp"
 #include "workspace_batch.hpp"
 #include "workspace_facets.hpp"
 #include "workspace_measures.hpp"

@@ -125,14 +125,40 @@ def test_a_cable_with_equal_limits_is_a_constant_wrench():
     np.testing.assert_allclose(margin(W, (lower, upper), wrench[:, None, :]), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("split", [0.5, 0.1])
-def test_two_parallel_cables_are_one_strong_one(split):
-    # Outside the set too, where a facet that is none would be further away than all that are.
+@pytest.mark.parametrize("scale", [1e-53, 1e-8, 1e8, 1e75])
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 6), (6, 8)])
+def test_units_do_not_matter(n, m, scale):
+    rng, W, lower, upper = poses(9, n, m, 10)
+    wrench = np.einsum("bnm,bm->bn", W, (lower + upper) / 2)[:, None] + 0.2 * rng.normal(size=(10, 1, n))
+    expected = margin(W, (lower, upper), wrench)
+    np.testing.assert_allclose(margin(scale * W, (lower, upper), scale * wrench), scale * expected, rtol=1e-10)
+    force = (scale * lower, scale * upper)
+    np.testing.assert_allclose(margin(W, force, scale * wrench), scale * expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("condition", [1e3, 1e5, 1e7, 1e12])
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 6), (6, 8)])
+def test_nearly_flat_sets_have_their_margin_or_none(n, m, condition):
+    # Squeezed along one axis, the set is as thin there: a margin of more would be wrong.
+    rng, W, lower, upper = poses(10, n, m, 20)
+    wrench = np.einsum("bnm,bm->bn", W, (lower + upper) / 2)[:, None]
+    turn, _ = np.linalg.qr(rng.normal(size=(n, n)))
+    squeeze = turn @ np.diag([1.0] * (n - 1) + [1.0 / condition]) @ turn.T
+    thin = squeeze @ W
+    thickness = np.einsum("bnm,n,bm->bm", thin, turn[:, -1], (upper - lower) / 2)
+    found = margin(thin, (lower, upper), wrench @ squeeze.T)
+    assert np.all(found <= np.abs(thickness).sum(axis=1) + 1e-12)
+    assert np.all(found > 0 if condition < 1e6 else found > -1e-9)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.1])
+def test_two_parallel_cables_are_one_strong_one(share):
+    # Outside the set too, where a plane that is no facet would be further away than all that are.
     rng, W, lower, upper = poses(6, 3, 5, 8)
-    double = np.concatenate([W, W[..., -1:]], axis=-1)
-    low, high = (np.concatenate([x, split * x[:, -1:]], axis=-1) for x in (lower, upper))
-    low[:, 4] *= 1 - split
-    high[:, 4] *= 1 - split
+    double = np.concatenate([W, W[..., -1:] / 0.3], axis=-1)
+    low, high = (np.concatenate([x, 0.3 * share * x[:, -1:]], axis=-1) for x in (lower, upper))
+    low[:, 4] *= 1 - share
+    high[:, 4] *= 1 - share
     wrench = 20 * rng.normal(size=(8, 1, 3))
     expected = margin(W, (lower, upper), wrench)
     assert np.all(expected < 0)

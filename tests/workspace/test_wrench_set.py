@@ -68,6 +68,20 @@ def test_a_flat_set_among_others():
         assert np.all(inside @ normals[row].T <= offsets[row] + 1e-12)
 
 
+def test_a_flat_set_may_have_more_facets_than_others():
+    # All attachments on one axis: no torque about it. 70 choices of 4 of 8 cables, and the plane; else 56 of 5.
+    rng = np.random.default_rng(1)
+    W = np.stack([random_structure(rng, 6, 8), random_structure(rng, 6, 8)])
+    W[1, 5] = 0.0
+    normals, offsets = half_spaces(W, (0.5, 6.0))
+    assert normals.shape == (2, 2 * (70 + 1), 6)
+    wrench = rng.uniform(0.5, 8.0, (20, 8)) @ W.swapaxes(1, 2)
+    room = (offsets[:, None] - wrench @ normals.swapaxes(1, 2)).min(axis=-1)
+    expected = capacity_margin(W[:, None], (0.5, 6.0), wrench[:, :, None])
+    np.testing.assert_allclose(room, expected, rtol=0, atol=1e-9)
+    assert np.all(room[1] <= 0)
+
+
 def test_half_spaces_of_a_platform_in_general_position():
     rng = np.random.default_rng(3)
     W = random_structure(rng, 6, 8)
