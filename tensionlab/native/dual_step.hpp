@@ -28,8 +28,7 @@ class DualStep {
     const Real *structure, *wrench, *lower, *upper, *reference;
   };
 
-  // go_on: a lane whose wrench proves out of reach looks for the nearest one at once.
-  DualStep(int m, bool go_on) : m_(m), go_on_(go_on) {}
+  explicit DualStep(int m) : m_(m) {}
 
   // What step() found. Flags are 1 or 0, any of the others in `found`; direction separates, or is that of the
   // residual which settled.
@@ -78,6 +77,8 @@ class DualStep {
   static constexpr Real kProximalFloor = 64 * kUlp, kProximalShare = kProximal / 10;
   // Line search: what may be left of the first slope, what the search leaves of it, and beyond all breakpoints.
   static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4), kFar = Real(1e9);
+  // How much of the way from the least to the greatest cost is dear.
+  static constexpr Real kDear = Real(0.5);
   static constexpr int kSearchRounds = 2 * M + 8;
   static constexpr Real kRender = 1, kNearest = 2;
 
@@ -131,16 +132,20 @@ class DualStep {
   }
 
   void reload_limits() {
-    strongest_ = furthest_ = most_ = V{};
+    strongest_ = furthest_ = V{};
+    V cheapest = V{}, dearest = V{};
     for (int i = 0; i < m_; ++i) {
       lower_[i] = gather<Real, L>([&](int l) { return source_[l].lower[i]; });
       upper_[i] = gather<Real, L>([&](int l) { return source_[l].upper[i]; });
       reference_[i] = gather<Real, L>([&](int l) { return source_[l].reference[i]; });
       strongest_ = larger(strongest_, larger(V(-lower_[i]), upper_[i]));
       furthest_ = larger(furthest_, magnitude(reference_[i]));
-      const V change = larger(magnitude(V(lower_[i] - reference_[i])), magnitude(V(upper_[i] - reference_[i])));
-      most_ += change * change / 2;
+      const V below = lower_[i] - reference_[i], above = reference_[i] - upper_[i];
+      const V least = larger(larger(below, above), V{}), most = larger(magnitude(below), magnitude(above));
+      cheapest += least * least / 2;
+      dearest += most * most / 2;
     }
+    dear_ = cheapest + kDear * (dearest - cheapest);
   }
 
   // Tensions, residual and curvature at the trial point. A lane that begins takes its cables for free.
@@ -205,8 +210,10 @@ class DualStep {
     const V root = kRoot * first_slope_ + noise * norm;
     converged = (error <= kConverged * size_) & (unseen_ <= one) ? one : zero;
     const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
-    // No tensions cost more than `most_`: where the dual does, they cannot render w, and its multiplier says why.
-    const auto lost = (proximal_ == zero) & (unseen_ <= one) & (value > 2 * most_ + kConverged * size_ * furthest);
+    // No tensions cost more than the dearest: a dual that comes near may well have a multiplier that separates.
+    const auto doubtful = (proximal_ == zero) & (unseen_ <= one) & (value > dear_);
+    const V outside = any(doubtful) ? how_far_outside() : zero;
+    const auto lost = doubtful & (outside > zero);
     // Before the root of the slope the dual has grown; beyond it that must be seen.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
     const V take = (unseen_ > zero) | maximal | flat | lost | (magnitude(slope) <= root) ? one : zero;
@@ -218,11 +225,6 @@ class DualStep {
     V step = one;
     if (any(take == zero)) step = root_along_path(slope, root, take);
     if (any(maximal)) recentre(residual, gradient, maximal, noise, error);
-    if (go_on_ && any(lost)) {
-      proximal_ = lost ? V(kProximal * gain_ * gain_) : proximal_;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) gradient[k] = lost ? V(gradient[k] - proximal_ * trial_[k]) : gradient[k];
-    }
     found = converged + separated + settled;
 
     looseness_ = proximal_ > zero ? zero + kSafe : looseness_;
@@ -244,6 +246,26 @@ class DualStep {
     }
     last_value_ = taken ? value : last_value_;
     unseen_ = taken ? larger(zero, V(unseen_ - one)) : one;
+  }
+
+  // y'w - h(y) at the trial point y, less what rounding may make of it: above zero, y separates w from all that
+  // tensions inside the limits can render.
+  V how_far_outside() const {
+    const V zero = V{};
+    V sum = zero, size = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      sum += trial_[k] * wrench_[k];
+      size += magnitude(trial_[k]) * gain_;
+    }
+    size *= V(strongest_ * Real(m_));
+    for (int i = 0; i < m_; ++i) {
+      V along = zero;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) along += structure_[i][k] * trial_[k];
+      sum -= larger(V(along * lower_[i]), V(along * upper_[i]));
+    }
+    return sum - 16 * kUlp * size;
   }
 
   // The step at which the slope of the dual along the path is nought: Newton steps inside a bracket, from
@@ -343,15 +365,15 @@ class DualStep {
       last_[k] = maximal ? residual[k] : last_[k];
     }
   }
+
   int m_;
-  bool go_on_;
   // As given: one entry a lane.
   Source source_[L] = {}, limits_of_[L] = {};
   Real start_[N][L] = {}, begun_[L] = {};
   bool stale_ = true;
   // Side by side.
   V structure_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {}, reference_[M] = {}, wanted_[M] = {};
-  V diagonal_[N] = {}, gain_ = {}, strongest_ = {}, furthest_ = {}, most_ = {},
+  V diagonal_[N] = {}, gain_ = {}, strongest_ = {}, furthest_ = {}, dear_ = {},
     least_size_ = {};  // scales of the problem
   V path_[N] = {}, trial_[N] = {}, centre_[N] = {}, last_[N] = {};
   V first_slope_ = {}, proximal_ = {}, looseness_ = {}, size_ = {};

@@ -29,13 +29,10 @@ class Newton {
  public:
   using Problem = typename DualStep<Real, L, N, M>::Source;
 
-  // m cables; weight_roots: square roots of the n wrench weights.
-  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance)
-      : m_(m),
-        policy_(policy),
-        rank_tolerance_(rank_tolerance),
-        plain_(policy == Policy::force && all_one(weight_roots)),
-        steps_(m, plain_) {
+  // m cables; weight_roots: square roots of the n wrench weights. set_aside: a lane is done when its wrench proves
+  // out of reach, and somebody else seeks the nearest one.
+  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, bool set_aside = false)
+      : m_(m), policy_(policy), rank_tolerance_(rank_tolerance), set_aside_(set_aside), steps_(m) {
     for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
     for (int l = 0; l < L; ++l) park(l);
   }
@@ -66,6 +63,9 @@ class Newton {
     return read<Real>(steps_.converged, l) != 0 || conclude(l, late);
   }
 
+  // Whether lane l has but a direction that separates its wrench.
+  bool aside(int l) const { return control_[l].stage == Stage::aside; }
+
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
@@ -77,7 +77,8 @@ class Newton {
  private:
   // render: look for W t = s w. whitened: the same where the rows of W are orthonormal, if that takes long.
   // nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
-  enum class Stage { render, whitened, nearest };
+  // aside: w is out of reach, and that is all.
+  enum class Stage { render, whitened, nearest, aside };
 
   // Far beyond what any known problem takes; one that gets there keeps its best answer so far.
   static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
@@ -114,18 +115,18 @@ class Newton {
       render_whitened(l, d);
       return false;
     }
+    if (control.stage == Stage::render && set_aside_) {
+      control.stage = Stage::aside;
+      keep(l, d);
+      return true;
+    }
     const bool back = control.stage == Stage::whitened;
     if (back) unwhiten(l, d);
     if (back && nearly_rendered(l)) return true;
     if (control.stage != Stage::nearest) {
       const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
       if (!late && first && policy_ == Policy::direction && cut(l, d)) return false;
-      if (plain_ && !back) {
-        control.stage = Stage::nearest;  // the lane has gone on
-        control.deadline = control.iterations + kNearestLimit;
-      } else {
-        approach(l, d);
-      }
+      approach(l, d);
       return false;
     }
     if (policy_ == Policy::direction && !control.hopeless) {
@@ -334,12 +335,6 @@ class Newton {
     normalise(control.separation);
   }
 
-  static bool all_one(const Real* numbers) {
-    bool ones = true;
-    for (int k = 0; k < N; ++k) ones = ones && numbers[k] == Real(1);
-    return ones;
-  }
-
   static void normalise(Real* d) {
     const Real length = std::sqrt(dot(d, d));
     for (int k = 0; k < N; ++k) d[k] = length > 0 ? d[k] / length : Real(0);
@@ -358,7 +353,7 @@ class Newton {
   int m_;
   Policy policy_;
   Real rank_tolerance_;
-  bool plain_;  // no change of coordinates to come
+  bool set_aside_;
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;
   Control control_[L];

@@ -1,6 +1,8 @@
 // The exact solver over a batch of problems; compiled once for each instruction set (instruction_set.hpp).
+#include <algorithm>
 #include <cmath>
 
+#include "nearest_face.hpp"
 #include "newton.hpp"
 #include "newton_batch.hpp"
 #include "refill.hpp"
@@ -8,17 +10,91 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
+constexpr int kLanes = TENSIONLAB_LANES;
+
+// A batch in three passes: Newton steps for all; the nearest face, many at a time, for what they prove out of reach;
+// and proximal steps for the few whose face leaves any doubt.
+template <int N>
+class NewtonBatch {
+ public:
+  NewtonBatch(const Batch& batch, Policy policy, double rank_tolerance, const NewtonAnswer& answer)
+      : batch_(batch), policy_(policy), rank_tolerance_(rank_tolerance), answer_(answer) {
+    for (int k = 0; k < N; ++k) roots_[k] = std::sqrt(batch.weights[k]);
+  }
+
+  void solve(std::size_t begin, std::size_t end) {
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, policy_ == Policy::force);
+    for (; begin < end; begin += kChunk) {
+      refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
+        if (block.aside(l)) aside_[count_++] = row;
+        answer_.iterations[row] = block.store(l, tensions(row), separation(row));
+      });
+      if (count_ > 0) seek_faces();
+      if (count_ > 0) make_sure();
+    }
+  }
+
+ private:
+  using Block = Newton<double, kLanes, N, kMaxCables>;
+  using Face = NearestFace<double, kLanes, N, kMaxCables>;
+  static constexpr std::size_t kChunk = 512;
+
+  // Those aside with an answer leave.
+  void seek_faces() {
+    Face face(batch_.m, roots_);
+    typename Face::Problem problems[kLanes];
+    std::size_t left = 0;
+    for (std::size_t first = 0; first < count_; first += kLanes) {
+      for (int l = 0; l < kLanes; ++l) {
+        const std::size_t row = aside_[std::min(first + l, count_ - 1)];
+        problems[l] = {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
+                       separation(row)};
+      }
+      face.solve(problems);
+      for (std::size_t j = first; j < std::min(first + kLanes, count_); ++j) {
+        const int l = static_cast<int>(j - first);
+        const std::size_t row = aside_[j];
+        if (face.found(l)) {
+          answer_.iterations[row] += face.store(l, tensions(row), separation(row));
+        } else {
+          aside_[left++] = row;
+        }
+      }
+    }
+    count_ = left;
+  }
+
+  void make_sure() {
+    Block block(batch_.m, roots_, policy_, rank_tolerance_);
+    refill<kLanes>(
+        block, 0, count_,
+        [&](int l, std::size_t j) {
+          const std::size_t row = aside_[j];
+          block.load(l, {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
+                         batch_.reference[row]});
+        },
+        [&](int l, std::size_t j) {
+          const std::size_t row = aside_[j];
+          answer_.iterations[row] += block.store(l, tensions(row), separation(row));
+        });
+    count_ = 0;
+  }
+
+  double* tensions(std::size_t row) const { return answer_.tensions + row * static_cast<std::size_t>(batch_.m); }
+  double* separation(std::size_t row) const { return answer_.separation + row * N; }
+
+  const Batch& batch_;
+  Policy policy_;
+  double rank_tolerance_;
+  const NewtonAnswer& answer_;
+  double roots_[N];
+  std::size_t aside_[kChunk], count_ = 0;  // rows
+};
+
 template <int N>
 void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
                     const NewtonAnswer& answer) {
-  constexpr int kLanes = TENSIONLAB_LANES;
-  double roots[N];
-  for (int k = 0; k < N; ++k) roots[k] = std::sqrt(batch.weights[k]);
-  Newton<double, kLanes, N, kMaxCables> block(batch.m, roots, policy, rank_tolerance);
-  const auto m = static_cast<std::size_t>(batch.m);
-  refill<kLanes>(block, batch, begin, end, [&](int l, std::size_t row) {
-    answer.iterations[row] = block.store(l, answer.tensions + row * m, answer.separation + row * N);
-  });
+  NewtonBatch<N>(batch, policy, rank_tolerance, answer).solve(begin, end);
 }
 
 void newton(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
