@@ -212,7 +212,7 @@ class DualStep {
     const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
     // No tensions cost more than the dearest: a dual that comes near may well have a multiplier that separates.
     const auto doubtful = (proximal_ == zero) & (unseen_ <= one) & (value > dear_);
-    const V outside = any(doubtful) ? how_far_outside() : zero;
+    const V outside = any(doubtful) ? how_far_outside(trial_) : zero;
     const auto lost = doubtful & (outside > zero);
     // Before the root of the slope the dual has grown; beyond it that must be seen.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
@@ -248,24 +248,21 @@ class DualStep {
     unseen_ = taken ? larger(zero, V(unseen_ - one)) : one;
   }
 
-  // y'w - h(y) at the trial point y, less what rounding may make of it: above zero, y separates w from all that
-  // tensions inside the limits can render.
-  V how_far_outside() const {
-    const V zero = V{};
-    V sum = zero, size = zero;
+  // d'w - h(d), less what rounding may make of it: above nought, d separates w from all that can be rendered.
+  V how_far_outside(const V (&d)[N]) const {
+    V sum = V{}, size = V{};
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      sum += trial_[k] * wrench_[k];
-      size += magnitude(trial_[k]) * gain_;
+      sum += d[k] * wrench_[k];
+      size += magnitude(d[k]);
     }
-    size *= V(strongest_ * Real(m_));
     for (int i = 0; i < m_; ++i) {
-      V along = zero;
+      V along = V{};
       TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) along += structure_[i][k] * trial_[k];
+      for (int k = 0; k < N; ++k) along += structure_[i][k] * d[k];
       sum -= larger(V(along * lower_[i]), V(along * upper_[i]));
     }
-    return sum - 16 * kUlp * size;
+    return sum - 16 * kUlp * Real(m_) * gain_ * strongest_ * size;
   }
 
   // The step at which the slope of the dual along the path is nought: Newton steps inside a bracket, from
@@ -289,7 +286,13 @@ class DualStep {
     }
     V slope = first_slope, step = one;
     V low = zero, low_slope = first_slope_, high = zero + kFar, high_slope = zero - one;
-    auto open = take == zero;
+    // Where the dual grows along the path without end, the path separates.
+    const V outside = any((take == zero) & (slope > zero)) ? how_far_outside(path_) : zero;
+    const auto endless = (take == zero) & (proximal_ == zero) & (outside > zero);
+    separated = endless ? one : separated;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) direction[k] = endless ? path_[k] : direction[k];
+    auto open = (take == zero) & !endless;
     for (int round = 0; round < kSearchRounds && any(open); ++round) {
       const auto left = slope > zero;
       low = left ? step : low;

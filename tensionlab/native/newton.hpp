@@ -63,12 +63,16 @@ class Newton {
     return read<Real>(steps_.converged, l) != 0 || conclude(l, late);
   }
 
-  // Whether lane l has but a direction that separates its wrench.
+  // Whether lane l is done with a direction that separates its wrench, and no more.
   bool aside(int l) const { return control_[l].stage == Stage::aside; }
 
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
+    if (aside(l)) {
+      for (int k = 0; k < N; ++k) separation[k] = read<Real>(steps_.direction[k], l);
+      return control.iterations;
+    }
     for (int i = 0; i < m_; ++i) tensions[i] = steps_.tension(i, l);
     for (int k = 0; k < N; ++k) separation[k] = control.astray ? control.separation[k] : Real(0);
     return control.iterations;
@@ -108,17 +112,16 @@ class Newton {
   // Lane l has found something other than its tensions, or is late: is it done?
   bool conclude(int l, bool late) {
     Control& control = control_[l];
+    if (set_aside_ && !late && control.stage == Stage::render) {
+      control.stage = Stage::aside;
+      return true;
+    }
     if (!control.astray) go_astray(l);
     Real d[N];
     for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
     if (control.stage == Stage::render && late) {
       render_whitened(l, d);
       return false;
-    }
-    if (control.stage == Stage::render && set_aside_) {
-      control.stage = Stage::aside;
-      keep(l, d);
-      return true;
     }
     const bool back = control.stage == Stage::whitened;
     if (back) unwhiten(l, d);
