@@ -249,7 +249,7 @@ class DualStep {
   }
 
   // d'w - h(d), less what rounding may make of it: above nought, d separates w from all that can be rendered.
-  V how_far_outside(const V (&d)[N]) const {
+  TENSIONLAB_APART V how_far_outside(const V (&d)[N]) const {
     V sum = V{}, size = V{};
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {

@@ -26,6 +26,13 @@
 #define TENSIONLAB_UNROLL
 #endif
 
+// Before a function that is seldom called: where it is expanded, the rest has too few registers.
+#if defined(__GNUC__)
+#define TENSIONLAB_APART __attribute__((noinline))
+#else
+#define TENSIONLAB_APART
+#endif
+
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
@@ -144,6 +151,9 @@ inline bool any(bool mask) { return mask; }
 inline bool any(int mask) { return mask != 0; }  // of bools joined by & and |
 template <class Mask>
 inline bool any(const Mask& mask) {
+#if defined(__AVX512F__)
+  if constexpr (sizeof mask == 64) return _mm512_test_epi64_mask((__m512i)mask, (__m512i)mask) != 0;
+#endif
   bool found = false;
   for (unsigned l = 0; l < sizeof(mask) / sizeof(mask[0]); ++l) found = found || mask[l] != 0;
   return found;

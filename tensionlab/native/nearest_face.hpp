@@ -39,11 +39,11 @@ class NearestFace {
   // One problem for each lane.
   void solve(const Problem (&problems)[L]) {
     load(problems);
-    for (int round = 0; round < kStepLimit; ++round) {
-      look();
-      if (!any(open_ > V{})) break;
+    for (int round = 0; round < kStepLimit && any(open_ > V{}); ++round) {
       step();
+      look(round == 0);
     }
+    confirm();
   }
 
   // Whether lane l has the answer.
@@ -56,13 +56,7 @@ class NearestFace {
       const int cable = static_cast<int>(read<Real>(cable_[s], l));
       if (cable >= 0) tensions[cable] = read<Real>(free_[s], l);
     }
-    Real square = 0;
-    for (int k = 0; k < N; ++k) {
-      separation[k] = weight_roots_[k] * read<Real>(error_[k], l);
-      square += separation[k] * separation[k];
-    }
-    const Real length = std::sqrt(square);
-    for (int k = 0; k < N; ++k) separation[k] /= length;
+    for (int k = 0; k < N; ++k) separation[k] = read<Real>(direction_[k], l);
     return static_cast<int>(read<Real>(steps_, l));
   }
 
@@ -75,27 +69,22 @@ class NearestFace {
   // Least pivot of independent columns, against their squared length; what an error is more than, against wrench and
   // tensions; and what is clearly not at right angles.
   static constexpr Real kPivot = kDouble ? Real(1e-8) : Real(1e-3), kError = kDouble ? Real(1e-10) : Real(1e-4),
-                        kAngle = kDouble ? Real(1e-9) : Real(1e-4);
-  static constexpr Real kNever = std::numeric_limits<Real>::max();
-
-  // A cable that comes free.
-  struct Pick {
-    V merit, cable, column[N], tension, lower, upper;
-  };
+                        kAngle = kDouble ? Real(1e-9) : Real(1e-4), kNoise = 64 * kUlp;
+  static constexpr Real kNever = std::numeric_limits<Real>::max() / 4;
 
   void load(const Problem (&problems)[L]) {
     const V zero = V{}, one = zero + Real(1);
     const Real* row[L];
-    V direction[N];
-    V largest = zero;
+    V direction[N], largest = zero;
     size_ = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
       V square = zero;
       for (int l = 0; l < L; ++l) row[l] = problems[l].structure + k * m_;
       transpose<Real, L>(row, m_, [&](int i, const V& entry) {
-        column_[i][k] = entry * weight_roots_[k];
-        square += column_[i][k] * column_[i][k];
+        const V weighed = entry * weight_roots_[k];
+        column_[i][k] = weighed;
+        square += weighed * weighed;
       });
       largest = larger(largest, square);
       wrench_[k] = gather<Real, L>([&](int l) { return problems[l].wrench[k]; }) * weight_roots_[k];
@@ -103,125 +92,131 @@ class NearestFace {
       size_ = larger(size_, magnitude(wrench_[k]));
     }
     gain_ = square_root<Real, L>(largest);
-    V merit[M], strongest = zero;
+    if (limits_changed(problems)) load_limits(problems);
+    size_ = larger(size_, V(gain_ * strongest_));
+    V along[M], most;
     for (int i = 0; i < m_; ++i) {
-      lower_[i] = gather<Real, L>([&](int l) { return problems[l].lower[i]; });
-      upper_[i] = gather<Real, L>([&](int l) { return problems[l].upper[i]; });
-      strongest = larger(strongest, larger(magnitude(lower_[i]), magnitude(upper_[i])));
-      V along = zero;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) along += direction[k] * column_[i][k];
-      const auto up = along > zero;
+      along[i] = inner(column_[i], direction);
+      const auto up = along[i] > zero;
       tension_[i] = up ? upper_[i] : lower_[i];
       room_[i] = up ? -one : one;
-      merit[i] = -magnitude(along);
+      bar_[i] = zero;
     }
-    size_ = larger(size_, V(gain_ * strongest));
+    TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       cable_[s] = -one;
       free_[s] = least_[s] = most_[s] = zero;
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) own_[s][k] = zero;
     }
-    for (int s = 0; s < (m_ < N - 1 ? m_ : N - 1); ++s) {
-      Pick pick = best(merit);
-      pick.tension = (pick.lower + pick.upper) / 2;
-      admit(pick, one > zero);
+    measure();
+    // Towards the error as it is with all of them at a limit, from the part of it along the direction: which cables
+    // come to be at right angles first? Where many must be free, it is rather those that nearly are.
+    V scale = inner(error_, direction) / inner(direction, direction);
+    for (int i = 0; i < m_; ++i) {
+      const V now = magnitude(along[i]) * scale, then = inner(column_[i], error_) * room_[i];
+      along[i] = N > 3 ? V(-now) : then > zero ? V(-now / (now + then)) : zero - one;
+    }
+    for (int s = 0; s < N - 1 && s < m_; ++s) {
+      const V cable = best([&](int i) { return along[i] + bar_[i]; }, most);
+      admit(cable, N > 3 ? one > zero : most > zero - one);
+      free_[s] = (least_[s] + most_[s]) / 2;
     }
     open_ = one;
     found_ = dependent_ = steps_ = zero;
+    measure();
   }
 
-  // The cable at a limit with the greatest merit.
-  Pick best(const V* merit) const {
-    const V zero = V{};
-    Pick pick;
-    pick.merit = zero - kNever;
-    pick.cable = pick.tension = pick.lower = pick.upper = zero;
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) pick.column[k] = zero;
-    for (int i = 0; i < m_; ++i) {
-      const auto better = (room_[i] != zero) & (merit[i] > pick.merit);
-      pick.merit = better ? merit[i] : pick.merit;
-      pick.cable = better ? zero + Real(i) : pick.cable;
-      pick.tension = better ? tension_[i] : pick.tension;
-      pick.lower = better ? lower_[i] : pick.lower;
-      pick.upper = better ? upper_[i] : pick.upper;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) pick.column[k] = better ? column_[i][k] : pick.column[k];
+  bool limits_changed(const Problem (&problems)[L]) {
+    bool changed = false;
+    for (int l = 0; l < L; ++l) {
+      changed = changed || problems[l].lower != lower_of_[l] || problems[l].upper != upper_of_[l];
+      lower_of_[l] = problems[l].lower;
+      upper_of_[l] = problems[l].upper;
     }
-    return pick;
+    return changed;
   }
 
-  // Make the cable free, in the lanes of the mask.
+  void load_limits(const Problem (&problems)[L]) {
+    strongest_ = V{};
+    for (int i = 0; i < m_; ++i) {
+      lower_[i] = gather<Real, L>([&](int l) { return problems[l].lower[i]; });
+      upper_[i] = gather<Real, L>([&](int l) { return problems[l].upper[i]; });
+      strongest_ = larger(strongest_, larger(V(-lower_[i]), upper_[i]));
+    }
+  }
+
+  // The cable with the most merit.
+  template <class Merit>
+  V best(const Merit& merit_of, V& most) const {
+    V cable = V{};
+    most = V{} - kNever;
+    for (int i = 0; i < m_; ++i) {
+      const V merit = merit_of(i);
+      cable = merit > most ? V{} + Real(i) : cable;
+      most = larger(most, merit);
+    }
+    return cable;
+  }
+
+  // Make a cable free, in the lanes of the mask.
   template <class Mask>
-  void admit(const Pick& pick, const Mask& mask) {
-    const V zero = V{};
+  void admit(const V& cable, const Mask& mask) {
+    int index[L];
+    for (int l = 0; l < L; ++l) index[l] = static_cast<int>(read<Real>(cable, l));
+    const auto entry = [&](const V* numbers, int stride) {
+      return gather<Real, L>([&](int l) { return read<Real>(numbers[index[l] * stride], l); });
+    };
+    V column[N];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) column[k] = entry(&column_[0][k], N);
+    const V tension = entry(tension_, 1), lower = entry(lower_, 1), upper = entry(upper_, 1);
     auto waiting = mask;
+    TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
-      const auto here = waiting & (cable_[s] < zero);
+      const auto here = waiting & (cable_[s] < V{});
       waiting = waiting & !here;
-      cable_[s] = here ? pick.cable : cable_[s];
-      free_[s] = here ? pick.tension : free_[s];
-      least_[s] = here ? pick.lower : least_[s];
-      most_[s] = here ? pick.upper : most_[s];
+      cable_[s] = here ? cable : cable_[s];
+      free_[s] = here ? tension : free_[s];
+      least_[s] = here ? lower : least_[s];
+      most_[s] = here ? upper : most_[s];
       TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) own_[s][k] = here ? pick.column[k] : own_[s][k];
+      for (int k = 0; k < N; ++k) own_[s][k] = here ? column[k] : own_[s][k];
     }
     for (int i = 0; i < m_; ++i) {
-      const auto it = mask & (pick.cable == zero + Real(i));
-      room_[i] = it ? zero : room_[i];
-      tension_[i] = it ? zero : tension_[i];
+      const auto it = mask & (cable == V{} + Real(i));
+      room_[i] = it ? V{} : room_[i];
+      bar_[i] = it ? V{} - kNever : bar_[i];
+      tension_[i] = it ? V{} : tension_[i];
     }
   }
 
-  // The error. Where the free columns are at right angles to it, is any other cable on the wrong side?
-  void look() {
-    const V zero = V{}, one = zero + Real(1);
-    V error[N], norm = zero, steepest = zero;
+  // The error, from the tensions.
+  void measure() {
+    V error[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) error[k] = wrench_[k];
     for (int i = 0; i < m_; ++i) {
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) error[k] -= column_[i][k] * tension_[i];
     }
+    TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) error[k] -= own_[s][k] * free_[s];
     }
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) {
-      error_[k] = error[k];
-      norm = larger(norm, magnitude(error[k]));
-    }
-    for (int s = 0; s < N; ++s) {
-      along_[s] = inner(own_[s], error);
-      steepest = larger(steepest, magnitude(along_[s]));
-    }
-    const V noise = 64 * kUlp * gain_ * size_;
-    const auto flat = (open_ > zero) & (steepest <= noise);
-    if (!any(flat)) return;
-    V merit[M];
-    for (int i = 0; i < m_; ++i) merit[i] = room_[i] * inner(column_[i], error);
-    const Pick pick = best(merit);
-    const V clear = noise + kAngle * gain_ * norm;
-    const auto wrong = flat & (pick.merit > clear);
-    const auto end = flat & (pick.merit <= clear);
-    const auto sure = (pick.merit < -clear) & (norm > kError * size_) & (dependent_ == zero);
-    found_ = end & sure ? one : found_;
-    open_ = end ? zero : open_;
-    if (!any(wrong)) return;
-    admit(pick, wrong);
-    for (int s = 0; s < N; ++s) along_[s] = inner(own_[s], error);
+    for (int k = 0; k < N; ++k) error_[k] = error[k];
   }
 
   // The free cables step to their least squares, or as far as the first limit.
   void step() {
     const V zero = V{}, one = zero + Real(1);
     const auto open = open_ > zero;
-    V gram[N][N], least[N], change[N], product, dependent = zero;
+    V gram[N][N], along[N], least[N], change[N], product, dependent = zero;
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
+      along[s] = inner(own_[s], error_);
       TENSIONLAB_UNROLL
       for (int r = 0; r <= s; ++r) gram[s][r] = inner(own_[s], own_[r]);
       const auto none = gram[s][s] == zero;
@@ -229,9 +224,10 @@ class NearestFace {
       gram[s][s] = none ? one : gram[s][s];
       least[s] = kPivot * gram[s][s];
     }
-    dependent += solve_with_pivots(gram, along_, least, change, product);
+    dependent += solve_with_pivots(gram, along, least, change, product);
     dependent_ = open ? dependent : dependent_;
-    V pace = one, stop = zero - one, cable = zero - one, limit = zero, room = zero;
+    V pace = open ? one : zero, stop = zero - one, cable = zero - one, limit = zero, room = zero;
+    TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       const auto up = change[s] > zero;
       const V end = up ? most_[s] : least_[s];
@@ -243,22 +239,67 @@ class NearestFace {
       limit = nearer ? end : limit;
       room = nearer ? (up ? -one : one) : room;
     }
-    const auto leaves = open & (stop >= zero);
+    V error[N];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) error[k] = error_[k];
+    TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
-      const auto here = leaves & (stop == zero + Real(s));
-      const V moved = smaller(larger(V(free_[s] + pace * change[s]), least_[s]), most_[s]);
-      free_[s] = here ? zero : (open ? moved : free_[s]);
-      cable_[s] = here ? zero - one : cable_[s];
+      const V moved = pace * change[s];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) error[k] -= own_[s][k] * moved;
+      free_[s] = smaller(larger(V(free_[s] + moved), least_[s]), most_[s]);
+    }
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) error_[k] = error[k];
+    steps_ += open_;
+    const auto stopped = stop >= zero;
+    flat_ = open & !stopped ? one : zero;
+    if (!any(stopped)) return;
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      const auto here = stop == zero + Real(s);
+      free_[s] = here ? zero : free_[s];
+      cable_[s] = here ? -one : cable_[s];
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) own_[s][k] = here ? zero : own_[s][k];
     }
-    steps_ += open ? one : zero;
-    if (!any(leaves)) return;
     for (int i = 0; i < m_; ++i) {
-      const auto it = leaves & (cable == zero + Real(i));
+      const auto it = stopped & (cable == zero + Real(i));
       tension_[i] = it ? limit : tension_[i];
       room_[i] = it ? room : room_[i];
+      bar_[i] = it ? zero : bar_[i];
     }
+  }
+
+  // Where the free cables have stepped all the way: is any other on the wrong side? early: ask everywhere.
+  void look(bool early) {
+    const V zero = V{}, one = zero + Real(1);
+    const auto flat = flat_ > zero;
+    const auto asked = early ? open_ > zero : flat;
+    if (!any(asked)) return;
+    V most, norm = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) norm = larger(norm, magnitude(error_[k]));
+    const V cable = best([&](int i) { return room_[i] * inner(column_[i], error_) + bar_[i]; }, most);
+    const V clear = kNoise * gain_ * size_ + kAngle * gain_ * norm;
+    const auto wrong = asked & (most > clear);
+    const auto end = flat & (most <= clear);
+    const auto sure = (most < -clear) & (norm > kError * size_) & (dependent_ == zero);
+    found_ = end & sure ? one : found_;
+    open_ = end ? zero : open_;
+    if (any(wrong)) admit(cable, wrong);
+  }
+
+  // The error as it is: at right angles to the free columns?
+  void confirm() {
+    measure();
+    V steepest = V{}, square = inner(error_, error_);
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) steepest = larger(steepest, magnitude(inner(own_[s], error_)));
+    found_ = steepest <= kNoise * gain_ * size_ ? found_ : V{};
+    const V length = square_root<Real, L>(square);
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) direction_[k] = weight_roots_[k] * error_[k] / length;
   }
 
   static V inner(const V (&x)[N], const V (&y)[N]) {
@@ -270,13 +311,14 @@ class NearestFace {
 
   int m_;
   Real weight_roots_[N];
-  V column_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {}, gain_ = {}, size_ = {};
-  V tension_[M] = {}, room_[M] = {};  // of a cable at a limit; where it has room: 1 above, -1 below, 0 if it is free
+  const Real *lower_of_[L] = {}, *upper_of_[L] = {};
+  V column_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {};
+  V strongest_ = {}, gain_ = {}, size_ = {};
+  V tension_[M] = {}, room_[M] = {}, bar_[M] = {};  // of a cable at a limit; where it has room: 1 above, -1 below, 0 if it is free
   // Free cables: which, or -1; column, tension and limits.
   V cable_[N] = {}, own_[N][N] = {}, free_[N] = {}, least_[N] = {}, most_[N] = {};
-  V error_[N] = {}, along_[N] = {};
-  V open_ = {}, found_ = {}, dependent_ = {};  // flags
-  V steps_ = {};
+  V error_[N] = {}, direction_[N] = {};
+  V open_ = {}, flat_ = {}, found_ = {}, dependent_ = {}, steps_ = {};  // flags, and a count
 };
 
 }  // namespace TENSIONLAB_BUILD

@@ -12,8 +12,8 @@ inline namespace TENSIONLAB_BUILD {
 
 constexpr int kLanes = TENSIONLAB_LANES;
 
-// A batch in three passes: Newton steps for all; the nearest face, many at a time, for what they prove out of reach;
-// and proximal steps for the few whose face leaves any doubt.
+// A batch: Newton steps for all; the nearest face, many at a time, for what they prove out of reach; and proximal
+// steps, at the end, for the few whose face leaves a doubt.
 template <int N>
 class NewtonBatch {
  public:
@@ -24,13 +24,16 @@ class NewtonBatch {
 
   void solve(std::size_t begin, std::size_t end) {
     Block block(batch_.m, roots_, policy_, rank_tolerance_, policy_ == Policy::force);
+    Face face(batch_.m, roots_);
     for (; begin < end; begin += kChunk) {
       refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
-        if (block.aside(l)) aside_[count_++] = row;
         answer_.iterations[row] = block.store(l, tensions(row), separation(row));
+        if (!block.aside(l)) return;
+        aside_[waiting_++] = row;
+        if (waiting_ == kLanes) seek(face);
       });
-      if (count_ > 0) seek_faces();
-      if (count_ > 0) make_sure();
+      if (waiting_ > 0) seek(face);
+      if (doubts_ > 0) make_sure();
     }
   }
 
@@ -39,45 +42,39 @@ class NewtonBatch {
   using Face = NearestFace<double, kLanes, N, kMaxCables>;
   static constexpr std::size_t kChunk = 512;
 
-  // Those aside with an answer leave.
-  void seek_faces() {
-    Face face(batch_.m, roots_);
+  // The nearest faces for the rows that wait; where they are fewer than the lanes, the last one many times.
+  void seek(Face& face) {
     typename Face::Problem problems[kLanes];
-    std::size_t left = 0;
-    for (std::size_t first = 0; first < count_; first += kLanes) {
-      for (int l = 0; l < kLanes; ++l) {
-        const std::size_t row = aside_[std::min(first + l, count_ - 1)];
-        problems[l] = {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
-                       separation(row)};
-      }
-      face.solve(problems);
-      for (std::size_t j = first; j < std::min(first + kLanes, count_); ++j) {
-        const int l = static_cast<int>(j - first);
-        const std::size_t row = aside_[j];
-        if (face.found(l)) {
-          answer_.iterations[row] += face.store(l, tensions(row), separation(row));
-        } else {
-          aside_[left++] = row;
-        }
+    for (int l = 0; l < kLanes; ++l) {
+      const std::size_t row = aside_[std::min(l, waiting_ - 1)];
+      problems[l] = {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row], separation(row)};
+    }
+    face.solve(problems);
+    for (int l = 0; l < waiting_; ++l) {
+      const std::size_t row = aside_[l];
+      if (face.found(l)) {
+        answer_.iterations[row] += face.store(l, tensions(row), separation(row));
+      } else {
+        doubtful_[doubts_++] = row;
       }
     }
-    count_ = left;
+    waiting_ = 0;
   }
 
   void make_sure() {
     Block block(batch_.m, roots_, policy_, rank_tolerance_);
     refill<kLanes>(
-        block, 0, count_,
+        block, 0, doubts_,
         [&](int l, std::size_t j) {
-          const std::size_t row = aside_[j];
+          const std::size_t row = doubtful_[j];
           block.load(l, {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
                          batch_.reference[row]});
         },
         [&](int l, std::size_t j) {
-          const std::size_t row = aside_[j];
+          const std::size_t row = doubtful_[j];
           answer_.iterations[row] += block.store(l, tensions(row), separation(row));
         });
-    count_ = 0;
+    doubts_ = 0;
   }
 
   double* tensions(std::size_t row) const { return answer_.tensions + row * static_cast<std::size_t>(batch_.m); }
@@ -88,7 +85,8 @@ class NewtonBatch {
   double rank_tolerance_;
   const NewtonAnswer& answer_;
   double roots_[N];
-  std::size_t aside_[kChunk], count_ = 0;  // rows
+  std::size_t aside_[kLanes], doubtful_[kChunk], doubts_ = 0;  // rows
+  int waiting_ = 0;
 };
 
 template <int N>
