@@ -35,7 +35,10 @@ class Judge {
 
   Judge(int m, const double* weights, Rule rule, double tolerance, double rank_tolerance)
       : m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {
-    for (int k = 0; k < N; ++k) roots_[k] = std::sqrt(weights[k]);
+    for (int k = 0; k < N; ++k) {
+      roots_[k] = std::sqrt(weights[k]);
+      lighter_[k] = 1 / roots_[k];
+    }
   }
 
   // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
@@ -51,15 +54,15 @@ class Judge {
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
     // Weights say which error to prefer where there must be one. They make no error vanish.
-    const double plain = std::sqrt(dot(error, error)), asked = std::sqrt(dot(problem.wrench, problem.wrench));
-    if (std::isfinite(plain) && plain <= tolerance_ * larger(1.0, asked)) {
+    const double plain = dot(error, error), asked = dot(problem.wrench, problem.wrench);
+    if (std::isfinite(plain) && plain <= tolerance_ * tolerance_ * larger(1.0, asked)) {
       for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
     // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
-    const double tolerance = tolerance_ * larger(std::sqrt(heaviest), std::sqrt(rendered_square));
+    const double tolerance = tolerance_ * std::sqrt(larger(heaviest, rendered_square));
     for (int k = 0; k < N; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }
@@ -173,7 +176,7 @@ class Judge {
     const double residual = normalise(unit);
     const auto proves = [&]() {
       double dual[N];
-      for (int k = 0; k < N; ++k) dual[k] = d[k] / roots_[k];
+      for (int k = 0; k < N; ++k) dual[k] = d[k] * lighter_[k];
       const double length = normalise(dual);
       const Side s = side(problem, tensions, d);
       return s.separates() && residual * spread(unit, dual) + s.gap / length <= tolerance;
@@ -195,8 +198,8 @@ class Judge {
   }
 
   double normalise(double* x) const {
-    const double length = std::sqrt(dot(x, x));
-    for (int k = 0; k < N; ++k) x[k] = length > 0 ? x[k] / length : 0;
+    const double length = std::sqrt(dot(x, x)), inverse = length > 0 ? 1 / length : 0;
+    for (int k = 0; k < N; ++k) x[k] *= inverse;
     return length;
   }
 
@@ -318,7 +321,7 @@ class Judge {
 
   int m_;
   const double* weights_;
-  double roots_[N];
+  double roots_[N], lighter_[N];
   Rule rule_;
   double tolerance_, rank_tolerance_;
 };

@@ -33,7 +33,10 @@ class NearestFace {
 
   // m cables; weight_roots: square roots of the n wrench weights.
   NearestFace(int m, const Real* weight_roots) : m_(m) {
-    for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
+    for (int k = 0; k < N; ++k) {
+      weight_roots_[k] = weight_roots[k];
+      lighter_[k] = 1 / weight_roots[k];
+    }
   }
 
   // One problem for each lane.
@@ -88,7 +91,7 @@ class NearestFace {
       });
       largest = larger(largest, square);
       wrench_[k] = gather<Real, L>([&](int l) { return problems[l].wrench[k]; }) * weight_roots_[k];
-      direction[k] = gather<Real, L>([&](int l) { return problems[l].direction[k]; }) / weight_roots_[k];
+      direction[k] = gather<Real, L>([&](int l) { return problems[l].direction[k]; }) * lighter_[k];
       size_ = larger(size_, magnitude(wrench_[k]));
     }
     gain_ = square_root<Real, L>(largest);
@@ -105,6 +108,7 @@ class NearestFace {
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       cable_[s] = -one;
+      spare_[s] = one;
       free_[s] = least_[s] = most_[s] = zero;
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) own_[s][k] = zero;
@@ -112,19 +116,30 @@ class NearestFace {
     measure();
     // Towards the error as it is with all of them at a limit, from the part of it along the direction: which cables
     // come to be at right angles first? Where many must be free, it is rather those that nearly are.
-    V scale = inner(error_, direction) / inner(direction, direction);
+    const V scale = inner(error_, direction) / inner(direction, direction);
     for (int i = 0; i < m_; ++i) {
       const V now = magnitude(along[i]) * scale, then = inner(column_[i], error_) * room_[i];
       along[i] = N > 3 ? V(-now) : then > zero ? V(-now / (now + then)) : zero - one;
     }
     for (int s = 0; s < N - 1 && s < m_; ++s) {
       const V cable = best([&](int i) { return along[i] + bar_[i]; }, most);
-      admit(cable, N > 3 ? one > zero : most > zero - one);
-      free_[s] = (least_[s] + most_[s]) / 2;
+      const auto mask = N > 3 ? one > zero : most > zero - one;
+      const Column it(*this, cable);
+      const V middle = (it.lower + it.upper) / 2;
+      cable_[s] = mask ? cable : cable_[s];
+      spare_[s] = mask ? zero : one;
+      free_[s] = mask ? middle : zero;
+      least_[s] = mask ? it.lower : zero;
+      most_[s] = mask ? it.upper : zero;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        own_[s][k] = mask ? it.column[k] : zero;
+        error_[k] += own_[s][k] * (it.tension - middle);
+      }
+      bar(cable, mask);
     }
     open_ = one;
     found_ = dependent_ = steps_ = zero;
-    measure();
   }
 
   bool limits_changed(const Problem (&problems)[L]) {
@@ -159,35 +174,52 @@ class NearestFace {
     return cable;
   }
 
+  // Numbers of one cable in each lane.
+  struct Column {
+    V column[N], tension, lower, upper;
+
+    Column(const NearestFace& face, const V& cable) {
+      int index[L];
+      for (int l = 0; l < L; ++l) index[l] = static_cast<int>(read<Real>(cable, l));
+      const auto entry = [&](const V* numbers, int stride) {
+        return gather<Real, L>([&](int l) { return read<Real>(numbers[index[l] * stride], l); });
+      };
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) column[k] = entry(&face.column_[0][k], N);
+      tension = entry(face.tension_, 1);
+      lower = entry(face.lower_, 1);
+      upper = entry(face.upper_, 1);
+    }
+  };
+
   // Make a cable free, in the lanes of the mask.
   template <class Mask>
   void admit(const V& cable, const Mask& mask) {
-    int index[L];
-    for (int l = 0; l < L; ++l) index[l] = static_cast<int>(read<Real>(cable, l));
-    const auto entry = [&](const V* numbers, int stride) {
-      return gather<Real, L>([&](int l) { return read<Real>(numbers[index[l] * stride], l); });
-    };
-    V column[N];
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) column[k] = entry(&column_[0][k], N);
-    const V tension = entry(tension_, 1), lower = entry(lower_, 1), upper = entry(upper_, 1);
+    const Column it(*this, cable);
     auto waiting = mask;
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
-      const auto here = waiting & (cable_[s] < V{});
+      const auto here = waiting & (spare_[s] > V{});
       waiting = waiting & !here;
       cable_[s] = here ? cable : cable_[s];
-      free_[s] = here ? tension : free_[s];
-      least_[s] = here ? lower : least_[s];
-      most_[s] = here ? upper : most_[s];
+      spare_[s] = here ? V{} : spare_[s];
+      free_[s] = here ? it.tension : free_[s];
+      least_[s] = here ? it.lower : least_[s];
+      most_[s] = here ? it.upper : most_[s];
       TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) own_[s][k] = here ? column[k] : own_[s][k];
+      for (int k = 0; k < N; ++k) own_[s][k] = here ? it.column[k] : own_[s][k];
     }
+    bar(cable, mask);
+  }
+
+  // A cable is free: no longer at a limit.
+  template <class Mask>
+  void bar(const V& cable, const Mask& mask) {
     for (int i = 0; i < m_; ++i) {
       const auto it = mask & (cable == V{} + Real(i));
       room_[i] = it ? V{} : room_[i];
-      bar_[i] = it ? V{} - kNever : bar_[i];
       tension_[i] = it ? V{} : tension_[i];
+      bar_[i] = it ? V{} - kNever : bar_[i];
     }
   }
 
@@ -213,19 +245,17 @@ class NearestFace {
   void step() {
     const V zero = V{}, one = zero + Real(1);
     const auto open = open_ > zero;
-    V gram[N][N], along[N], least[N], change[N], product, dependent = zero;
+    V gram[N][N], along[N], least[N], change[N], product;
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
       along[s] = inner(own_[s], error_);
       TENSIONLAB_UNROLL
       for (int r = 0; r <= s; ++r) gram[s][r] = inner(own_[s], own_[r]);
-      const auto none = gram[s][s] == zero;
-      dependent = none & (cable_[s] >= zero) ? one : dependent;
-      gram[s][s] = none ? one : gram[s][s];
-      least[s] = kPivot * gram[s][s];
+      gram[s][s] += spare_[s];
+      least[s] = kPivot * (gram[s][s] + kPivot * gain_ * gain_);
     }
-    dependent += solve_with_pivots(gram, along, least, change, product);
-    dependent_ = open ? dependent : dependent_;
+    const V raised = solve_with_pivots(gram, along, least, change, product);
+    dependent_ = open ? raised : dependent_;
     V pace = open ? one : zero, stop = zero - one, cable = zero - one, limit = zero, room = zero;
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) {
@@ -260,6 +290,7 @@ class NearestFace {
       const auto here = stop == zero + Real(s);
       free_[s] = here ? zero : free_[s];
       cable_[s] = here ? -one : cable_[s];
+      spare_[s] = here ? one : spare_[s];
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) own_[s][k] = here ? zero : own_[s][k];
     }
@@ -297,9 +328,9 @@ class NearestFace {
     TENSIONLAB_UNROLL
     for (int s = 0; s < N; ++s) steepest = larger(steepest, magnitude(inner(own_[s], error_)));
     found_ = steepest <= kNoise * gain_ * size_ ? found_ : V{};
-    const V length = square_root<Real, L>(square);
+    const V inverse = (V{} + Real(1)) / square_root<Real, L>(square);
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) direction_[k] = weight_roots_[k] * error_[k] / length;
+    for (int k = 0; k < N; ++k) direction_[k] = weight_roots_[k] * error_[k] * inverse;
   }
 
   static V inner(const V (&x)[N], const V (&y)[N]) {
@@ -310,15 +341,15 @@ class NearestFace {
   }
 
   int m_;
-  Real weight_roots_[N];
+  Real weight_roots_[N], lighter_[N];
   const Real *lower_of_[L] = {}, *upper_of_[L] = {};
-  V column_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {};
-  V strongest_ = {}, gain_ = {}, size_ = {};
-  V tension_[M] = {}, room_[M] = {}, bar_[M] = {};  // of a cable at a limit; where it has room: 1 above, -1 below, 0 if it is free
-  // Free cables: which, or -1; column, tension and limits.
-  V cable_[N] = {}, own_[N][N] = {}, free_[N] = {}, least_[N] = {}, most_[N] = {};
-  V error_[N] = {}, direction_[N] = {};
-  V open_ = {}, flat_ = {}, found_ = {}, dependent_ = {}, steps_ = {};  // flags, and a count
+  V column_[M][N], wrench_[N], lower_[M], upper_[M], strongest_, gain_, size_;
+  // Of a cable at a limit; where it has room: 1 above, -1 below, 0 if it is free.
+  V tension_[M], room_[M], bar_[M];
+  // Free cables: which, or -1; whether there is none; column, tension and limits.
+  V cable_[N], spare_[N], own_[N][N], free_[N], least_[N], most_[N];
+  V error_[N], direction_[N];
+  V open_, flat_, found_, dependent_, steps_;  // flags, and a count
 };
 
 }  // namespace TENSIONLAB_BUILD
