@@ -77,8 +77,8 @@ class DualStep {
   static constexpr Real kProximalFloor = 64 * kUlp, kProximalShare = kProximal / 10;
   // Line search: what may be left of the first slope, what the search leaves of it, and beyond all breakpoints.
   static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4), kFar = Real(1e9);
-  // How much of the way from the least to the greatest cost is dear.
-  static constexpr Real kDear = Real(0.5);
+  // How much of the way from the least cost to the greatest is dear; with cables to spare, less is.
+  static constexpr Real kDear = Real(0.5), kDearToo = Real(0.35);
   static constexpr int kSearchRounds = 2 * M + 8;
   static constexpr Real kRender = 1, kNearest = 2;
 
@@ -145,7 +145,7 @@ class DualStep {
       cheapest += least * least / 2;
       dearest += most * most / 2;
     }
-    dear_ = cheapest + kDear * (dearest - cheapest);
+    dear_ = cheapest + (m_ < 2 * N ? kDear : kDearToo) * (dearest - cheapest);
   }
 
   // Tensions, residual and curvature at the trial point. A lane that begins takes its cables for free.

@@ -2,14 +2,14 @@
 //
 //   minimise |w - W t|^2   subject to   a <= t <= b
 //
-// What tensions can render is bounded by flat faces. On the one that is nearest, all cables pull with a limit but a
-// few, whose columns are independent. A direction that separates w tells nearly which: the cables that it hardly
-// moves are free, the others at the limit that it points to. From there an active set: the free cables step to their
-// least squares; the first to meet a limit stays there; where all have room, the cable that would most reduce the
-// error comes free. The error falls with every step, so that no set comes twice.
+// What tensions can render is bounded by flat faces. On the one that is nearest, all cables pull with a limit but
+// a few, whose columns are independent. A direction that separates w tells nearly which: the cables that it hardly
+// moves are free, the others at the limit that it points to. From there an active set: the free cables step to
+// their least squares; the first to meet a limit stays there; where all have room, the cable that would most
+// reduce the error comes free. The error falls with every step, so that no set comes twice.
 //
-// Found is an answer only where it is the only one: the error r is at right angles to the columns of the free cables,
-// and clearly on the proper side of all others. Then r also separates w.
+// Found is an answer only where it is the only one: the error r is at right angles to the columns of the free
+// cables, and clearly on the proper side of all others. Then r also separates w.
 //
 // Source: Stark and Parker (1995), "Bounded-variable least-squares: an algorithm and applications".
 #pragma once
@@ -69,10 +69,12 @@ class NearestFace {
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr bool kDouble = kUlp < Real(1e-10);
   static constexpr int kStepLimit = 4 * N + 4;  // hardly one in a million takes more
-  // Least pivot of independent columns, against their squared length; what an error is more than, against wrench and
-  // tensions; and what is clearly not at right angles.
+  // Least pivot of independent columns, against their squared length; what an error is more than, against wrench
+  // and tensions; and what is clearly not at right angles.
   static constexpr Real kPivot = kDouble ? Real(1e-8) : Real(1e-3), kError = kDouble ? Real(1e-10) : Real(1e-4),
                         kAngle = kDouble ? Real(1e-9) : Real(1e-4), kNoise = 64 * kUlp;
+  // What is near to a right angle, as a cosine; and how much of it counts where a cable would be of use.
+  static constexpr Real kNear = Real(0.03), kUseful = Real(0.1);
   static constexpr Real kNever = std::numeric_limits<Real>::max() / 4;
 
   void load(const Problem (&problems)[L]) {
@@ -114,16 +116,16 @@ class NearestFace {
       for (int k = 0; k < N; ++k) own_[s][k] = zero;
     }
     measure();
-    // Towards the error as it is with all of them at a limit, from the part of it along the direction: which cables
-    // come to be at right angles first? Where many must be free, it is rather those that nearly are.
-    const V scale = inner(error_, direction) / inner(direction, direction);
+    // A cable is likely to be free if the direction hardly moves it; more so if, free, it would reduce the error.
+    const V square = kNear * kNear * inner(direction, direction);
     for (int i = 0; i < m_; ++i) {
-      const V now = magnitude(along[i]) * scale, then = inner(column_[i], error_) * room_[i];
-      along[i] = N > 3 ? V(-now) : then > zero ? V(-now / (now + then)) : zero - one;
+      const auto useful = inner(column_[i], error_) * room_[i] > zero;
+      const V angle = along[i] * along[i] * (useful ? zero + kUseful * kUseful : one);
+      along[i] = angle < square * inner(column_[i], column_[i]) ? V(-angle) : zero - kNever;
     }
     for (int s = 0; s < N - 1 && s < m_; ++s) {
       const V cable = best([&](int i) { return along[i] + bar_[i]; }, most);
-      const auto mask = N > 3 ? one > zero : most > zero - one;
+      const auto mask = most > zero - kNever;
       const Column it(*this, cable);
       const V middle = (it.lower + it.upper) / 2;
       cable_[s] = mask ? cable : cable_[s];

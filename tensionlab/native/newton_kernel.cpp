@@ -47,7 +47,8 @@ class NewtonBatch {
     typename Face::Problem problems[kLanes];
     for (int l = 0; l < kLanes; ++l) {
       const std::size_t row = aside_[std::min(l, waiting_ - 1)];
-      problems[l] = {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row], separation(row)};
+      problems[l] = {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
+                     separation(row)};
     }
     face.solve(problems);
     for (int l = 0; l < waiting_; ++l) {

@@ -46,8 +46,8 @@ void refill(Block& block, const Batch& batch, std::size_t begin, std::size_t end
   refill<L>(
       block, begin, end,
       [&](int l, std::size_t row) {
-        block.load(
-            l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row], batch.reference[row]});
+        block.load(l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row],
+                       batch.reference[row]});
       },
       store);
 }
