@@ -27,7 +27,7 @@ inline namespace TENSIONLAB_BUILD {
 template <class Real, int L, int N, int M>
 class Newton {
  public:
-  using Problem = typename DualStep<Real, L, N, M>::Source;
+  using Problem = Source<Real>;
 
   // m cables; weight_roots: square roots of the n wrench weights. set_aside: a lane is done when its wrench proves
   // out of reach, and somebody else seeks the nearest one.
