@@ -26,7 +26,7 @@
 #define TENSIONLAB_UNROLL
 #endif
 
-// Before a function that is seldom called: where it is expanded, the rest has too few registers.
+// Before a function that is large or seldom called: expanded in another, it leaves both too few registers.
 #if defined(__GNUC__)
 #define TENSIONLAB_APART __attribute__((noinline))
 #else
@@ -145,6 +145,14 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
 template <class Real, int L>
 inline Lanes<Real, L> square_root(const Lanes<Real, L>& v) {
   return gather<Real, L>([&](int l) { return std::sqrt(read<Real>(v, l)); });
+}
+
+template <class V, int N>
+inline V inner(const V (&x)[N], const V (&y)[N]) {
+  V sum = x[0] * y[0];
+  TENSIONLAB_UNROLL
+  for (int k = 1; k < N; ++k) sum += x[k] * y[k];
+  return sum;
 }
 
 inline bool any(bool mask) { return mask; }

@@ -19,12 +19,16 @@ class NewtonBatch {
  public:
   NewtonBatch(const Batch& batch, Policy policy, double rank_tolerance, const NewtonAnswer& answer)
       : batch_(batch), policy_(policy), rank_tolerance_(rank_tolerance), answer_(answer) {
-    for (int k = 0; k < N; ++k) roots_[k] = std::sqrt(batch.weights[k]);
+    plain_ = policy == Policy::force;
+    for (int k = 0; k < N; ++k) {
+      roots_[k] = std::sqrt(batch.weights[k]);
+      plain_ = plain_ && batch.weights[k] == 1;
+    }
   }
 
   void solve(std::size_t begin, std::size_t end) {
-    Block block(batch_.m, roots_, policy_, rank_tolerance_, policy_ == Policy::force);
-    Face face(batch_.m, roots_);
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, policy_ != Policy::direction);
+    Face face(batch_.m);
     for (; begin < end; begin += kChunk) {
       refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
         answer_.iterations[row] = block.store(l, tensions(row), separation(row));
@@ -44,33 +48,49 @@ class NewtonBatch {
 
   // The nearest faces for the rows that wait; where they are fewer than the lanes, the last one many times.
   void seek(Face& face) {
-    typename Face::Problem problems[kLanes];
+    Source<double> source[kLanes];
+    const double* direction[kLanes];
     for (int l = 0; l < kLanes; ++l) {
       const std::size_t row = aside_[std::min(l, waiting_ - 1)];
-      problems[l] = {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
-                     separation(row)};
+      source[l] = problem(row);
+      direction[l] = separation(row);
+      if (!plain_) measure_as_asked(coordinates_[l], source[l], direction_[l], direction[l]);
     }
-    face.solve(problems);
+    face.solve(source, direction);
     for (int l = 0; l < waiting_; ++l) {
       const std::size_t row = aside_[l];
-      if (face.found(l)) {
-        answer_.iterations[row] += face.store(l, tensions(row), separation(row));
-      } else {
+      if (!face.found(l)) {
         doubtful_[doubts_++] = row;
+        continue;
+      }
+      answer_.iterations[row] += face.store(l, tensions(row), direction_[l]);
+      if (plain_) {
+        std::copy_n(direction_[l], N, separation(row));
+      } else {
+        coordinates_[l].back(direction_[l], separation(row));
       }
     }
     waiting_ = 0;
   }
 
+  // The problem in the coordinates of the policy; d, which separates, follows.
+  void measure_as_asked(Coordinates<double, N, kMaxCables>& coordinates, Source<double>& source, double* y,
+                        const double*& d) const {
+    std::copy_n(d, N, y);
+    d = y;
+    if (policy_ == Policy::tension) {
+      coordinates.whiten(batch_.m, source.structure, source.wrench, rank_tolerance_, y);
+    } else {
+      coordinates.weigh(batch_.m, source.structure, source.wrench, roots_, y);
+    }
+    source.structure = coordinates.structure;
+    source.wrench = coordinates.wrench;
+  }
+
   void make_sure() {
     Block block(batch_.m, roots_, policy_, rank_tolerance_);
     refill<kLanes>(
-        block, 0, doubts_,
-        [&](int l, std::size_t j) {
-          const std::size_t row = doubtful_[j];
-          block.load(l, {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
-                         batch_.reference[row]});
-        },
+        block, 0, doubts_, [&](int l, std::size_t j) { block.load(l, problem(doubtful_[j])); },
         [&](int l, std::size_t j) {
           const std::size_t row = doubtful_[j];
           answer_.iterations[row] += block.store(l, tensions(row), separation(row));
@@ -78,6 +98,10 @@ class NewtonBatch {
     doubts_ = 0;
   }
 
+  Source<double> problem(std::size_t row) const {
+    return {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
+            batch_.reference[row]};
+  }
   double* tensions(std::size_t row) const { return answer_.tensions + row * static_cast<std::size_t>(batch_.m); }
   double* separation(std::size_t row) const { return answer_.separation + row * N; }
 
@@ -86,6 +110,9 @@ class NewtonBatch {
   double rank_tolerance_;
   const NewtonAnswer& answer_;
   double roots_[N];
+  bool plain_;  // errors are measured in the coordinates as given
+  Coordinates<double, N, kMaxCables> coordinates_[kLanes];
+  double direction_[kLanes][N];
   std::size_t aside_[kLanes], doubtful_[kChunk], doubts_ = 0;  // rows
   int waiting_ = 0;
 };

@@ -19,7 +19,7 @@ struct SideBySide {
   using V = Lanes<Real, L>;
 
   int m;
-  V structure[M][N] = {}, wrench[N] = {}, lower[M] = {}, upper[M] = {}, reference[M] = {};
+  V structure[M][N], wrench[N], lower[M], upper[M], reference[M];
   V diagonal[N] = {};               // of W W', or 1
   V gain = {}, asked = {};          // root of the largest square of a row, or 1; largest component of the wrench
   V strongest = {}, furthest = {};  // largest limit, and reference
@@ -50,12 +50,7 @@ struct SideBySide {
   }
 
   // W_i'd of cable i.
-  V along(int i, const V (&d)[N]) const {
-    V sum = structure[i][0] * d[0];
-    TENSIONLAB_UNROLL
-    for (int k = 1; k < N; ++k) sum += structure[i][k] * d[k];
-    return sum;
-  }
+  V along(int i, const V (&d)[N]) const { return inner(structure[i], d); }
 
   // d'w - h(d), less what rounding may make of it: above nought, d separates w from all that can be rendered.
   TENSIONLAB_APART V how_far_outside(const V (&d)[N]) const {
