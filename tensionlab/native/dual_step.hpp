@@ -202,7 +202,7 @@ class DualStep {
 
   // The step to the maximum along the path, where it was not taken. Where the dual grows without end, the path
   // itself separates.
-  TENSIONLAB_APART V search(const V& slope, const V& root, const V& take) {
+  V search(const V& slope, const V& root, const V& take) {
     const V zero = V{}, one = zero + Real(1);
     V pull = zero, curvature = zero;
     TENSIONLAB_UNROLL

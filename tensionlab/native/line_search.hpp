@@ -20,7 +20,12 @@ class LineSearch {
   LineSearch(const SideBySide<Real, L, N, M>& problem, const V (&wanted)[M], const V (&path)[N], const V& pull,
              const V& curvature)
       : problem_(problem), wanted_(wanted), pull_(pull), curvature_(curvature) {
-    for (int i = 0; i < problem.m; ++i) along_[i] = problem.along(i, path);
+    bend_at_one_ = curvature;
+    for (int i = 0; i < problem.m; ++i) {
+      along_[i] = problem.along(i, path);
+      const auto free = (wanted[i] > problem.lower[i]) & (wanted[i] < problem.upper[i]);
+      bend_at_one_ += free ? V(along_[i] * along_[i]) : V{};
+    }
   }
 
   // The step with no slope, or none to speak of, in the open lanes; 1 in the others. first: the slope at step 0,
@@ -28,7 +33,7 @@ class LineSearch {
   template <class Mask>
   V root(const V& first, const V& slope_at_one, const V& negligible, const Mask& open_lanes) const {
     const V zero = V{}, one = zero + Real(1);
-    V step = one, slope = slope_at_one, bend = bend_at_one();
+    V step = one, slope = slope_at_one, bend = bend_at_one_;
     V low = zero, low_slope = first, high = zero + kFar, high_slope = zero - one;
     auto open = open_lanes;
     for (int round = 0; round < kRounds && any(open); ++round) {
@@ -61,15 +66,6 @@ class LineSearch {
   static constexpr int kRounds = 2 * M + 8;
   static constexpr Real kFar = Real(1e9);  // beyond all breakpoints
 
-  V bend_at_one() const {
-    V bend = curvature_;
-    for (int i = 0; i < problem_.m; ++i) {
-      const auto free = (wanted_[i] > problem_.lower[i]) & (wanted_[i] < problem_.upper[i]);
-      bend += free ? V(along_[i] * along_[i]) : V{};
-    }
-    return bend;
-  }
-
   // The first breakpoint inside the bracket; where there is none the slope is linear, and its root is known.
   V next_breakpoint(const V& low, const V& low_slope, const V& high, const V& high_slope) const {
     const V zero = V{}, one = zero + Real(1);
@@ -87,7 +83,7 @@ class LineSearch {
 
   const SideBySide<Real, L, N, M>& problem_;
   const V (&wanted_)[M];
-  V along_[M], pull_, curvature_;
+  V along_[M], pull_, curvature_, bend_at_one_;
 };
 
 }  // namespace TENSIONLAB_BUILD
