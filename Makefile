@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
-NATIVE := $(wildcard tensionlab/native/*.hpp tensionlab/native/*.cpp)
+NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
 .PHONY: demo test check format bench bench-quick bench-readme stress clean
 
@@ -51,7 +51,7 @@ clean:
 
 .venv/user.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
 	@echo "Installing into .venv (a minute or two the first time) ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[solvers]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[solvers,workspace]'
 	@touch $@
 
 .venv/dev.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)

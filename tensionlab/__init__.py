@@ -1,11 +1,13 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
+from tensionlab import workspace
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
     MissingDependency,
     PluginError,
     RigError,
     ShapeError,
+    SweepError,
     TensionlabError,
     UnknownSolver,
     Unreachable,
@@ -31,6 +33,7 @@ from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 from tensionlab.solvers.slack_norm import SlackNorm
 from tensionlab.solvers.spidar import Spidar
+from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -63,6 +66,7 @@ __all__ = [
     "Solver",
     "Spidar",
     "Status",
+    "SweepError",
     "TensionLimits",
     "TensionlabError",
     "UnknownSolver",
@@ -73,4 +77,6 @@ __all__ = [
     "load_rig",
     "ring_plus_top",
     "save_rig",
+    "sweep",
+    "workspace",
 ]

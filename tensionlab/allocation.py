@@ -6,14 +6,25 @@ itself (`tensionlab.measure`).
 
 from __future__ import annotations
 
-import math
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab import _native
 from tensionlab.errors import ShapeError
+from tensionlab.inputs import (
+    LARGEST,
+    Limits,
+    check,
+    check_size,
+    common_axes,
+    finite,
+    numbers,
+    rows,
+    spread,
+    tension_limits,
+)
 from tensionlab.measure import Allocation, exact, exact_single, measure
 from tensionlab.solvers import SOLVERS, make
 from tensionlab.solvers.contract import (
@@ -27,21 +38,6 @@ from tensionlab.solvers.contract import (
     refusal,
 )
 from tensionlab.solvers.newton import Newton
-
-LARGEST = 1e100
-"""Entries of this size or more are refused: their squares would overflow."""
-
-
-class Limits(Protocol):
-    """Anything with tension limits, as `tensionlab.TensionLimits`."""
-
-    @property
-    def lower(self) -> Floats:
-        """Least tensions, (..., m), N."""
-
-    @property
-    def upper(self) -> Floats:
-        """Largest tensions, (..., m), N."""
 
 
 class Allocator:
@@ -65,7 +61,7 @@ class Allocator:
             raise TypeError(f"solver is {solver!r}; give a name in tensionlab.SOLVERS or an instance of a solver")
         self.solver: Solver = make(solver) if isinstance(solver, str) else solver
         self.nearest = _policy(self.solver, nearest)
-        self.lower, self.upper = _limits(limits)
+        self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)
         self.weights = _weights(wrench_weights)
         self._size = (0, 0)
@@ -80,7 +76,7 @@ class Allocator:
             if reference == "middle":
                 return (self.lower + self.upper) / 2
             raise ValueError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
-        return _finite("reference", reference, 0).copy()
+        return finite("reference", reference, 0).copy()
 
     def __call__(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
         """Choose tensions for these structure matrices (..., n, m) and wrenches (..., n)."""
@@ -90,14 +86,14 @@ class Allocator:
             found = None if self._single is None else exact_single(self._single, structure, wrench)
             if found is not None:
                 return found
-        matrices, vectors = _numbers("structure", structure, 2), _numbers("wrench", wrench, 1)
+        matrices, vectors = numbers("structure", structure, 2), numbers("wrench", wrench, 1)
         problem, shape = self._problem(matrices, vectors)
         if isinstance(self.solver, Newton):
             found = exact(problem, shape, LARGEST)
             if found is not None:
                 return found
-        _check("structure", matrices)
-        _check("wrench", vectors)
+        check("structure", matrices)
+        check("wrench", vectors)
         return measure(problem, self.solver.solve(problem), shape)
 
     def _problem(self, structure: Floats, wrench: Floats) -> tuple[Problem, tuple[int, ...]]:
@@ -108,35 +104,29 @@ class Allocator:
             )
         if (n, m) != self._size:
             self._adapt(n, m)
-        shape = _leading_axes(structure, wrench, self._lower, self._upper, self._reference)
+        shape = common_axes(
+            structure=structure.shape[:-2],
+            wrench=wrench.shape[:-1],
+            lower=self._lower.shape[:-1],
+            upper=self._upper.shape[:-1],
+            reference=self._reference.shape[:-1],
+        )
         return Problem(
-            structure=_rows(structure, shape, 2),
-            wrench=_rows(wrench, shape, 1),
-            lower=_rows(self._lower, shape, 1),
-            upper=_rows(self._upper, shape, 1),
-            reference=_rows(self._reference, shape, 1),
+            structure=rows(structure, shape, 2),
+            wrench=rows(wrench, shape, 1),
+            lower=rows(self._lower, shape, 1),
+            upper=rows(self._upper, shape, 1),
+            reference=rows(self._reference, shape, 1),
             weights=self._weights,
             nearest=self.nearest,
         ), shape
 
     def _adapt(self, n: int, m: int) -> None:
         """Spread limits, reference and weights over m cables and n components."""
-        if not (1 <= n <= _native.MAX_COMPONENTS and 1 <= m <= _native.MAX_CABLES):
-            raise ShapeError(
-                f"structure has {n} wrench components and {m} cables; it must have 1 to "
-                f"{_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
-            )
+        check_size(n, m)
         if reason := refusal(self.solver, n, m):
             able = ", ".join(name for name in SOLVERS if not refusal(make(name), n, m))
             raise ValueError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
-
-        def spread(name: str, array: Floats, count: int, what: str) -> Floats:
-            own = array.shape[-1:]
-            if own == (count,):
-                return array
-            if own not in ((), (1,)):
-                raise ShapeError(f"{name} has {own[0]} entries where structure has {count} {what}")
-            return (array if own else array[None]).repeat(count, axis=-1)
 
         self._lower = spread("lower", self.lower, m, "cables")
         self._upper = spread("upper", self.upper, m, "cables")
@@ -203,32 +193,11 @@ def allocate(
     return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
 
 
-def _limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Floats]:
-    """Lower and upper tension limits, finite and not crossed."""
-    try:
-        lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
-    except (AttributeError, ValueError):
-        raise ShapeError(
-            f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
-        ) from None
-    low, high = _finite("lower", lower, 0).copy(), _finite("upper", upper, 0).copy()
-    try:
-        crossed = low > high
-    except ValueError:
-        raise ShapeError(f"lower has shape {low.shape}, upper {high.shape}; they do not broadcast") from None
-    if crossed.any():
-        entry = tuple(int(i) for i in np.argwhere(crossed)[0]) if crossed.ndim else ()
-        values = [float(each[entry]) for each in np.broadcast_arrays(low, high)]
-        where = f"[{', '.join(map(str, entry))}]" if entry else ""
-        raise ShapeError(f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N")
-    return low, high
-
-
 def _weights(weights: ArrayLike | None) -> Floats:
     """Wrench weights, positive; one that stands for all where none are given."""
     if weights is None:
         return np.ones(1)
-    values = _finite("wrench_weights", weights, 1)
+    values = finite("wrench_weights", weights, 1)
     if values.ndim != 1 or not (values > 0).all():
         raise ShapeError(f"wrench_weights must be positive numbers, one for each wrench component; got {values}")
     return values.copy()
@@ -245,52 +214,3 @@ def _policy(solver: Solver, nearest: Nearest | None) -> Nearest | None:
         f"{name} cannot honour nearest={nearest!r}; "
         + (f"it honours {honoured}" if honoured else "it promises no best substitute, so leave nearest out")
     )
-
-
-def _finite(name: str, array: ArrayLike, axes: int) -> Floats:
-    """The array as contiguous floats with at least so many axes, or an error that names the entry."""
-    values = _numbers(name, array, axes)
-    _check(name, values)
-    return values
-
-
-def _numbers(name: str, array: ArrayLike, axes: int) -> Floats:
-    try:
-        values: Floats = np.asarray(array, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} is not an array of numbers: {error}") from None
-    if values.ndim < axes:
-        kind = "a matrix" if axes == 2 else "a vector"
-        raise ShapeError(f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}")
-    return values
-
-
-def _check(name: str, values: Floats) -> None:
-    if not _native.all_within(values, LARGEST):
-        index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < LARGEST))[0])
-        where = f"{name}[{', '.join(map(str, index))}]" if index else name
-        raise ShapeError(f"{where} is {values[index]}; every entry must be a finite number, below {LARGEST:g}")
-
-
-def _leading_axes(structure: Floats, wrench: Floats, *per_cable: Floats) -> tuple[int, ...]:
-    """The axes of the result: those in front of each array's own, broadcast together."""
-    axes = [structure.shape[:-2], wrench.shape[:-1], *(array.shape[:-1] for array in per_cable)]
-    different = {each for each in axes if each}
-    if len(different) < 2:
-        return different.pop() if different else ()
-    try:
-        return np.broadcast_shapes(*axes)
-    except ValueError:
-        names = ("structure", "wrench", "lower", "upper", "reference")
-        shapes = ", ".join(f"{name} {each}" for name, each in zip(names, axes, strict=True) if each)
-        raise ShapeError(f"the leading axes do not broadcast together: {shapes}") from None
-
-
-def _rows(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
-    """The array broadcast to all problems, its leading axes made one; read-only, a view where possible."""
-    full = shape + array.shape[array.ndim - inner :]
-    if array.shape != full:
-        array = np.broadcast_to(array, full)
-    rows = array.reshape(math.prod(shape), *full[len(shape) :])
-    rows.flags.writeable = False
-    return rows

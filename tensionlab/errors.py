@@ -7,8 +7,11 @@
     ├── RigError (ValueError)                a rig that cannot exist; names file, module and key
     ├── UnknownSolver (LookupError)          a solver name that is not in the table
     ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
+    ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
-    └── Unreachable                          an allocation that is not exact; carries the evidence
+    ├── Unreachable                          an allocation that is not exact; carries the evidence
+    └── HardwareError                        what goes wrong with modules
+        └── ProtocolError                    a frame or message that cannot be sent, or was not understood
 """
 
 from __future__ import annotations
@@ -39,6 +42,10 @@ class PluginError(TensionlabError, ImportError):
     """A solver that another distribution offers and that cannot be used; the message names the distribution."""
 
 
+class SweepError(TensionlabError, ValueError):
+    """A sweep that cannot be made; the message names the argument, or what is in the way of the store."""
+
+
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
     """An optional library that is not installed; the message names the extra that brings it."""
 
@@ -55,3 +62,11 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
     def __init__(self, message: str, allocation: Allocation) -> None:
         super().__init__(message)
         self.allocation = allocation
+
+
+class HardwareError(TensionlabError):
+    """The root of all that goes wrong with modules and the links to them."""
+
+
+class ProtocolError(HardwareError):
+    """A frame or a message that cannot be sent, or that was not understood."""

@@ -16,8 +16,8 @@ import pytest
 from distribution import install
 
 import tensionlab as tl
-from tensionlab.experiments.directions import grid18
 from tensionlab.experiments.lineup import lineup
+from tensionlab.model.directions import grid18
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

@@ -19,10 +19,12 @@ from tensionlab.cli.bench import bench
 from tensionlab.cli.compare import compare
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
+from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
+from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
 
-NUMBER_OPTIONS = ("--at", "--wrench", "--reference")
+NUMBER_OPTIONS = ("--at", "--wrench", "--reference", "--box", "--step")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 
 app = typer.Typer(
@@ -35,7 +37,9 @@ app = typer.Typer(
 app.command()(compare)
 app.command()(allocate)
 app.command()(solvers)
+app.command()(workspace)
 app.command()(bench)
+app.command()(simulate)
 app.add_typer(rig, name="rig")
 app.add_typer(problems, name="problems")
 

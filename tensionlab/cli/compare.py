@@ -73,9 +73,10 @@ def compare(
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
     count, the grid is inferred). Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.experiments import comparison, records
-    from tensionlab.experiments import directions as direction_sets
+    from tensionlab import records
+    from tensionlab.experiments import comparison
     from tensionlab.experiments.lineup import lineup
+    from tensionlab.model import directions as direction_sets
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)

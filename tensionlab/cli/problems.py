@@ -94,7 +94,7 @@ def export(
     seed: Seed = 0,
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
-    from tensionlab.experiments import records
+    from tensionlab import records
     from tensionlab.experiments.problem_sets import problem_set
     from tensionlab.experiments.qp_export import qp_rows
 

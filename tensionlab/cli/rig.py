@@ -1,4 +1,4 @@
-"""``tensionlab rig``: what a rig is, and whether it can work."""
+"""``tensionlab rig``: what a rig is, whether it can work, and how it comes and goes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tensionlab.cli import output
 if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
 
-rig = typer.Typer(help="Show a rig, or check that it can work.", no_args_is_help=True, rich_markup_mode=None)
+rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
 Plot = Annotated[
     Path | None, typer.Option(callback=output.picture_file, help="Draw to this file (png, pdf, svg).")
@@ -121,6 +121,54 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
         if plot:
             console.print(f"plot: {plot}", soft_wrap=True)
     raise typer.Exit(0 if passed else 1)
+
+
+@rig.command("import")
+def import_(
+    caspr: Annotated[
+        tuple[Path, Path],
+        typer.Option(metavar="BODIES.xml CABLES.xml", help="The two files of a CASPR model.", show_default=False),
+    ],
+    cable_set: Annotated[
+        str | None,
+        typer.Option("--set", metavar="ID", help="Which set of cables; the file's default if left out."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="RIG", callback=output.output_file, help="Write the rig file here, not to stdout."),
+    ] = None,
+) -> None:
+    """Make a rig file of a model of CASPR, the cable-robot library; one body that moves in a plane or in space."""
+    from tensionlab.model.caspr import load_caspr
+    from tensionlab.model.files import rig_to_toml, save_rig
+
+    imported = load_caspr(*caspr, cable_set)
+    if out is None:
+        typer.echo(rig_to_toml(imported), nl=False)
+        return
+    save_rig(imported, out)
+    console = output.console()
+    console.print(imported.description, markup=False)
+    console.print(f"rig: {out}, {imported.kind}, {imported.m} cables", soft_wrap=True, markup=False)
+
+
+@rig.command()
+def export(
+    path: RigFile,
+    mjcf: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE", callback=output.output_file, help="Write a MuJoCo model here.", show_default=False
+        ),
+    ],
+) -> None:
+    """Write a rig as a MuJoCo model: a spatial tendon for each cable, with a motor that can only pull."""
+    from tensionlab.model.files import load_rig
+    from tensionlab.model.mjcf import rig_to_mjcf
+
+    loaded = load_rig(path)
+    mjcf.write_text(rig_to_mjcf(loaded), encoding="utf-8")
+    output.console().print(f"model: {mjcf}, {loaded.m} tendons", soft_wrap=True, markup=False)
 
 
 def _load(path: Path, plot: Path | None) -> Rig:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import allocate
-from tensionlab.experiments import directions
 from tensionlab.experiments.comparison import at_rest
+from tensionlab.model import directions
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import RANK_TOLERANCE, Floats, Status
 

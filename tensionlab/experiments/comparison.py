@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocator
 from tensionlab.errors import ShapeError
-from tensionlab.experiments import directions as direction_sets
 from tensionlab.experiments.lineup import lineup
 from tensionlab.measure import Allocation
+from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import make
 from tensionlab.solvers.contract import POLICIES, Floats, Nearest, Status

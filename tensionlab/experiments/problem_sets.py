@@ -13,10 +13,10 @@ from typing import Literal
 import numpy as np
 
 from tensionlab.errors import ShapeError
-from tensionlab.experiments.directions import forces, grid18
 from tensionlab.experiments.random_rigs import Stream, near_singular, streams
 from tensionlab.experiments.reach import furthest
 from tensionlab.experiments.real_rigs import find_rig, over_workspace, path
+from tensionlab.model.directions import forces, grid18
 from tensionlab.solvers.contract import Floats
 
 LOWER, UPPER = 0.5, 6.0

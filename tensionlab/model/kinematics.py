@@ -164,3 +164,40 @@ def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
     for row, (i, j) in enumerate(pairs, start=d):
         W[..., row, :] = r[..., i, :] * u[..., j, :] - r[..., j, :] * u[..., i, :]
     return W
+
+
+def anchor_gradient(gradient: Floats, lengths: Floats, directions: Floats, arms: Floats | None) -> Floats:
+    """How does a number change with the anchors, given how it changes with the structure matrix?
+
+    A column changes by ``[du; r x du]``, and u by what of the anchor's motion is across the cable, over its
+    length. Moving the reference point without a turn changes the same number by the opposite of all anchors
+    together.
+
+    Parameters
+    ----------
+    gradient : (..., n, m) array
+        Derivative with respect to the structure matrix.
+    lengths : (..., m) array
+        In m.
+    directions : (..., m, d) array
+        Unit vectors from attachment to anchor.
+    arms : (..., m, d) array or None
+        From the reference point to the attachments, in world axes, in m; None for a point.
+
+    Returns
+    -------
+    (..., m, d) array
+        Derivative with respect to each anchor, in world axes, per m.
+    """
+    d = directions.shape[-1]
+    columns = np.swapaxes(gradient, -1, -2)
+    pull = columns[..., :d]
+    if arms is not None:  # torque . (r x du) = du . (torque x r)
+        torque = columns[..., d:]
+        if d == 2:
+            pull = pull + torque * np.stack([-arms[..., 1], arms[..., 0]], axis=-1)
+        else:
+            pull = pull + np.cross(torque, arms)
+    along = np.einsum("...i,...i->...", pull, directions)[..., None]
+    across: Floats = (pull - along * directions) / lengths[..., None]
+    return across

@@ -16,6 +16,9 @@ from tensionlab.model.rig import Rig
 LIMITS = (0.5, 6.0)
 """Tension limits of the published module, in N (Bartels et al. 2026)."""
 
+UNITS = {"side": "m", "height": "m", "top": "m", "size": "m", "count": "1"}
+"""Of the parameters of all layouts."""
+
 
 def ring_plus_top(
     side: float,

@@ -96,6 +96,28 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
     return kinematics.place(anchors, index_of, origins, turns)
 
 
+def in_own_axes(modules: Sequence[Module], vectors: Floats, frames: Frames | None) -> Floats:
+    """Which components do vectors in world axes have in the axes of each module's own frame?
+
+    Parameters
+    ----------
+    modules : sequence of Module
+    vectors : (..., m, d) array
+        One a module.
+    frames : as in `place_anchors`
+
+    Returns
+    -------
+    (..., m, d) array
+    """
+    if all(module.frame == WORLD for module in modules):
+        return vectors
+    corners = np.eye(vectors.shape[-1])
+    here = place_anchors(modules, np.zeros(vectors.shape[-2:]), frames)
+    axes = [place_anchors(modules, np.tile(each, (len(modules), 1)), frames) - here for each in corners]
+    return np.stack([np.einsum("...i,...i->...", vectors, axis) for axis in axes], axis=-1)
+
+
 def points(values: ArrayLike, size: int, what: str) -> Floats:
     """Check an array whose last axis holds coordinates or cables.
 

@@ -18,7 +18,19 @@ from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, same, 
 from tensionlab.model.pose import Frames
 
 
-class _Cables(NamedTuple):
+class Cables(NamedTuple):
+    """Where the cables of a rig run at a pose.
+
+    Attributes
+    ----------
+    lengths : (..., m) array
+        In m.
+    directions : (..., m, d) array
+        Unit vectors from attachment to anchor, in world axes.
+    arms : (..., m, d) array or None
+        From the reference point to the attachments, in world axes, in m; None for a point.
+    """
+
     lengths: Floats
     directions: Floats
     arms: Floats | None
@@ -127,6 +139,28 @@ class Rig:
         """Attachments of all cables, (m, d), in platform axes, in m; zeros for a point rig. Read-only."""
         return _stacked([np.asarray(module.attachment) for module in self.modules])
 
+    def cables(
+        self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
+    ) -> Cables:
+        """Where do the cables run at a pose?
+
+        Parameters and errors as in `structure_matrix`.
+        """
+        p, R, anchors = self._pose(position, rotation, frames)
+        arms = None
+        if self._kind.turns:
+            arms = self.attachments if R is None else kinematics.rotate(R, self.attachments)
+        lengths, directions = kinematics.cables(anchors, p, arms)
+        short = lengths == 0.0
+        if short.any():
+            *where, index = (int(i) for i in np.argwhere(short)[0])
+            at = f" at pose {where}" if where else ""
+            raise RigError(
+                f'rig "{self.name}": module "{self.modules[index].name}" (index {index}): the attachment '
+                f"lies on the anchor{at}, so its cable has no direction; move the pose or the anchor"
+            )
+        return Cables(lengths, directions, arms)
+
     def lengths(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
@@ -139,7 +173,7 @@ class Rig:
         (..., m) array
             From anchor to attachment, in m.
         """
-        return self._cables(position, rotation, frames).lengths
+        return self.cables(position, rotation, frames).lengths
 
     def directions(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
@@ -153,7 +187,7 @@ class Rig:
         (..., m, d) array
             Unit vectors from attachment to anchor, in world axes.
         """
-        return self._cables(position, rotation, frames).directions
+        return self.cables(position, rotation, frames).directions
 
     def structure_matrix(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
@@ -186,7 +220,7 @@ class Rig:
         RigError
             A body frame that is missing or unknown; an attachment that lies on its anchor.
         """
-        cables = self._cables(position, rotation, frames)
+        cables = self.cables(position, rotation, frames)
         return kinematics.structure_matrix(cables.directions, cables.arms)
 
     def forward_kinematics(
@@ -228,22 +262,6 @@ class Rig:
             raise ShapeError(f"lengths{pose.first(measured <= 0)} is not positive; give cable lengths in m")
         guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
         return forward.estimate(anchors, self.attachments if self._kind.turns else None, measured, guess, turn)
-
-    def _cables(self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> _Cables:
-        p, R, anchors = self._pose(position, rotation, frames)
-        arms = None
-        if self._kind.turns:
-            arms = self.attachments if R is None else kinematics.rotate(R, self.attachments)
-        lengths, directions = kinematics.cables(anchors, p, arms)
-        short = lengths == 0.0
-        if short.any():
-            *where, index = (int(i) for i in np.argwhere(short)[0])
-            at = f" at pose {where}" if where else ""
-            raise RigError(
-                f'rig "{self.name}": module "{self.modules[index].name}" (index {index}): the attachment '
-                f"lies on the anchor{at}, so its cable has no direction; move the pose or the anchor"
-            )
-        return _Cables(lengths, directions, arms)
 
     def _pose(
         self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None

@@ -6,12 +6,15 @@
 namespace tensionlab {
 
 void bind_allocate(nanobind::module_&);
+void bind_clearance(nanobind::module_&);
 void bind_closed_form(nanobind::module_&);
 void bind_dykstra(nanobind::module_&);
 void bind_equilibrium(nanobind::module_&);
+void bind_firmware(nanobind::module_&);
 void bind_judge(nanobind::module_&);
 void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);
 void bind_smooth(nanobind::module_&);
+void bind_workspace(nanobind::module_&);
 
 }  // namespace tensionlab

@@ -14,11 +14,14 @@ NB_MODULE(_native, module) {
   module.attr("MAX_CABLES") = kMaxCables;
   module.def("instruction_set", [] { return std::string(instruction_set_name()); });
   bind_allocate(module);
+  bind_clearance(module);
   bind_closed_form(module);
   bind_dykstra(module);
   bind_equilibrium(module);
+  bind_firmware(module);
   bind_judge(module);
   bind_linear_program(module);
   bind_newton(module);
   bind_smooth(module);
+  bind_workspace(module);
 }

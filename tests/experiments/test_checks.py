@@ -6,7 +6,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.experiments.checks import check_rig
-from tensionlab.experiments.directions import grid18
+from tensionlab.model.directions import grid18
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tensionlab import records
 from tensionlab.errors import ShapeError
-from tensionlab.experiments import records
 from tensionlab.experiments.bench.batches import BatchRow
 from tensionlab.experiments.bench.calls import CallRow
 from tensionlab.experiments.bench.rows import EVIDENCE, Row

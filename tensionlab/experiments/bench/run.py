@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab import records
 from tensionlab.errors import ShapeError, TensionlabError
-from tensionlab.experiments import records
 from tensionlab.experiments.bench import batches, results
 from tensionlab.experiments.bench.calls import CallRow, single_calls
 from tensionlab.experiments.bench.contestants import contestants

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
+from tensionlab import records
 from tensionlab.errors import ShapeError, TensionlabError, UnknownSolver
-from tensionlab.experiments import records
 from tensionlab.experiments.bench import results
 from tensionlab.experiments.bench.rows import EVIDENCE
 from tensionlab.experiments.bench.run import ONE_THREAD, Plan, plan, run

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import platform
 import shlex
@@ -12,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tensionlab import __version__
 from tensionlab.errors import MissingDependency
 
 LIBRARIES = [
@@ -28,6 +26,9 @@ LIBRARIES = [
     "highspy",
     "cvxpy",
     "matplotlib",
+    "xarray",
+    "zarr",
+    "distributed",
 ]
 """Distributions whose version may change a result."""
 
@@ -49,6 +50,10 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
         files differ from it; None outside a repository), ``processor``, ``platform``, ``python`` and
         ``versions`` (by distribution; only those installed).
     """
+    import importlib.metadata
+
+    from tensionlab import __version__
+
     versions = {"tensionlab": __version__}
     for name in LIBRARIES:
         try:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.contract import Floats
+from tensionlab.model.kinematics import Floats
 
 CIRCLE_COUNT = 72
 """Directions of the planar default: one every 5 degrees."""

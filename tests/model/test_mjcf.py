@@ -1,10 +1,10 @@
-"""MuJoCo as an independent judge: the same rigs, built from the same files, as tendons on bodies.
+"""MuJoCo as an independent judge: the rigs of the repository, exported to it, as tendons on bodies.
 
-Every cable is a spatial tendon from an anchor site to an attachment site. MuJoCo computes the lengths and the
-Jacobian of the tendons and, when each tendon is pulled, the acceleration of the body. Its free joint has the
-linear velocity in world axes and the angular velocity in body axes.
+MuJoCo computes the lengths and the Jacobian of the tendons and, when each tendon is pulled, the acceleration of
+the body. Its free joint has the linear velocity in world axes and the angular velocity in body axes.
 """
 
+import dataclasses
 from pathlib import Path
 
 import mujoco
@@ -13,15 +13,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import tensionlab as tl
+from tensionlab.errors import RigError
 from tensionlab.model.files import load_rig
+from tensionlab.model.mjcf import rig_to_mjcf
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
-X, Y, Z = (f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
-JOINTS = {
-    "point": X + Y + Z,
-    "planar": X + Y + '<joint type="hinge" axis="0 0 1"/>',
-    "platform": "<freejoint/>",
-}
 MASS = 2.0
 INERTIA = np.array([[0.3, 0.02, -0.01], [0.02, 0.4, 0.03], [-0.01, 0.03, 0.5]])
 STANCE = {
@@ -30,59 +26,20 @@ STANCE = {
 }
 
 
-def row(values):
-    return " ".join(repr(float(value)) for value in values)
-
-
-def in_space(point):
-    return [*point, 0.0][:3]
-
-
-def inertial(rig):
-    """Mass, centre of mass in space and inertia in space; invented where the file says nothing."""
-    mass, com, inertia = MASS, np.zeros(3), INERTIA
-    if rig.platform is not None:
-        mass = rig.platform.mass
-        com = com if rig.platform.com is None else np.array(in_space(rig.platform.com))
-        inertia = (
-            rig.platform.inertia if rig.kind == "platform" else np.diag([1.0, 1.0, rig.platform.inertia[0, 0]])
-        )
-    return mass, com, inertia
-
-
 def judge(rig, frames):
-    """A MuJoCo model of a rig without gravity, with one motor on each cable."""
-    bodies, cables, motors = [], [], []
-    mass, com, inertia = inertial(rig)
-    held = ""
-    for i, module in enumerate(rig.modules):
-        site = f'<site name="anchor{i}" pos="{row(in_space(module.anchor))}"/>'
-        if module.frame == "world":
-            bodies.append(site)
-        else:
-            position, rotation = frames[module.frame]
-            x, y, z, w = Rotation.from_matrix(rotation).as_quat()
-            bodies.append(f'<body pos="{row(position)}" quat="{row([w, x, y, z])}">{site}</body>')
-        held += f'<site name="end{i}" pos="{row(in_space(rig.attachments[i]))}"/>'
-        cables.append(f'<spatial name="cable{i}"><site site="anchor{i}"/><site site="end{i}"/></spatial>')
-        motors.append(f'<motor tendon="cable{i}"/>')
-    diagonal = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    model = mujoco.MjModel.from_xml_string(f"""
-        <mujoco>
-          <compiler angle="radian" balanceinertia="false"/>
-          <option gravity="0 0 0"><flag contact="disable"/></option>
-          <worldbody>
-            {"".join(bodies)}
-            <body name="held">
-              {JOINTS[rig.kind]}
-              <inertial mass="{mass!r}" pos="{row(com)}" fullinertia="{row(diagonal)}"/>
-              {held}
-            </body>
-          </worldbody>
-          <tendon>{"".join(cables)}</tendon>
-          <actuator>{"".join(motors)}</actuator>
-        </mujoco>""")
-    return model, mujoco.MjData(model)
+    """The model of a rig, with its body frames in place."""
+    model = mujoco.MjModel.from_xml_string(rig_to_mjcf(rig))
+    data = mujoco.MjData(model)
+    stand(data, frames)
+    return model, data
+
+
+def stand(data, frames):
+    for name, (position, rotation) in (frames or {}).items():
+        body = data.body(f"frame {name}").id
+        x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+        index = data.model.body_mocapid[body]
+        data.mocap_pos[index], data.mocap_quat[index] = position, [w, x, y, z]
 
 
 def place(data, rig, position, rotation):
@@ -113,6 +70,9 @@ def scenes():
     for name in ("bartels2026-validation", "body-mounted", "ipanema-2", "cogiro", "kntu-planar"):
         for number in range(3):
             rig = load_rig(RIGS / f"{name}.toml")
+            if rig.kind == "platform" and number == 2:
+                skew = tl.Platform(MASS, com=[0.1, 0.05, -0.2], inertia=INERTIA)
+                rig = dataclasses.replace(rig, platform=skew)
             reach = 0.05 * np.ptp(rig.anchors, axis=0).max()
             position = rig.home + rng.uniform(-reach, reach, size=rig.dimension)
             rotation = None
@@ -142,9 +102,12 @@ def test_the_judge_sees_the_same_cables(rig, position, rotation, frames):
 
 def acceleration(rig, rotation, wrench):
     """Newton and Euler from rest: acceleration of the reference point, angular acceleration in the world."""
-    mass, com, inertia = inertial(rig)
     if rig.kind == "point":
-        return wrench / mass
+        return wrench / 1.0  # a rig that knows no mass is exported with 1 kg
+    mass, inertia = rig.platform.mass, rig.platform.inertia
+    if rig.kind == "planar":
+        inertia = inertia * np.eye(3)
+    com = np.zeros(3) if rig.platform.com is None else np.append(rig.platform.com, np.zeros(3 - rig.dimension))
     if rig.kind == "planar":
         c, s = np.cos(rotation), np.sin(rotation)
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -168,11 +131,66 @@ def test_allocated_tensions_accelerate_the_body_as_the_wrench_demands(rig, posit
     model, data = judge(rig, frames)
     for demanded, tensions in zip(wrench, result.tensions, strict=True):
         mujoco.mj_resetData(model, data)
+        stand(data, frames)
         place(data, rig, position, rotation)
-        data.ctrl[:] = -tensions  # a cable that pulls shortens its tendon
+        data.ctrl[:] = tensions
         mujoco.mj_forward(model, data)
+        force = data.qfrc_actuator.copy()
+        if rig.kind == "platform":
+            force[3:] = rotation @ force[3:]
+        np.testing.assert_allclose(force, demanded, atol=1e-9 * np.abs(demanded).max())
         found = data.qacc.copy()
         if rig.kind == "platform":
             found[3:] = rotation @ found[3:]
         expected = acceleration(rig, rotation, demanded)
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_rig_of_the_repository_starts_at_home_with_its_own_names(path):
+    rig = load_rig(path)
+    model, data = judge(rig, None)
+    mujoco.mj_forward(model, data)
+    at_rest = {name: np.zeros(rig.dimension) for name in rig.frames}
+    np.testing.assert_allclose(data.ten_length, rig.lengths(rig.home, frames=at_rest or None), atol=1e-12)
+    np.testing.assert_array_equal(data.qpos[: rig.dimension], rig.home)
+    assert [model.actuator(i).name for i in range(model.nu)] == [module.name for module in rig.modules]
+    np.testing.assert_array_equal(model.actuator_ctrlrange, [[m.lower, m.upper] for m in rig.modules])
+    if rig.platform is not None:
+        assert model.body("platform").mass == rig.platform.mass
+    assert model.nv == rig.n
+
+
+def test_motors_only_pull_and_stay_within_their_limits():
+    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
+    model, data = judge(rig, None)
+    for asked, applied in ((-5.0, 0.5), (0.0, 0.5), (3.0, 3.0), (99.0, 6.0)):
+        data.ctrl[:] = asked
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.qfrc_actuator, rig.structure_matrix(rig.home) @ np.full(4, applied))
+
+
+def test_nothing_pushes_or_falls_by_itself():
+    model, data = judge(load_rig(RIGS / "ipanema-1.toml"), None)
+    for _ in range(10):
+        mujoco.mj_step(model, data)  # the lower limits of this rig are zero
+    np.testing.assert_array_equal(data.qvel, 0.0)
+
+
+def test_a_planar_point_moves_in_its_plane():
+    modules = tuple(tl.Module(f"m<{i}>", anchor, 0.5, 6.0) for i, anchor in enumerate([[1, 2], [-1, 2], [0, -1]]))
+    rig = tl.Rig(name='a "flat" -- rig', kind="planar-point", modules=modules, home=[0.1, 0.2], description="--")
+    model, data = judge(rig, None)
+    data.ctrl[:] = [1, 2, 3]
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.qfrc_actuator, rig.structure_matrix([0.1, 0.2]) @ [1, 2, 3], atol=1e-12)
+
+
+def test_what_mujoco_cannot_hold_is_refused():
+    rig = load_rig(RIGS / "ipanema-1.toml")
+    thin = tl.Platform(1.0, inertia=np.diag([1.0, 1.0, 2.1]))
+    with pytest.raises(RigError, match=r"principal moments 1\.0 1\.0 2\.1"):
+        rig_to_mjcf(dataclasses.replace(rig, platform=thin))
+    rigid = dataclasses.replace(rig.modules[0], lower=3.0, upper=3.0)
+    with pytest.raises(RigError, match=f'module "{rigid.name}": "lower" equals "upper"'):
+        rig_to_mjcf(dataclasses.replace(rig, modules=(rigid,)))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import ShapeError
-from tensionlab.experiments import directions
+from tensionlab.model import directions
 
 
 def test_grid18_has_the_published_count_of_distinct_unit_vectors():

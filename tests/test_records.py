@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 import tensionlab as tl
-from tensionlab.experiments import records
+from tensionlab import records
 
 ROWS = [
     {"solver": "newton", "nearest": "force", "exact": 3, "gap_max": 0.0},

@@ -1,0 +1,44 @@
+// Frames that wait to be sent: a ring of bytes that takes a frame whole or not at all.
+#pragma once
+
+#include "frame.hpp"
+
+namespace tensionlab {
+namespace firmware {
+
+class Outbox {
+ public:
+  // Whether there was room; a frame that finds none is lost, and counted.
+  bool put(const Frame& frame) {
+    uint8_t bytes[kMaxFrame];
+    const size_t size = write_frame(frame, bytes);
+    if (size > kCapacity - used_) {
+      if (lost_ != 0xFFFF) ++lost_;
+      return false;
+    }
+    for (size_t i = 0; i < size; ++i) ring_[(first_ + used_ + i) % kCapacity] = bytes[i];
+    used_ += size;
+    return true;
+  }
+
+  // Moves at most `room` bytes out. Returns how many.
+  size_t take(uint8_t* bytes, size_t room) {
+    const size_t count = used_ < room ? used_ : room;
+    for (size_t i = 0; i < count; ++i) bytes[i] = ring_[(first_ + i) % kCapacity];
+    first_ = (first_ + count) % kCapacity;
+    used_ -= count;
+    return count;
+  }
+
+  uint16_t lost() const { return lost_; }
+
+ private:
+  static constexpr size_t kCapacity = 512;
+
+  uint8_t ring_[kCapacity];
+  size_t first_ = 0, used_ = 0;
+  uint16_t lost_ = 0;
+};
+
+}  // namespace firmware
+}  // namespace tensionlab

@@ -1,0 +1,56 @@
+// One board: an ESP32-DevKitC (ESP32-WROOM-32E) beside a SimpleFOC shield v2, and a GM3506 motor. Every pin and
+// every number of the hardware that no parameter holds is here; README.md has the pins as a wiring table.
+#pragma once
+
+#include <stdint.h>
+
+namespace tensionlab {
+namespace firmware {
+namespace board {
+
+using Pin = uint8_t;
+
+// Motor driver (L6234). A resistor of 10 kOhm from the enable pin to ground keeps it off while the ESP32 starts.
+constexpr Pin kPhaseA = 25, kPhaseB = 26, kPhaseC = 27;
+constexpr Pin kEnable = 33;
+
+// Current sensing (INA240) of two phases, and the motor supply behind a divider. All on the first converter; the
+// pins are inputs only, and not the two (36, 39) that disturb themselves.
+constexpr Pin kSenseA = 34, kSenseB = 35, kSupply = 32;
+constexpr float kShunt = 0.010f;         // ohm: a chip marked R010. Where it is marked R006, write 0.006f.
+constexpr float kSenseGain = 50.0f;      // V/V, INA240A2
+constexpr float kSenseSignB = -1.0f;     // the shield's second amplifier is the other way round
+constexpr float kSupplyDivider = 11.0f;  // 100 kOhm above 10 kOhm
+
+// Encoder (AS5048A).
+constexpr Pin kClock = 18, kFromEncoder = 19, kToEncoder = 23, kSelectEncoder = 5;
+constexpr uint32_t kEncoderClock = 8000000;  // Hz; the chip takes 10 MHz
+
+// Servo of the brake (DS2312).
+constexpr Pin kServo = 13;
+constexpr uint32_t kServoRate = 50;  // Hz
+constexpr uint8_t kServoBits = 16;
+
+// Motor (GM3506) and its control. The current limit holds whatever the parameters say.
+constexpr int kPolePairs = 11;
+constexpr float kPhaseResistance = 2.8f;  // ohm
+constexpr float kNominalSupply = 12.0f;   // V
+constexpr float kVoltageLimit = 6.9f;     // V across a phase: the supply over the square root of 3
+constexpr float kCurrentLimit = 2.5f;     // A
+constexpr float kAlignVoltage = 2.0f;     // V, to find the electrical zero: some 0.7 A
+constexpr long kPwmRate = 25000;          // Hz
+// Proportional and integral gain and filter for a current loop of 2 ms (inductance and resistance over that);
+// values to start from, which nobody has tried on the motor yet.
+constexpr float kCurrentP = 0.5f, kCurrentI = 1400.0f, kCurrentFilter = 0.0005f;
+constexpr float kSpeedFilter = 0.002f;  // s
+
+// The two processors: Bluetooth's tasks run on the first one anyway.
+constexpr int kLinkCore = 0, kFocCore = 1;
+constexpr uint32_t kFocPriority = 20, kLinkPriority = 5;
+constexpr uint32_t kStack = 8192;         // bytes, each task
+constexpr uint32_t kWatchdogTime = 1000;  // ms without a turn of the FOC loop; the module then starts afresh
+constexpr unsigned long kBaud = 921600;   // of USB
+
+}  // namespace board
+}  // namespace firmware
+}  // namespace tensionlab

@@ -1,0 +1,107 @@
+#include "winch.hpp"
+
+#include <initializer_list>
+
+namespace tensionlab {
+namespace firmware {
+
+namespace {
+
+// The sign that turns a current that pulls into one along the encoder, and back: the cable pays out along
+// motor_direction, and pulling is the other way.
+float pull_sign(const Parameters& parameters) { return -parameters[Parameter::motor_direction]; }
+
+}  // namespace
+
+bool Winch::begin() {
+  encoder_.begin();
+  motor_.linkSensor(&encoder_);
+
+  driver_.voltage_power_supply = board::kNominalSupply;
+  driver_.voltage_limit = board::kNominalSupply;
+  driver_.pwm_frequency = board::kPwmRate;
+  const bool driven = driver_.init() != 0;
+  motor_.linkDriver(&driver_);
+  sense_.linkDriver(&driver_);
+
+  motor_.controller = MotionControlType::torque;
+  motor_.torque_controller = TorqueControlType::foc_current;
+  motor_.foc_modulation = FOCModulationType::SpaceVectorPWM;
+  motor_.voltage_limit = board::kVoltageLimit;
+  motor_.current_limit = board::kCurrentLimit;
+  motor_.voltage_sensor_align = board::kAlignVoltage;
+  for (PIDController* loop : {&motor_.PID_current_q, &motor_.PID_current_d}) {
+    loop->P = board::kCurrentP;
+    loop->I = board::kCurrentI;
+    loop->limit = board::kVoltageLimit;
+  }
+  motor_.LPF_current_q.Tf = board::kCurrentFilter;
+  motor_.LPF_current_d.Tf = board::kCurrentFilter;
+  motor_.LPF_velocity.Tf = board::kSpeedFilter;
+
+  // With the driver off no current flows, and the offsets of the amplifiers are found.
+  sense_.skip_align = true;
+  const bool sensed = sense_.init() != 0;
+  sense_.gain_b *= board::kSenseSignB;
+  motor_.linkCurrentSense(&sense_);
+  supply_input_ = _configureADCInline(nullptr, board::kSupply, _NC);
+
+  // Both known, so that SimpleFOC moves nothing to find them; the true zero is set before each start.
+  motor_.sensor_direction = Direction::CW;
+  motor_.zero_electric_angle = 0.0f;
+  started_ = driven && sensed && motor_.init() != 0 && motor_.initFOC() != 0;
+  motor_.disable();
+  return started_;
+}
+
+Sensors Winch::turn(const Parameters& parameters) {
+  motor_.loopFOC();
+  motor_.move(target_);
+  if (turns_++ % 8 == 0) {
+    supply_ = board::kSupplyDivider * _readADCVoltageInline(board::kSupply, supply_input_);
+  }
+  return {static_cast<uint32_t>(micros()),
+          encoder_.getAngle(),
+          motor_.shaft_velocity,
+          on_ ? pull_sign(parameters) * motor_.current.q : 0.0f,
+          supply_,
+          started_ && encoder_.ok()};
+}
+
+void Winch::apply(const Actuators& actuators, const Parameters& parameters) {
+  target_ = pull_sign(parameters) * clamp(actuators.current, 0.0f, board::kCurrentLimit);
+  if (actuators.driver_on == on_) return;
+  if (actuators.driver_on) motor_.zero_electric_angle = parameters[Parameter::motor_zero];
+  switch_driver(actuators.driver_on);
+}
+
+void Winch::switch_driver(bool on) {
+  if (on) {
+    motor_.enable();
+    digitalWrite(board::kEnable, HIGH);
+  } else {
+    digitalWrite(board::kEnable, LOW);
+    motor_.disable();
+  }
+  on_ = on;
+}
+
+void Winch::hold(const Alignment::Wanted& wanted) {
+  motor_.setPhaseVoltage(wanted.voltage, 0.0f, wanted.electrical);
+  digitalWrite(board::kEnable, HIGH);
+}
+
+Alignment::Measured Winch::measure_alignment() {
+  const ABCurrent_s current = sense_.getABCurrents(sense_.getPhaseCurrents());
+  // As they would be at the nominal supply, for which the voltages are meant.
+  const float share = board::kNominalSupply / larger(supply_, 1.0f);
+  return {encoder_.getAngle(), share * current.alpha, share * current.beta};
+}
+
+void Winch::let_go() {
+  digitalWrite(board::kEnable, LOW);
+  motor_.disable();
+}
+
+}  // namespace firmware
+}  // namespace tensionlab

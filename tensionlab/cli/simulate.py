@@ -1,0 +1,143 @@
+"""``tensionlab simulate``: modules without hardware, to talk to as if they were real."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli import output
+
+if TYPE_CHECKING:
+    from tensionlab.hardware.serve import PlannedFault
+    from tensionlab.hardware.simulated import SimulatedModule
+
+ALONE = "module"
+"""What a module is called that belongs to no rig."""
+
+
+def simulate(
+    rig: Annotated[
+        Path | None, typer.Argument(help="Rig file (TOML); one module by itself if left out.", show_default=False)
+    ] = None,
+    listen: Annotated[
+        str, typer.Option(metavar="HOST", help="Address of this machine to listen at; others reach it there.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0, max=65535)
+    ] = 0,
+    pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
+    modules: Annotated[
+        Path | None, typer.Option(callback=output.output_file, help="Write the modules file there as well.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all noise and accidents.", min=0)] = 0,
+    latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.")] = 0.0,
+    jitter_ms: Annotated[float, typer.Option(help="They take up to so much longer.")] = 0.0,
+    drop_pct: Annotated[float, typer.Option(help="Per cent of the bytes that are lost.")] = 0.0,
+    corrupt_pct: Annotated[float, typer.Option(help="Per cent of the bytes with a flipped bit.")] = 0.0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="WHAT@WHEN", help="Such as encoder@2s, or floor-1:cable@800ms; also repeated."),
+    ] = None,
+    speed: Annotated[float, typer.Option(help="How fast time passes; all times are the modules' own.")] = 1.0,
+    config_file: Annotated[
+        Path | None,
+        typer.Option(
+            callback=output.output_file,
+            help="Settings, read at the start and written when the module saves. In a rig, -1, -2, ... is put "
+            "before the suffix.",
+        ),
+    ] = None,
+) -> None:
+    """Simulate one module for each cable of a rig, with its own firmware, until Ctrl-C.
+
+    The cable's far end stays where the rig's home puts it. Prints a modules file, and an empty line after it:
+    names, and links that pyserial opens. A module has one client at a time; a second one is refused, and one that
+    goes away is a link that closed.
+    """
+    from tensionlab.hardware.channel import Conditions
+    from tensionlab.hardware.modules_file import modules_to_toml
+    from tensionlab.hardware.ports import PtyPort, TcpPort
+    from tensionlab.hardware.serve import ServedModule, serve
+
+    if not 0.0 < speed <= 1000.0:
+        raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
+    conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
+    simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file)
+    faults = _faults(fault or [], list(simulated))
+    served = [
+        ServedModule(
+            module,
+            PtyPort() if pty else TcpPort(listen, port and port + index),
+            conditions=conditions,
+            seed=seed + index,
+            faults=faults[name],
+            settings_file=settings_file,
+        )
+        for index, (name, (module, settings_file)) in enumerate(simulated.items())
+    ]
+    text = modules_to_toml({name: each.port.url for name, each in zip(simulated, served, strict=True)})
+    if modules is not None:
+        modules.write_text(text, encoding="utf-8")
+
+    ended = []
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, lambda number, _: ended.append(number))
+    typer.echo(text)
+    serve(served, speed, lambda: bool(ended))
+
+
+def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
+    """Which module is simulated without a rig? One fresh from its maker: neither set up nor calibrated."""
+    from tensionlab.hardware.simulated import SimulatedModule
+
+    module = SimulatedModule(seed=seed, settings=_settings(settings_file))
+    _complain(module, settings_file)
+    return {ALONE: (module, settings_file)}
+
+
+def _rig(path: Path, seed: int, config_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
+    """Which modules are simulated, and where does each keep its settings?"""
+    from tensionlab.experiments.comparison import at_rest
+    from tensionlab.hardware.simulated_rig import simulated_module
+    from tensionlab.model.files import load_rig
+
+    rig = load_rig(path)
+    lengths = rig.lengths(rig.home, frames=at_rest(rig))
+    simulated = {}
+    for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
+        at = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
+        module = simulated_module(
+            each, float(length), serial_number=index + 1, seed=seed + index, settings=_settings(at)
+        )
+        _complain(module, at)
+        simulated[each.name] = (module, at)
+    return simulated
+
+
+def _settings(path: Path | None) -> bytes | None:
+    from tensionlab.hardware.serve import read_settings
+
+    return None if path is None else read_settings(path)
+
+
+def _complain(module: SimulatedModule, path: Path | None) -> None:
+    """Say so where a file holds no settings: the module has standard ones then, as a real one would."""
+    if path is not None and path.exists() and not module.loaded:
+        typer.echo(f"{path}: not the settings of a module; it starts with standard ones", err=True)
+
+
+def _faults(texts: list[str], names: list[str]) -> dict[str, list[PlannedFault]]:
+    """What breaks in which module? Without a name before a colon, it breaks in all."""
+    from tensionlab.hardware.serve import parse_fault
+
+    faults: dict[str, list[PlannedFault]] = {name: [] for name in names}
+    for text in texts:
+        name, colon, rest = text.rpartition(":")
+        if colon and name not in faults:
+            raise typer.BadParameter(f"--fault {text}: no module {name!r}; there are {', '.join(names)}")
+        for each in [name] if colon else names:
+            faults[each].append(parse_fault(rest))
+    return faults

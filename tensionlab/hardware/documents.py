@@ -1,0 +1,194 @@
+"""The tables in the firmware's documents, written from the firmware: `python -m tensionlab.hardware.documents`.
+
+Run it in the repository after a change to messages, parameters, plant or supervisor. A test fails while
+`firmware/README.md` or `firmware/PROTOCOL.md` says something else than the code.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from collections.abc import Iterable, Mapping
+from enum import IntEnum, IntFlag
+from inspect import get_annotations, getdoc
+from pathlib import Path
+from typing import get_type_hints
+
+from tensionlab.errors import HardwareError, TensionlabError
+from tensionlab.hardware import codes
+from tensionlab.hardware.frames import crc16
+from tensionlab.hardware.meanings import EVENTS, MEANINGS, PARAMETER_MEANINGS
+from tensionlab.hardware.protocol import MESSAGES, Message, SetTension
+from tensionlab.hardware.simulated import PARAMETERS, PLANT, TRANSITIONS
+
+FOLDER = Path("firmware")
+LETTERS = {"B": "u8", "H": "u16", "I": "u32", "Q": "u64", "f": "f32", "?": "flag", "": "text"}
+"""How a field's layout is written in the document."""
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """A table in Markdown."""
+    lines = [list(head), *([str(cell) for cell in row] for row in rows)]
+    lines.insert(1, ["---"] * len(lines[0]))
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def messages(from_module: bool) -> str:
+    """Which messages are there, with their bytes?"""
+    rows = [
+        (f"`0x{number:02X}`", message.type.name, payload(message), described(message))
+        for number, message in sorted(MESSAGES.items())
+        if (number >= 0x80) is from_module
+    ]
+    return table(("Type", "Message", "Payload", "What it says"), rows)
+
+
+def payload(message: type[Message]) -> str:
+    """Which fields has a message, in their order, and how many bytes?"""
+    hints = get_type_hints(message, include_extras=True)
+    letters = {name: hints[name].__metadata__[0] for name in get_annotations(message)}
+    if not letters:
+        return "none"
+    fields = ", ".join(f"{name} {LETTERS[letter]}" for name, letter in letters.items())
+    size = struct.calcsize("<" + "".join(letters.values()))
+    return fields if "" in letters.values() else f"{fields} ({size} byte{'' if size == 1 else 's'})"
+
+
+def described(message: type[Message]) -> str:
+    """What does a message say?"""
+    text = " ".join((getdoc(message) or "").split()).replace("``", "`")
+    for other in MESSAGES.values():
+        text = text.replace(f"`{other.__name__}`", other.type.name)
+    return text
+
+
+def words(kind: type[IntEnum | IntFlag]) -> str:
+    """Which numbers stand for which words?"""
+    names = [member.name or "" for member in kind]
+    rows = zip([f"`{member.value}`" for member in kind], names, explained(MEANINGS[kind], names), strict=True)
+    return table(("Number", "Name", "Meaning"), rows)
+
+
+def example() -> str:
+    """What does a frame look like, from its fields to the wire?"""
+    command, sequence = SetTension(session=0x1234, tension=3.0, ttl_ms=250), 7
+    frame = command.frame(sequence)
+    body = bytes([frame.type, frame.sequence]) + frame.payload
+    crc = crc16(body)
+    rows = [
+        ("type, sequence number", spaced(body[:2])),
+        ("session 0x1234", spaced(body[2:4])),
+        ("tension 3.0", spaced(body[4:8])),
+        ("brake 0", spaced(body[8:9])),
+        ("ttl_ms 250", spaced(body[9:])),
+        (f"CRC of these, 0x{crc:04X}", spaced(crc.to_bytes(2, "little"))),
+        ("stuffed, and the zero", spaced(frame.pack())),
+    ]
+    return table(("Part", "Bytes"), rows)
+
+
+def spaced(content: bytes) -> str:
+    """Bytes as one reads them."""
+    return f"`{content.hex(' ').upper()}`"
+
+
+def parameters() -> str:
+    """What can be set on a module?"""
+    rows = [
+        (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.standard:g}", meaning)
+        for (name, row), meaning in zip(PARAMETERS.items(), explained(PARAMETER_MEANINGS, PARAMETERS), strict=True)
+    ]
+    return table(("", "Parameter", "Unit", "Least", "Most", "Standard", "What it is"), rows)
+
+
+def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
+    """What do these names mean? One that nobody explained is an error, and so is an explanation of nothing."""
+    names = list(names)
+    wrong = set(names) ^ set(meanings)
+    if wrong:
+        raise HardwareError(f"hardware/meanings.py: explain, or drop, {', '.join(sorted(wrong))}")
+    return [meanings[name] for name in names]
+
+
+def plant() -> str:
+    """What is the simulated hardware made of?"""
+    rows = [(f"`{name}`", row.unit, f"{row.standard:g}", row.about) for name, row in PLANT.items()]
+    return table(("Parameter", "Unit", "Value", "What it is, and where the value comes from"), rows)
+
+
+def transitions() -> str:
+    """What does each event do in each state?"""
+    rows = []
+    for event, row in zip(EVENTS, TRANSITIONS, strict=True):
+        rows.append([event, *(to.name.lower() if accepted else "refused" for accepted, to in row)])
+    return table(("Event", *(state.name.lower() for state in codes.State)), rows)
+
+
+def drawing() -> str:
+    """The supervisor, drawn: what leads from state to state. What changes nothing is left out."""
+    arrows: dict[tuple[str, str], list[str]] = {}
+    for event, row in zip(EVENTS, TRANSITIONS, strict=True):
+        for state, (accepted, to) in zip(codes.State, row, strict=True):
+            if accepted and to is not state:
+                arrows.setdefault((state.name.lower(), to.name.lower()), []).append(event)
+    lines = [f"    {begin} --> {end}: {', '.join(events)}" for (begin, end), events in arrows.items()]
+    return "\n".join(["```mermaid", "stateDiagram-v2", "    [*] --> idle", *lines, "```"])
+
+
+def sections() -> dict[str, dict[str, str]]:
+    """What do the tables of each document say?"""
+    kinds = (
+        codes.Code,
+        codes.State,
+        codes.Limit,
+        codes.Fault,
+        codes.Calibration,
+        codes.BrakeState,
+        codes.ResetReason,
+    )
+    return {
+        "README.md": {
+            "drawing": drawing(),
+            "transitions": transitions(),
+            "parameters": parameters(),
+            "plant": plant(),
+        },
+        "PROTOCOL.md": {
+            "example": example(),
+            "commands": messages(from_module=False),
+            "answers": messages(from_module=True),
+            **{kind.__name__: words(kind) for kind in kinds},
+        },
+    }
+
+
+def filled(text: str, tables: Mapping[str, str], name: str) -> str:
+    """Write the tables of a document between their marks.
+
+    Raises
+    ------
+    HardwareError
+        If a mark is not there.
+    """
+    for key, content in tables.items():
+        start, end = f"<!-- {key}: start -->", f"<!-- {key}: end -->"
+        before, found, rest = text.partition(start)
+        _, closed, after = rest.partition(end)
+        if not (found and closed):
+            raise HardwareError(f"{name}: no section between the lines {start} and {end}")
+        text = f"{before}{start}\n\n{content}\n\n{end}{after}"
+    return text
+
+
+def main() -> None:
+    """Write the tables of the documents in the working directory anew."""
+    try:
+        for name, tables in sections().items():
+            path = FOLDER / name
+            path.write_text(filled(path.read_text(encoding="utf-8"), tables, name), encoding="utf-8")
+    except (OSError, TensionlabError) as error:
+        sys.exit(f"documents: {error}; run this in the repository's root")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,197 @@
+"""Robots of CASPR, the MATLAB library for cable-driven robots, as rigs: `load_caspr`.
+
+A model of CASPR is a file of bodies and a file of cables; the latter holds one or more sets of cables.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab.errors import RigError
+from tensionlab.model.kinematics import Floats
+from tensionlab.model.module import KINDS, Module, Platform
+from tensionlab.model.rig import Rig
+from tensionlab.model.xml_tree import Element, read_xml
+
+
+class _Joint(NamedTuple):
+    """What a joint of CASPR makes of a rig.
+
+    ``axes`` are those of CASPR that the rig lies in; ``normal`` is the axis that an anticlockwise turn in their
+    plane is about.
+    """
+
+    kind: str
+    axes: str
+    normal: str = ""
+
+
+JOINTS = {
+    "P_XY": _Joint("planar-point", "xy"),
+    "P_XZ": _Joint("planar-point", "xz"),
+    "T_XYZ": _Joint("point", "xyz"),
+    "PLANAR_XY": _Joint("planar", "xy", "+z"),
+    "PLANAR_YZ": _Joint("planar", "yz", "+x"),
+    "PLANAR_XZ": _Joint("planar", "xz", "-y"),
+    "SPATIAL_EULER_XYZ": _Joint("platform", "xyz"),
+}
+"""The joints of CASPR whose bodies are rigs."""
+
+STIFF = "cable_ideal"
+ELASTIC = ("cable_linear_spring", "cable_vsd_torsion_spring", "cable_vsd_flexure_linear", "cable_vsd_polynomial")
+PASSIVE = "cable_passive_linear_spring"
+
+
+class _Cable(NamedTuple):
+    element: Element
+    name: str
+    anchor: Floats
+    attachment: Floats
+    lower: float
+    upper: float
+
+
+def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_set: str | None = None) -> Rig:
+    """Which rig do two XML files of CASPR describe?
+
+    A robot with one body, which moves in a plane or in space. The reference point is CASPR's, the origin of the
+    body's joint; home is its initial position. Elastic cables become stiff, and passive springs are left out:
+    the description of the rig says so.
+
+    Source: Lau, Eden, Tan and Oetomo, "CASPR: a comprehensive cable-robot analysis and simulation platform for the
+    research of cable-driven parallel robots", 2016; what the elements mean is read off its program.
+
+    Parameters
+    ----------
+    bodies, cables : paths
+        Such as ``IPAnema_2_bodies.xml`` and ``IPAnema_2_cables.xml``.
+    cable_set : str, optional
+        The id of a ``<cable_set>``; the file's own default if left out.
+
+    Raises
+    ------
+    RigError
+        Naming the file, the line, the element and the attribute. Also for robots that are no rig: several bodies,
+        a body that turns about a fixed point, pulleys, cables that run past several points.
+    """
+    links = read_xml(bodies, "bodies_system").only("links").children
+    if len(links) != 1:
+        raise RigError(f"{bodies}: {len(links)} bodies; a rig has one, so give a model with one <link_rigid>")
+    element = links[0].only("joint")
+    joint = JOINTS.get(element.attribute("type"))
+    if joint is None:
+        element.fail(f'attribute "type" is {element.attribute("type")!r}; only {", ".join(JOINTS)} make a rig')
+    kind, axes = KINDS[joint.kind], ["xyz".index(axis) for axis in joint.axes]
+    initial = element.attribute_numbers("q_initial", kind.freedoms)  # coordinates, then angles if it turns
+    physical = links[0].only("physical")
+    com = physical.only("com_location").numbers(3)
+    chosen = _choose(read_xml(cables, "cables"), cable_set)
+    parts = [_cable(cable, com) for cable in chosen.children if cable.tag != PASSIVE]
+    if not parts:
+        chosen.fail("has no cables; give a set that has some")
+    parent = links[0].only("parent").only("location").numbers(3)
+    for part in parts:
+        if not kind.turns and not np.array_equal(part.attachment, parts[0].attachment):
+            part.element.fail("ends elsewhere than the first cable, but the body can't turn; no rig is like that")
+        if np.delete(part.anchor - parent - part.attachment, axes).any():
+            part.element.fail(f"leaves the {joint.axes} plane in which the body moves; no rig is like that")
+    point = np.zeros(3) if kind.turns else parts[0].attachment
+    return Rig(
+        name=Path(bodies).stem.removesuffix("_bodies"),
+        kind=joint.kind,
+        modules=tuple(
+            Module(name, part.anchor[axes], part.lower, part.upper, (part.attachment - point)[axes])
+            for name, part in zip(_names(parts), parts, strict=True)
+        ),
+        home=(parent + point)[axes] + initial[: kind.dimension],
+        platform=_platform(physical, com, joint),
+        description=_describe(links[0], chosen, joint, bool(initial[kind.dimension :].any())),
+        source=f"CASPR (github.com/darwinlau/CASPR), {Path(bodies).name} and {Path(cables).name}",
+    )
+
+
+def _choose(root: Element, wanted: str | None) -> Element:
+    """Find a set of cables, or the default one."""
+    name = root.attribute("default_cable_set") if wanted is None else wanted
+    sets = {each.attribute("id"): each for each in root.all("cable_set")}
+    if name not in sets:
+        root.fail(f"has no <cable_set> with the id {name!r}; the ids are {', '.join(sets) or 'none'}")
+    return sets[name]
+
+
+def _cable(element: Element, com: Floats) -> _Cable:
+    """Read a cable from the frame to the body; its attachment relative to the joint."""
+    if element.tag not in (STIFF, *ELASTIC):
+        element.fail(f"no cable of a rig; only {', '.join([STIFF, *ELASTIC])} are read")
+    reference = element.attribute("attachment_reference")
+    if reference not in ("joint", "com"):
+        element.fail(f'attribute "attachment_reference" is {reference!r}; give "joint" or "com"')
+    ends = {}
+    attachments = element.only("attachments")
+    for end in attachments.children:
+        if end.tag != "attachment":
+            end.fail("pulleys change where a cable leaves, and a rig's anchors stay; choose another set of cables")
+        ends[float(end.only("link").numbers(1)[0])] = end.only("location").numbers(3)
+    if len(attachments.children) != 2 or sorted(ends) != [0, 1]:
+        attachments.fail("a cable of a rig has two attachments, to the links 0 and 1; no other is read")
+    properties = element.only("properties")
+    lower, upper = (properties.only(tag) for tag in ("force_min", "force_max"))
+    return _Cable(
+        element,
+        element.attribute("name"),
+        ends[0],
+        ends[1] + com if reference == "com" else ends[1],
+        float(lower.numbers(1)[0]),
+        float(upper.numbers(1)[0]),
+    )
+
+
+def _names(parts: list[_Cable]) -> list[str]:
+    """Names that differ: CASPR's, with the number of the cable where another one has it already."""
+    names: list[str] = []
+    for number, part in enumerate(parts, start=1):
+        names.append(f"{part.name} ({number})" if part.name in names else part.name)
+    return names
+
+
+def _platform(physical: Element, com: Floats, joint: _Joint) -> Platform:
+    """Read the mass and, of a body that turns, the centre of mass and the inertia about it; zeros are unknown."""
+    mass = float(physical.only("mass").numbers(1)[0])
+    if not KINDS[joint.kind].turns:
+        return Platform(mass)
+    table = physical.only("inertia")
+    xx, yy, zz, xy, xz, yz = (
+        float(table.only(f"I{name}").numbers(1)[0]) for name in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    about = table.attribute("ref")
+    if about not in ("joint", "com"):
+        table.fail(f'attribute "ref" is {about!r}; give "joint" or "com"')
+    if about == "joint":  # Steiner
+        inertia -= mass * (com @ com * np.eye(3) - np.outer(com, com))
+    if joint.normal:
+        turn = "xyz".index(joint.normal[1])
+        inertia = inertia[turn : turn + 1, turn : turn + 1]
+    axes = ["xyz".index(axis) for axis in joint.axes]
+    return Platform(mass, com[axes] if com.any() else None, inertia if inertia.any() else None)
+
+
+def _describe(link: Element, chosen: Element, joint: _Joint, turned: bool) -> str:
+    """Say in a line what the rig is, and what of the model it leaves out."""
+    notes = [f'{link.attributes.get("name") or "A robot"}, cable set "{chosen.attribute("id")}" of CASPR.']
+    if len(joint.axes) == 2:
+        torque = f"; torques are about {joint.normal}" if joint.normal else ""
+        notes.append(f"X and Y are CASPR's {joint.axes[0]} and {joint.axes[1]}{torque}.")
+    else:
+        notes.append("Z is up.")
+    if turned:
+        notes.append("CASPR's initial pose is turned as well.")
+    if any(cable.tag in ELASTIC for cable in chosen.children):
+        notes.append("Its elastic cables are stiff here.")
+    if left_out := [cable.attribute("name") for cable in chosen.all(PASSIVE)]:
+        notes.append(f"Without its passive springs ({', '.join(left_out)}): add their forces to the wrench.")
+    return " ".join(notes)

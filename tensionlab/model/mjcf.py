@@ -1,0 +1,116 @@
+"""Rigs as models of MuJoCo: `rig_to_mjcf`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from xml.etree import ElementTree as Xml
+
+import numpy as np
+
+from tensionlab.errors import RigError
+from tensionlab.model.kinematics import Floats
+from tensionlab.model.module import KINDS, WORLD
+from tensionlab.model.rig import Rig
+
+MASS = 1.0
+"""Of what the cables hold where the rig has no platform, in kg."""
+
+JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
+"""The sliding joints of each kind of rig; a platform is free."""
+
+
+def rig_to_mjcf(rig: Rig) -> str:
+    """Which MuJoCo model is a rig?
+
+    - Each cable is a spatial tendon from the site ``<module> anchor`` to the site ``<module> attachment``.
+    - Each module is a motor on its tendon. Its control is the tension in N, within the limits of the module; the
+      gear of -1 lets it only pull.
+    - What the cables hold is the body ``platform``, with sliding joints for a point, a hinge as well in the plane,
+      and a free joint in space. It starts at home, and the coordinates of its joints are those of the world.
+    - Body frames are mocap bodies, ``frame <name>``, at the origin until you move them.
+
+    There is no gravity, because a rig does not say which way is down: set it in ``<option>``. Where the rig knows
+    no mass, it is 1 kg; where it knows no inertia, it is that of a solid ball through the attachments.
+
+    Source: Todorov, Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012, and the reference of
+    its XML.
+
+    Raises
+    ------
+    RigError
+        A module whose limits are equal, or an inertia that no body has: MuJoCo takes neither.
+    """
+    size = 0.005 * float(np.ptp(np.concatenate([rig.anchors, [rig.home]]), axis=0).max()) or 0.005
+    root = Xml.Element("mujoco", model=rig.name)
+    for text in (rig.description, rig.source, "No gravity: a rig does not say which way is down."):
+        if text:
+            root.append(Xml.Comment(f" {text.replace('--', '- -')} "))
+    Xml.SubElement(root, "compiler", angle="radian")
+    Xml.SubElement(root, "option", gravity="0 0 0")
+    world = Xml.SubElement(root, "worldbody")
+    frames = {WORLD: world}
+    for name in rig.frames:
+        frames[name] = Xml.SubElement(world, "body", name=f"frame {name}", mocap="true")
+    platform = _platform(world, rig, size)
+    tendons = Xml.SubElement(root, "tendon")
+    motors = Xml.SubElement(root, "actuator")
+    for module, attachment in zip(rig.modules, rig.attachments, strict=True):
+        if module.lower == module.upper:
+            raise RigError(
+                f'module "{module.name}": "lower" equals "upper", {module.lower}; MuJoCo needs a range, give one'
+            )
+        ends = {"anchor": (frames[module.frame], module.anchor), "attachment": (platform, attachment)}
+        cable = Xml.SubElement(tendons, "spatial", name=module.name, width=_row([size / 3]))
+        for end, (body, place) in ends.items():
+            name = f"{module.name} {end}"
+            Xml.SubElement(body, "site", name=name, pos=_row(_in_space(place)), size=_row([size]))
+            Xml.SubElement(cable, "site", site=name)
+        motor = Xml.SubElement(motors, "motor", name=module.name, tendon=module.name, gear="-1")
+        motor.attrib.update(ctrllimited="true", ctrlrange=_row([module.lower, module.upper]))
+    Xml.indent(root)
+    return Xml.tostring(root, encoding="unicode") + "\n"
+
+
+def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
+    """Add the body that the cables hold."""
+    body = Xml.SubElement(world, "body", name="platform", pos=_row(_in_space(rig.home)))
+    if rig.kind == "platform":
+        Xml.SubElement(body, "freejoint", name="pose")
+    else:
+        for axis, place in zip(JOINTS[rig.kind], rig.home, strict=True):
+            pointing = _row(float(axis == other) for other in "xyz")
+            Xml.SubElement(body, "joint", name=axis, type="slide", axis=pointing, ref=_row([place]))
+    if rig.kind == "planar":
+        Xml.SubElement(body, "joint", name="turn", type="hinge", axis="0 0 1")
+    mass, com, inertia = _inertia(rig)
+    moments = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    Xml.SubElement(body, "inertial", mass=_row([mass]), pos=_row(com), fullinertia=_row(moments))
+    Xml.SubElement(body, "geom", type="sphere", size=_row([2 * size]), contype="0", conaffinity="0")
+    return body
+
+
+def _inertia(rig: Rig) -> tuple[float, Floats, Floats]:
+    """Mass, centre of mass and inertia in space; assumed where the rig doesn't know them."""
+    held = rig.platform
+    mass = MASS if held is None else held.mass
+    com = np.zeros(rig.dimension) if held is None or held.com is None else held.com
+    if held is not None and held.inertia is not None:
+        inertia = held.inertia if held.inertia.shape == (3, 3) else np.eye(3) * held.inertia
+    else:
+        radius = float(np.linalg.norm(rig.attachments - com, axis=1).max()) if KINDS[rig.kind].turns else 0.0
+        inertia = 0.4 * mass * (radius or 0.1) ** 2 * np.eye(3)
+    moments = np.linalg.eigvalsh(inertia)
+    if moments[2] > moments[0] + moments[1]:
+        raise RigError(
+            f'[platform]: key "inertia" has the principal moments {_row(moments)} kg·m²; no body has one '
+            "above the sum of the others, so correct it"
+        )
+    return mass, _in_space(com), inertia
+
+
+def _in_space(point: Floats) -> Floats:
+    return np.append(point, np.zeros(3 - point.size))
+
+
+def _row(values: Iterable[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,83 @@
+"""Rigs that come from CASPR and go to MuJoCo, by the command line."""
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.model.files import load_rig
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+BODIES = """<bodies_system><links><link_rigid num="1" name="Plate">
+  <joint type="P_XZ" q_initial="1.0 0.5"/>
+  <physical><mass>5</mass><com_location>0 0 0</com_location></physical>
+  <parent><num>0</num><location>0 0 0</location></parent>
+</link_rigid></links></bodies_system>"""
+CABLE = """<cable_set id="{set}"><cable_ideal name="left" attachment_reference="com">
+  <properties><force_min>1</force_min><force_max>{upper}</force_max></properties>
+  <attachments>
+    <attachment><link>0</link><location>0 0 2</location></attachment>
+    <attachment><link>1</link><location>0 0 0</location></attachment>
+  </attachments></cable_ideal></cable_set>"""
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab rig` in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main(["rig", *(str(word) for word in words)])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+@pytest.fixture
+def caspr(tmp_path):
+    bodies, cables = tmp_path / "plate_bodies.xml", tmp_path / "plate_cables.xml"
+    bodies.write_text(BODIES)
+    sets = CABLE.format(set="weak", upper=10) + CABLE.format(set="strong", upper=90)
+    cables.write_text(f'<cables default_cable_set="weak">{sets}</cables>')
+    return bodies, cables
+
+
+def test_import_writes_a_rig_to_a_file_or_to_stdout(run, caspr, tmp_path):
+    code, out, err = run("import", "--caspr", *caspr, "--out", tmp_path / "plate.toml")
+    assert (code, err) == (0, "")
+    assert "planar-point, 1 cables" in out
+    rig = load_rig(tmp_path / "plate.toml")
+    assert (rig.name, rig.home.tolist(), rig.limits.upper.tolist()) == ("plate", [1.0, 0.5], [10.0])
+    code, out, _ = run("import", "--caspr", *caspr)
+    assert code == 0
+    assert out == (tmp_path / "plate.toml").read_text()
+
+
+def test_import_takes_the_set_that_is_asked_for(run, caspr):
+    assert "upper = 90.0" in run("import", "--caspr", *caspr, "--set", "strong")[1]
+    code, _, err = run("import", "--caspr", *caspr, "--set", "stronger")
+    assert code == 2
+    assert "the ids are weak, strong" in err
+
+
+def test_import_of_a_bad_file_names_it(run, caspr):
+    caspr[0].write_text(BODIES.replace('q_initial="1.0 0.5"', 'q_initial="1.0"'))
+    code, out, err = run("import", "--caspr", *caspr)
+    assert (code, out) == (2, "")
+    assert f'{caspr[0]}: line 2: <joint>: attribute "q_initial"' in err
+    assert run("import")[0] == 2
+
+
+def test_export_writes_a_model_that_mujoco_loads(run, tmp_path):
+    code, out, err = run("export", RIGS / "ipanema-2.toml", "--mjcf", tmp_path / "robot.xml")
+    assert (code, err) == (0, "")
+    assert "8 tendons" in out
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml")).ntendon == 8
+
+
+def test_export_needs_a_folder_that_exists(run, tmp_path):
+    code, _, err = run("export", RIGS / "cube-8.toml", "--mjcf", tmp_path / "none" / "robot.xml")
+    assert code == 2
+    assert "no folder" in err

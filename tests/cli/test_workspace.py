@@ -1,0 +1,121 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tensionlab as tl
+from tensionlab.cli import main
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+CUBE, TETRA = RIGS / "cube-8.toml", RIGS / "tetra-4.toml"
+PLANAR = RIGS / "kntu-planar.toml"
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab workspace` in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main(["workspace", *(str(word) for word in words)])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+def test_a_table_says_how_well_each_rig_does_and_what_that_means(run):
+    code, out, err = run(CUBE, TETRA, "--step", 0.1)
+    assert (code, err) == (0, "")
+    assert max(map(len, out.splitlines())) <= 120
+    assert "1,331 poses: x -0.5 to 0.5 m, y -0.5 to 0.5 m, z -0.5 to 0.5 m" in out
+    rows = [line.split() for line in out.splitlines()]
+    (cube,) = [row for row in rows if row[:2] == ["cube-8", "wrench-closure"]]
+    assert cube[2:5] == ["0", "1.00", "1.00"]
+    (tetra,) = [row for row in rows if row[:2] == ["tetra-4", "wrench-closure"]]
+    assert 15.0 < float(tetra[-3]) < 100 / 3  # the inside of a third of the box, less its surface
+    assert sum(row[:2] == ["isotropic-force", "N"] for row in rows) == 2
+    assert "wrench-closure: Can the cables" in out
+    assert "no value: a cable has no length there" in out
+
+
+def test_json_has_the_numbers_and_where_they_come_from(run):
+    words = ["--box", -0.4, 0.4, "-0.4", 0.4, 0.1, 0.1, "--step", 0.1, 0.2, 1, "--measure", "capacity-margin:0.2"]
+    code, out, _ = run(CUBE, *words, "--measure", "condition-number,tension-factor", "--json")
+    assert code == 0
+    report = json.loads(out)
+    assert report["poses"] == 9 * 5
+    assert [(row["rig"], row["measure"], row["unit"]) for row in report["rows"]] == [
+        ("cube-8", "capacity-margin:0.2", "N"),
+        ("cube-8", "condition-number", "1"),
+        ("cube-8", "tension-factor", "1"),
+    ]
+    rig = tl.load_rig(CUBE)
+    x, y = np.meshgrid(np.linspace(-0.4, 0.4, 9), np.linspace(-0.4, 0.4, 5))
+    structure = rig.structure_matrix(np.stack([x, y, 0.1 + 0 * x], axis=-1))
+    margins = tl.workspace.capacity_margin(structure, rig.limits, (np.zeros(3), 0.2))
+    row = report["rows"][0]
+    assert row["least"] == pytest.approx(margins.min())
+    assert row["median"] == pytest.approx(np.median(margins))
+    assert row["largest"] == pytest.approx(margins.max())
+    assert row["above_zero"] == np.mean(margins > 0)
+    assert report["manifest"]["versions"]["tensionlab"] == tl.__version__
+
+
+def test_a_store_is_written_and_then_only_opened(run, tmp_path):
+    out = tmp_path / "a.zarr"
+    first = run(TETRA, "--step", 0.25, "--out", out)
+    assert first[0] == 0
+    assert f"values: {out}" in first[1]
+    data = xr.open_zarr(out, chunks=None)
+    assert data["isotropic-force"].dims == ("rig", "x", "y", "z")
+    assert run(TETRA, "--step", 0.25, "--out", out)[1] == first[1]
+    code, _, err = run(TETRA, "--step", 0.2, "--out", out)
+    assert code == 2
+    assert "a.zarr holds a sweep that differs in poses" in err
+
+
+def test_a_planar_rig_has_a_planar_box(run):
+    code, out, _ = run(PLANAR, "--box", "-1,1,-1,1", "--step", 0.5, "--measure", "tension-factor")
+    assert code == 0
+    assert "25 poses: x -1 to 1 m, y -1 to 1 m" in out
+
+
+def test_poses_come_from_a_file_too(run, tmp_path):
+    (tmp_path / "poses.csv").write_text("x,y,z\n0,0,0\n0.1,0,0\n")
+    code, out, _ = run(CUBE, "--poses", tmp_path / "poses.csv", "--measure", "least-singular-value", "--json")
+    assert code == 0
+    # At the centre of a cube W W' = 8/3.
+    assert json.loads(out)["rows"][0]["largest"] == pytest.approx(np.sqrt(8 / 3))
+
+
+def test_body_frames_stay_at_rest(run):
+    code, out, _ = run(RIGS / "body-mounted.toml", "--step", 0.5, "--measure", "wrench-closure")
+    assert code == 0
+    assert "body-mounted" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ([RIGS / "none.toml"], "none.toml: no such file"),
+        ([CUBE, "--box", 0, 1, 0, 1, 0], "--box has 5 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1"),
+        ([CUBE, "--box", 1, 0, 0, 1, 0, 1], "x is "),
+        ([CUBE, "--step", 0], "step is"),
+        ([CUBE, "--step", "fine"], "'fine' is not a list of numbers"),
+        ([CUBE, "--step", 1e-5], "give out, a folder DIR.zarr"),
+        ([CUBE, "--poses", "poses.csv", "--step", 1], "--poses takes the place of --box and --step"),
+        ([CUBE, "--poses", "none.csv"], "none.csv"),
+        ([CUBE, "--measure", "capacity-margins"], "did you mean 'capacity-margin'"),
+        ([CUBE, "--out", "none/a.zarr"], "no folder"),
+        ([CUBE, CUBE], 'two rigs are called "cube-8"'),
+        ([CUBE, PLANAR], 'the poses have 3 coordinates; rig "kntu-planar" (planar) needs 2'),
+        ([CUBE, "--measure", ","], "measures is empty"),
+    ],
+)
+def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):
+    code, out, err = run(*words)
+    assert (code, out) == (2, "")
+    assert error in " ".join(err.split())

@@ -1,0 +1,140 @@
+"""The ESP32's layer: its syntax against stubs, and what of it needs no ESP32, run."""
+
+import math
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ESP32 = ROOT / "firmware" / "esp32"
+STRICT = ["-std=c++17", "-O2", "-pthread", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+POLE_PAIRS = 11
+DONE, NOT_MOVED, WRONG_WAY, WRONG_POLES, WRONG_CURRENT = range(1, 6)
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    compiler = shutil.which("c++")
+    if compiler is None:
+        pytest.fail("no C++ compiler 'c++' was found; the package itself needs one to build")
+    folder = tmp_path_factory.mktemp("esp32")
+    built = {}
+
+    def program(name):
+        if name not in built:
+            source = ROOT / "tests" / "data" / f"{name}.cpp"
+            command = [compiler, *STRICT, f"-I{ESP32}", str(source), "-o", str(folder / name)]
+            subprocess.run(command, check=True)
+            built[name] = folder / name
+        return built[name]
+
+    def run(name, *words):
+        command = [str(program(name)), *(str(word) for word in words)]
+        out = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120).stdout
+        return [tuple(float(number) for number in line.split()) for line in out.splitlines()]
+
+    return run
+
+
+def test_it_fits_the_libraries_as_far_as_stubs_can_tell():
+    found = subprocess.run([str(ESP32 / "check.sh")], capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stderr) == (0, "")
+
+
+def test_the_check_can_fail(tmp_path):
+    for folder in ("core", "esp32", "stubs"):
+        shutil.copytree(ROOT / "firmware" / folder, tmp_path / folder)
+    source = tmp_path / "esp32" / "winch.cpp"
+    source.write_text(source.read_text().replace("motor_.loopFOC();", "motor_.loop_foc();"))
+    found = subprocess.run([str(tmp_path / "esp32" / "check.sh")], capture_output=True, text=True, check=False)
+    assert found.returncode != 0
+    assert "loop_foc" in found.stderr
+
+
+def test_two_threads_pass_bytes_through_the_queue(build):
+    [(came, wrong, most, rest, room)] = build("byte_queue")
+    assert (came, wrong, rest, room) == (8_000_000, 0, 0, 64)
+    assert 1 < most <= 64
+
+
+def test_the_encoder_counts_turns_either_way(build):
+    angles = [100, 8000, 15000, 16383, 3, 5000, 3, 16380, 9000, 2000, 15000]
+    rows = build("as5048a", 100, 100, 100, *angles)
+    assert [row[1] for row in rows[3:]] == [100, 8000, 15000, 16383, 16387, 21384, 16387, 16380, 9000, 2000, -1384]
+    assert all(row[0] for row in rows[3:])
+    assert rows[-1][2:] == (3000, 128, 0)  # magnitude, gain in the middle, no errors
+
+
+def test_an_angle_is_not_trusted_before_the_chip_said_that_it_is_ready(build):
+    first, *_ = build("as5048a", 100, 100, 100)
+    assert not first[0]
+    assert not any(row[0] for row in build("as5048a", "unready", 100, 100, 100, 100))
+
+
+@pytest.mark.parametrize("fault", ["flip", "garble", "stuck-low", "stuck-high"])
+def test_a_frame_that_breaks_is_noticed_and_the_next_ones_are_good_again(build, fault):
+    rows = build("as5048a", *[5000] * 4, *[fault] * 4, *[6000] * 8)
+    ok = [row[0] for row in rows]
+    assert ok[3]
+    assert not all(ok[4:8])
+    assert all(ok[-3:])
+    assert rows[-1][1] == 6000
+    if fault != "stuck-low":  # whose frames are good ones that say that the chip is not ready
+        assert rows[-1][4] > 0
+        assert not ok[4]
+
+
+def test_a_single_flipped_bit_costs_two_readings_at_most(build):
+    ok = [row[0] for row in build("as5048a", *[5000] * 4, "garble", *[5001] * 5)]
+    assert ok[4:].count(False) <= 2
+    assert all(ok[-3:])
+
+
+@pytest.mark.parametrize("field", ["weak", "strong"])
+def test_a_magnet_that_is_too_near_or_too_far_is_no_angle(build, field):
+    ok = [row[0] for row in build("as5048a", *[5000] * 4, field, *[5000] * 4, "found", *[5000] * 4)]
+    assert ok[3]
+    assert not any(ok[7:9])
+    assert ok[-1]
+
+
+def aligned(build, poles=POLE_PAIRS, zero=1.0, friction=0.1, way=1, shunt=1.0, sign=1, resistance=2.8):
+    [(result, found, share, most, seconds)] = build(
+        "alignment", poles, zero, friction, way, shunt, sign, resistance
+    )
+    assert most <= 2.0 + 1e-6
+    assert seconds < 4.0
+    return result, found, share
+
+
+@pytest.mark.parametrize("zero", [0.0, 1.0, 3.1, 6.2])
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
+def test_the_electrical_zero_is_found_though_friction_holds_the_rotor_back(build, zero, friction):
+    result, found, share = aligned(build, zero=zero, friction=friction)
+    assert result == DONE
+    assert abs(math.remainder(found - zero, math.tau)) < 0.01
+    assert 0.0 <= found < math.tau + 1e-5
+    assert share == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "result"),
+    [
+        ({"friction": 1.0}, NOT_MOVED),
+        ({"way": -1}, WRONG_WAY),
+        ({"poles": 7}, WRONG_POLES),
+        ({"poles": 14}, WRONG_POLES),
+        ({"shunt": 0.6}, WRONG_CURRENT),  # R006 where R010 was told
+        ({"shunt": 1 / 0.6}, WRONG_CURRENT),  # and the other way round
+        ({"sign": -1}, WRONG_CURRENT),
+        ({"resistance": 28.0}, WRONG_CURRENT),
+    ],
+)
+def test_what_is_wired_wrongly_is_named(build, wrong, result):
+    assert aligned(build, **wrong)[0] == result
+
+
+def test_the_winding_may_be_warm(build):
+    assert aligned(build, resistance=3.5)[0] == DONE

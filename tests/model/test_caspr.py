@@ -1,0 +1,320 @@
+"""Published robots, written out as CASPR writes them, come back with the structure matrices of their numbers."""
+
+import json
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tensionlab.errors import RigError
+from tensionlab.model import kinematics
+from tensionlab.model.caspr import load_caspr
+from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml
+
+ROOT = Path(__file__).parents[2]
+ROBOTS = json.loads((ROOT / "tests/data/geometries.json").read_text(encoding="utf-8"))["robots"]
+# Sets of cables between two points; the others run over pulleys.
+SETS = [
+    (robot, name)
+    for robot, numbers in ROBOTS.items()
+    for name, cables in numbers["cable_sets"].items()
+    if all(len(cable["att"]) == 2 for cable in cables)
+]
+
+
+def bodies_xml(bodies):
+    """A file of bodies as CASPR has it."""
+    links = ""
+    for number, body in enumerate(bodies, start=1):
+        joint = " ".join(f"{key}={quoteattr(value)}" for key, value in body["joint"].items())
+        moments = "".join(f"<{key}>{value}</{key}>" for key, value in body["I"].items())
+        links += f"""
+      <link_rigid num="{number}" name={quoteattr(body["name"])}>
+        <joint {joint}/>
+        <physical>
+          <mass>{body["mass"]}</mass>
+          <com_location>{body["com"]}</com_location>
+          <end_location>0.0 0.0 0.0</end_location>
+          <inertia ref="{body.get("ref", "com")}">{moments}</inertia>
+        </physical>
+        <parent>
+          <num>{number - 1}</num>
+          <location>{body.get("parent", "0.0 0.0 0.0")}</location>
+        </parent>
+      </link_rigid>"""
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE bodies_system SYSTEM "../../../../templates/bodies.dtd">
+<bodies_system>
+    <links display_range="-5 5 -4 4 -0.5 6" view_angle="-37 32">{links}
+    </links>
+</bodies_system>"""
+
+
+def cables_xml(sets, default):
+    """A file of cables as CASPR has it."""
+    text = ""
+    for name, cables in sets.items():
+        text += f'\n  <cable_set id="{name}">'
+        for cable in cables:
+            ends = "".join(
+                f"<attachment><link>{link}</link><location>{' '.join(map(repr, place))}</location></attachment>"
+                for link, place in cable["att"]
+            )
+            text += f"""
+    <cable_ideal name="{cable["name"]}" attachment_reference="{cable["ref"]}">
+      <properties><force_min>{cable["fmin"]}</force_min><force_max>{cable["fmax"]}</force_max></properties>
+      <attachments>{ends}</attachments>
+    </cable_ideal>"""
+        text += "\n  </cable_set>"
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<!DOCTYPE cables SYSTEM "../../../../templates/cables.dtd">
+<cables default_cable_set="{default}">{text}
+</cables>"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """A pair of files from a robot's numbers, or from text."""
+
+    def written(bodies, cables):
+        paths = tmp_path / "robot_bodies.xml", tmp_path / "robot_cables.xml"
+        for path, text in zip(paths, (bodies, cables), strict=True):
+            path.write_text(text, encoding="utf-8")
+        return paths
+
+    return written
+
+
+def robot_files(write, robot, keep=None):
+    numbers = ROBOTS[robot]
+    sets = {name: cables for name, cables in numbers["cable_sets"].items() if (robot, name) in SETS}
+    return write(bodies_xml(numbers["bodies"]), cables_xml(sets, numbers["default"]))
+
+
+@pytest.mark.parametrize(("robot", "cable_set"), SETS)
+def test_the_structure_matrices_are_those_of_the_numbers(write, robot, cable_set):
+    rig = load_caspr(*robot_files(write, robot), cable_set)
+    body = ROBOTS[robot]["bodies"][0]
+    cables = ROBOTS[robot]["cable_sets"][cable_set]
+    axes = {"P_XZ": [0, 2], "PLANAR_XY": [0, 1]}.get(body["joint"]["type"], [0, 1, 2])
+    anchors, attachments = (np.array([cable["att"][end][1] for cable in cables])[:, axes] for end in (0, 1))
+    com = np.array(body["com"].split(), dtype=float)[axes]
+    attachments = attachments + [com if cable["ref"] == "com" else 0 * com for cable in cables]
+    start = np.array(body["joint"]["q_initial"].split(), dtype=float)
+    np.testing.assert_array_equal(rig.home, start[: len(axes)])
+    rng = np.random.default_rng(2)
+    position = rig.home + 0.05 * np.ptp(anchors, axis=0).max() * rng.uniform(-1, 1, size=len(axes))
+    rotation, matrix = None, np.eye(len(axes))
+    if rig.kind == "planar":
+        rotation = 0.2
+        matrix = Rotation.from_rotvec([0, 0, rotation]).as_matrix()[:2, :2]
+    elif rig.kind == "platform":
+        rotation = matrix = Rotation.from_rotvec(rng.uniform(-0.2, 0.2, size=3)).as_matrix()
+    arms = attachments @ matrix.T
+    _, directions = kinematics.cables(anchors, position, arms)
+    expected = kinematics.structure_matrix(directions, arms if rig.n > rig.dimension else None)
+    np.testing.assert_allclose(rig.structure_matrix(position, rotation), expected, atol=1e-14)
+    if robot != "MACARM":  # whose last cable is called "1" again
+        assert [module.name for module in rig.modules] == [cable["name"] for cable in cables]
+    assert rig.limits.lower.tolist() == [float(cable["fmin"]) for cable in cables]
+    assert rig.limits.upper.tolist() == [float(cable["fmax"]) for cable in cables]
+    assert rig_from_toml(rig_to_toml(rig), "again") == rig
+
+
+@pytest.mark.parametrize("name", ["ipanema-1", "ipanema-2", "cogiro", "kntu-planar"])
+def test_the_rigs_of_the_repository_are_what_is_imported(write, name):
+    robot = {"ipanema-1": "IPAnema_1", "ipanema-2": "IPAnema_2", "cogiro": "CoGiRo"}.get(name, "KNTU_planar")
+    imported, ours = load_caspr(*robot_files(write, robot)), load_rig(ROOT / "datasets" / "rigs" / f"{name}.toml")
+    np.testing.assert_array_equal(imported.anchors, ours.anchors)
+    np.testing.assert_array_equal(imported.attachments, ours.attachments)
+    np.testing.assert_array_equal(imported.home, ours.home)
+    assert imported.limits.upper.tolist() == ours.limits.upper.tolist()
+    assert imported.platform.mass == ours.platform.mass
+    np.testing.assert_array_equal(imported.platform.inertia, ours.platform.inertia)
+
+
+BODY = {
+    "name": "plate",
+    "joint": {"type": "SPATIAL_EULER_XYZ", "q_initial": "1 2 3 0 0 0"},
+    "mass": "2",
+    "com": "0.1 0.2 0.3",
+    "I": {"Ixx": "1", "Iyy": "2", "Izz": "2.5", "Ixy": "0.1", "Ixz": "0.2", "Iyz": "0.3"},
+}
+CABLE = {"name": "a", "ref": "joint", "fmin": "1", "fmax": "9", "att": [["0", [4, 0, 5]], ["1", [0.5, 0, 0]]]}
+
+
+def model(write, body=(), *cables):
+    return write(bodies_xml([{**BODY, **dict(body)}]), cables_xml({"s": cables or [CABLE]}, "s"))
+
+
+def test_attachments_relative_to_the_centre_of_mass_are_moved_to_the_joint(write):
+    rig = load_caspr(*model(write, (), {**CABLE, "ref": "com"}))
+    np.testing.assert_allclose(rig.attachments, [[0.6, 0.2, 0.3]], atol=1e-15)
+    assert rig.anchors.tolist() == [[4, 0, 5]]
+
+
+def test_cables_of_the_same_name_are_told_apart(write):
+    rig = load_caspr(*model(write, (), CABLE, {**CABLE, "name": "b"}, CABLE))
+    assert [module.name for module in rig.modules] == ["a", "b", "a (3)"]
+
+
+def test_the_base_of_the_body_moves_home(write):
+    rig = load_caspr(*model(write, {"parent": "10 20 30"}))
+    assert rig.home.tolist() == [11, 22, 33]
+
+
+def test_inertia_about_the_joint_is_moved_to_the_centre_of_mass(write):
+    about_com = load_caspr(*model(write)).platform.inertia
+    # Two kilograms in the centre of mass add this about the joint.
+    x, y, z = 0.1, 0.2, 0.3
+    extra = 2 * np.array(
+        [[y * y + z * z, -x * y, -x * z], [-x * y, x * x + z * z, -y * z], [-x * z, -y * z, x * x + y * y]]
+    )
+    moved = {key: repr(float((about_com + extra)["xyz".index(key[1]), "xyz".index(key[2])])) for key in BODY["I"]}
+    np.testing.assert_allclose(
+        load_caspr(*model(write, {"ref": "joint", "I": moved})).platform.inertia, about_com, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("joint", "home", "anchor", "attachment", "torque"),
+    [("PLANAR_XY", [1, 2], [4, 3], [0.1, 0.2], 1), ("PLANAR_YZ", [1, 2], [4, 3], [0.1, 0.2], 1),
+     ("PLANAR_XZ", [1, 2], [4, 3], [0.1, 0.2], -1)],
+)  # fmt: skip
+def test_planes_keep_forces_and_torques(write, joint, home, anchor, attachment, torque):
+    """The rig's torque is about the axis that its description names."""
+    axes = ["xyz".index(axis) for axis in joint[-2:].lower()]
+    normal = np.delete([0, 1, 2], axes)[0]
+    far, near = np.zeros(3), np.zeros(3)
+    far[axes], near[axes] = anchor, attachment
+    cable = {**CABLE, "att": [["0", far.tolist()], ["1", near.tolist()]]}
+    body = {"joint": {"type": joint, "q_initial": "1 2 0"}, "com": "0 0 0"}
+    rig = load_caspr(*model(write, body, cable))
+    assert rig.home.tolist() == home
+    W = rig.structure_matrix(home)
+    place = np.zeros(3)
+    place[axes] = home
+    u = (far - place - near) / np.linalg.norm(far - place - near)
+    np.testing.assert_allclose(W[:2, 0], u[axes], atol=1e-14)
+    np.testing.assert_allclose(W[2, 0], torque * np.cross(near, u)[normal], atol=1e-14)
+    assert f"torques are about {'+' if torque > 0 else '-'}{'xyz'[normal]}" in rig.description
+    assert rig.platform.inertia.item() == float(BODY["I"][f"I{'xyz'[normal]}{'xyz'[normal]}"])
+
+
+def test_a_body_that_cannot_turn_is_a_point_where_its_cables_end(write):
+    body = {"joint": {"type": "T_XYZ", "q_initial": "1 2 3"}}
+    other = {**CABLE, "name": "b", "att": [["1", [0.5, 0, 0]], ["0", [0, 0, 9]]]}
+    rig = load_caspr(*model(write, body, CABLE, other))
+    assert rig.kind == "point"
+    assert rig.home.tolist() == [1.5, 2, 3]
+    assert rig.anchors.tolist() == [[4, 0, 5], [0, 0, 9]]
+    elsewhere = {**CABLE, "name": "b", "att": [["0", [0, 0, 9]], ["1", [0, 0.1, 0]]]}
+    with pytest.raises(RigError, match="'b': ends elsewhere than the first cable"):
+        load_caspr(*model(write, body, CABLE, elsewhere))
+
+
+def test_elastic_cables_and_passive_springs_are_told_of(write):
+    bodies, cables = model(write, (), CABLE, {**CABLE, "name": "soft"}, {**CABLE, "name": "spring 0"})
+    first, second, third = cables.read_text().split("<cable_ideal")[1:]
+    text = cables.read_text().split("<cable_ideal")[0]
+    text += "<cable_ideal" + first
+    text += "<cable_linear_spring" + second.replace("</cable_ideal>", "</cable_linear_spring>")
+    text += "<cable_passive_linear_spring" + third.replace("</cable_ideal>", "</cable_passive_linear_spring>")
+    cables.write_text(text)
+    rig = load_caspr(bodies, cables)
+    assert [module.name for module in rig.modules] == ["a", "soft"]
+    assert "elastic cables are stiff" in rig.description
+    assert "passive springs (spring 0)" in rig.description
+
+
+REFUSED = {
+    "another joint": ("bodies", "SPATIAL_EULER_XYZ", "S_EULER_XYZ", r'line 6: <joint>: .* "type" is'),
+    "no joint": ("bodies", "<joint type", "<hinge type", r"<link_rigid> 'plate': has no elements <joint>"),
+    "too few coordinates": ("bodies", "1 2 3 0 0 0", "1 2 3", r'<joint>: attribute "q_initial" is .1 2 3.; give'),
+    "no coordinates": ("bodies", "q_initial", "q_start", r'attribute "q_initial" is missing'),
+    "no mass": ("bodies", "<mass>2", "<mass>heavy", r"line 8: <mass>: its text is 'heavy'; give 1 finite number"),
+    "negative mass": ("bodies", "<mass>2", "<mass>-2", r'"mass" is -2'),
+    "infinite mass": ("bodies", "<mass>2", "<mass>inf", r"give 1 finite number"),
+    "unknown reference of inertia": ("bodies", 'ref="com"', 'ref="tip"', r'<inertia>: attribute "ref" is .tip.'),
+    "other file": ("bodies", "bodies_system", "robots", r"root element must be <bodies_system>"),
+    "broken": ("bodies", "</links>", "", r"not well-formed XML: .*line"),
+    "unknown entity": ("bodies", "<mass>2", "<mass>&two;", r'line 8: entity "two"'),
+    "no default set": ("cables", 'default_cable_set="s"', "", r'attribute "default_cable_set" is missing'),
+    "default set that is not there": ("cables", 'set="s"', 'set="t"', r"no <cable_set> with the id 't'; .* are s"),
+    "no reference": ("cables", ' attachment_reference="joint"', "", r"'a': attribute .attachment_reference. is"),
+    "other reference": ("cables", '"joint"', '"tip"', r"'a': attribute .attachment_reference. is .tip"),
+    "muscle": ("cables", "cable_ideal", "muscle_hill_type", r"<muscle_hill_type> 'a': no cable of a rig"),
+    "no limits": ("cables", "force_max", "force_most", r"<properties>: has no elements <force_max>"),
+    "two locations": ("cables", "<link>1</link>", "<link>1</link><location/>", r"2 elements <location>"),
+    "flat location": ("cables", "4 0 5", "4 0", r"<location>: its text is '4 0'; give 3 finite numbers"),
+    "second link": ("cables", "<link>1</link>", "<link>2</link>", r"two attachments, to the links 0 and 1"),
+    "limits the wrong way round": ("cables", "<force_min>1<", "<force_min>10<", r'"a".*"lower" is 10'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("change", REFUSED.values(), ids=REFUSED)
+def test_errors_name_the_file_the_element_and_the_attribute(write, change):
+    which, old, new, message = change
+    files = dict(zip(("bodies", "cables"), model(write), strict=True))
+    text = files[which].read_text()
+    assert old in text
+    files[which].write_text(text.replace(old, new))
+    with pytest.raises(RigError, match=message) as caught:
+        load_caspr(*files.values())
+    if "mass" not in message and "lower" not in message:
+        assert str(caught.value).startswith(str(files[which]))
+
+
+def test_pulleys_are_refused(write):
+    bodies, cables = model(write)
+    pulley = "<base_rotating_pulley><fixed_location>1 2 3</fixed_location></base_rotating_pulley>"
+    text = cables.read_text()
+    start, end = text.index("<attachment>"), text.index("</attachment>") + len("</attachment>")
+    cables.write_text(text[:start] + pulley + text[end:])
+    with pytest.raises(RigError, match=r"line \d+: <base_rotating_pulley>: pulleys change where"):
+        load_caspr(bodies, cables)
+
+
+def test_several_bodies_are_refused(write):
+    bodies, cables = write(bodies_xml([BODY, BODY]), cables_xml({"s": [CABLE]}, "s"))
+    with pytest.raises(RigError, match="2 bodies; a rig has one"):
+        load_caspr(bodies, cables)
+
+
+def test_a_cable_out_of_the_plane_is_refused(write):
+    body = {"joint": {"type": "PLANAR_XY", "q_initial": "0 0 0"}}
+    with pytest.raises(RigError, match="'a': leaves the xy plane"):
+        load_caspr(*model(write, body))
+
+
+@pytest.mark.parametrize(
+    "doctype",
+    [
+        '<!DOCTYPE cables [<!ENTITY lol "lol"><!ENTITY lol2 "&lol;&lol;&lol;">]>',
+        '<!DOCTYPE cables [<!ENTITY file SYSTEM "/etc/hostname">]>',
+        '<!DOCTYPE cables [<!ENTITY % more SYSTEM "more.dtd"> %more;]>',
+    ],
+)
+def test_entities_are_refused(write, doctype):
+    bodies, cables = model(write)
+    plain = '<!DOCTYPE cables SYSTEM "../../../../templates/cables.dtd">'
+    assert plain in cables.read_text()
+    cables.write_text(cables.read_text().replace(plain, doctype))
+    with pytest.raises(RigError, match=r'line 2: entity "(lol|file|more)"'):
+        load_caspr(bodies, cables)
+
+
+def test_files_that_cannot_be_read_are_named(write, tmp_path):
+    bodies, cables = model(write)
+    with pytest.raises(RigError, match=r"missing\.xml: no such file"):
+        load_caspr(tmp_path / "missing.xml", cables)
+    with pytest.raises(RigError, match="cannot be read"):
+        load_caspr(tmp_path, cables)
+    bodies.write_bytes(b'<?xml version="1.0" encoding="martian"?><bodies_system/>')
+    with pytest.raises(RigError, match="not well-formed XML"):
+        load_caspr(bodies, cables)
+    bodies.write_bytes(b"\x00\x01")
+    with pytest.raises(RigError, match="not well-formed XML"):
+        load_caspr(bodies, cables)

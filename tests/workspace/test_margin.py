@@ -1,0 +1,180 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from judges import hull_margin, renders
+from problems import cases, random_structure
+
+import tensionlab as tl
+
+ROOT = Path(__file__).parents[2]
+CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
+SIZES = [(1, 2), (2, 3), (2, 6), (3, 3), (3, 4), (3, 8), (4, 6), (5, 7), (6, 6), (6, 7), (6, 8), (6, 9)]
+margin = tl.workspace.capacity_margin
+
+
+@pytest.mark.parametrize(
+    ("rig", "share"), [("cube-8", np.sqrt(8 / 3)), ("tetra-4", np.sqrt(2 / 3))], ids=["cube", "tetrahedron"]
+)
+def test_centre_of_a_cube(rig, share):
+    rig = tl.load_rig(ROOT / "datasets/rigs" / f"{rig}.toml")
+    room = rig.limits.upper[0] - rig.limits.lower[0]
+    assert margin(rig.structure_matrix(rig.home), rig.limits) == pytest.approx(share * room, abs=1e-9)
+
+
+def test_four_cables_along_the_axes():
+    W = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+    assert margin(W, (0.5, 6.0)) == pytest.approx(5.5, abs=1e-12)
+    # The set is a square with corners at (+/-5.5, +/-5.5).
+    assert margin(W, (0.5, 6.0), [5.0, 0.0]) == pytest.approx(0.5, abs=1e-12)
+    assert margin(W, (0.5, 6.0), [7.0, 6.0]) == pytest.approx(-1.5, abs=1e-12)
+    assert margin(W, (0.5, 6.0), [[5.0, 0.0], [0.0, -5.2]]) == pytest.approx(0.3, abs=1e-12)
+    assert margin(W, (0.5, 6.0), ([1.0, 0.0], 2.0)) == pytest.approx(2.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])
+def test_published_cases(case):
+    found = margin(case["W"], (case["fmin"], case["fmax"]), case["wrench_to_produce"])
+    assert found == pytest.approx(case["capacity_margin_about_wrench"], abs=1e-9)
+
+
+def poses(seed, n, m, count):
+    """Random structure matrices, each with its own limits."""
+    rng = np.random.default_rng(seed)
+    W = np.stack([random_structure(rng, min(n, 3) if n < 6 else 6, m) for _ in range(count)])
+    if n in (4, 5):
+        W = rng.normal(size=(count, n, m))
+    elif n < 3:
+        W = W[:, :n]
+    lower = rng.uniform(0.0, 1.0, (count, m))
+    return rng, W, lower, lower + rng.uniform(0.5, 6.0, (count, m))
+
+
+@pytest.mark.parametrize(("n", "m"), SIZES)
+def test_qhull_agrees(n, m):
+    rng, W, lower, upper = poses(n + 10 * m, n, m, 40)
+    inside = np.einsum("bnm,bkm->bkn", W, rng.uniform(lower[:, None], upper[:, None], (40, 3, m)))
+    wrenches = inside * rng.uniform(0.3, 4.0, (40, 1, 1))
+    expected = [hull_margin(*each) for each in zip(W, lower, upper, wrenches, strict=True)]
+    np.testing.assert_allclose(margin(W, (lower, upper), wrenches), expected, rtol=0, atol=1e-9)
+    ball = (wrenches[:, 0], np.linspace(0.0, 3.0, 40))
+    expected = [hull_margin(*each) for each in zip(W, lower, upper, wrenches[:, :1], strict=True)]
+    np.testing.assert_allclose(margin(W, (lower, upper), ball), expected - ball[1], rtol=0, atol=1e-9)
+    assert np.any(np.array(expected) > 0)
+    assert np.any(np.array(expected) < 0)
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8)])
+def test_its_sign_is_the_verdict_of_a_linear_program(n, m):
+    rng, W, lower, upper = poses(n, n, m, 500)
+    wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 2.0, (500, 1))
+    found = margin(W, (lower, upper), wrench[:, None, :])
+    expected = np.array([renders(*each) for each in zip(W, lower, upper, wrench, strict=True)])
+    clear = np.abs(found) > 1e-7
+    assert np.array_equal(found[clear] > 0, expected[clear])
+    assert clear.mean() > 0.99
+    assert 0.1 < expected.mean() < 0.9
+
+
+@given(cases())
+def test_whatever_the_rank_its_sign_is_the_verdict(case):
+    found = margin(case.structure, case.limits, case.wrench)
+    loose = case.upper > case.lower
+    if np.linalg.matrix_rank(case.structure[:, loose], tol=1e-8) < len(case.wrench):
+        assert found <= 0
+    size = 1e-6 * max(1.0, float(np.abs(case.wrench).max()))
+    if found < -size or found > size:
+        assert renders(case.structure, *case.limits, case.wrench) == (found > 0)
+
+
+def test_a_flat_set_ends_at_its_plane():
+    W = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0], [0.0, 0.0, 0.0, 0.0]])
+    assert margin(W, (0.0, 5.0)) == 0
+    assert margin(W, (0.0, 5.0), [1.0, 2.0, -0.25]) == pytest.approx(-0.25)
+    assert margin(W, (0.0, 5.0), [6.0, 2.0, 0.25]) == pytest.approx(-1.0)
+    assert margin(W[:, :1], (1.0, 5.0)) == pytest.approx(-1.0)
+    assert margin(np.zeros((3, 4)), (0.0, 5.0), [3.0, 0.0, 4.0]) == -5
+    assert margin(W[:, :1], (1.0, 5.0), [3.0, 0.0, 0.0]) == 0
+
+
+def test_a_tilted_flat_set_is_no_different():
+    rng = np.random.default_rng(4)
+    turn, _ = np.linalg.qr(rng.normal(size=(6, 6)))
+    W = np.zeros((6, 7))
+    W[:3] = rng.normal(size=(3, 7))
+    off = np.array([0.0, 0.0, 0.0, 3.0, 0.0, 4.0])
+    inside = margin(W[:3], (1.0, 4.0), (2.5 * W[:3].sum(axis=1)))
+    middle = 2.5 * W.sum(axis=1)
+    assert inside > 0
+    assert margin(turn @ W, (1.0, 4.0), turn @ middle) == pytest.approx(0.0, abs=1e-12)
+    assert margin(turn @ W, (1.0, 4.0), turn @ (middle + off)) == pytest.approx(-5.0)
+
+
+def test_a_cable_with_equal_limits_is_a_constant_wrench():
+    rng, W, lower, upper = poses(5, 3, 6, 8)
+    upper[:, 4] = lower[:, 4]
+    others = [0, 1, 2, 3, 5]
+    wrench = np.einsum("bnm,bm->bn", W, (lower + upper) / 2) + 0.1 * rng.normal(size=(8, 3))
+    expected = margin(
+        W[..., others],
+        (lower[:, others], upper[:, others]),
+        (wrench - W[..., 4] * lower[:, 4:5])[:, None, :],
+    )
+    np.testing.assert_allclose(margin(W, (lower, upper), wrench[:, None, :]), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("split", [0.5, 0.1])
+def test_two_parallel_cables_are_one_strong_one(split):
+    # Outside the set too, where a facet that is none would be further away than all that are.
+    rng, W, lower, upper = poses(6, 3, 5, 8)
+    double = np.concatenate([W, W[..., -1:]], axis=-1)
+    low, high = (np.concatenate([x, split * x[:, -1:]], axis=-1) for x in (lower, upper))
+    low[:, 4] *= 1 - split
+    high[:, 4] *= 1 - split
+    wrench = 20 * rng.normal(size=(8, 1, 3))
+    expected = margin(W, (lower, upper), wrench)
+    assert np.all(expected < 0)
+    np.testing.assert_allclose(margin(double, (low, high), wrench), expected, atol=1e-10)
+
+
+def test_many_vertices_are_as_many_single_wrenches():
+    rng, W, lower, upper = poses(7, 3, 7, 5)
+    wrenches = 3 * rng.normal(size=(5, 100, 3))
+    each = margin(W[:, None], (lower[:, None], upper[:, None]), wrenches[..., None, :])
+    assert each.shape == (5, 100)
+    np.testing.assert_allclose(margin(W, (lower, upper), wrenches), each.min(axis=1), atol=1e-12)
+
+
+def test_leading_axes_broadcast():
+    W = np.random.default_rng(8).normal(size=(4, 1, 3, 6))
+    limits = (0.0, np.linspace(1.0, 3.0, 5)[:, None])
+    found = margin(W, limits)
+    assert found.shape == (4, 5)
+    assert margin(W[2, 0], (0.0, 2.0)) == pytest.approx(found[2, 2])
+    assert isinstance(margin(W[0, 0], (0.0, 1.0)), float)
+    assert margin(W[:0], limits).shape == (0, 5)
+
+
+@pytest.mark.parametrize(
+    ("structure", "required", "message"),
+    [
+        ([[np.nan, 1.0], [0.0, 1.0]], None, r"structure\[0, 0\] is nan"),
+        (np.eye(7), None, "structure has 7 wrench components"),
+        (np.eye(2), [1.0, 2.0, 3.0], "required wrenches have 3 components"),
+        (np.eye(2), [np.inf, 0.0], r"required\[0\] is inf"),
+        (np.eye(2), ([0.0, 0.0], -1.0), "required radius is -1"),
+        (np.eye(2), ([0.0, 0.0],), "required is a tuple of 1"),
+        (np.eye(2), np.zeros((0, 2)), "required has no wrench"),
+        (np.ones((3, 2, 4)), np.zeros((2, 1, 2)), "leading axes do not broadcast together: structure"),
+    ],
+)
+def test_bad_input_is_named(structure, required, message):
+    with pytest.raises(tl.ShapeError, match=message):
+        margin(structure, (0.0, 1.0), required)
+
+
+def test_crossed_limits_are_named():
+    with pytest.raises(tl.ShapeError, match=r"lower\[1\] = 2 N exceeds"):
+        margin(np.eye(2), ([0.0, 2.0], 1.0))

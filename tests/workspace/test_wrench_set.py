@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from judges import corners
+from problems import cases, random_structure
+from scipy.spatial import ConvexHull
+
+import tensionlab as tl
+from tensionlab.workspace import capacity_margin, half_spaces, vertices
+
+CROSS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+
+
+def test_a_square():
+    found = half_spaces(CROSS, (0.0, 2.0))
+    assert found.normals.shape[-1] == 2
+    sides = {tuple(np.round(np.append(n, d), 12) + 0.0) for n, d in zip(*found, strict=True)}
+    assert sides == {(1, 0, 2), (-1, 0, 2), (0, 1, 2), (0, -1, 2)}
+    found = vertices(CROSS, (0.0, 2.0))
+    assert {tuple(np.round(each, 12) + 0.0) for each in found} == {(2, 2), (-2, 2), (-2, -2), (2, -2)}
+    after = np.roll(found, -1, axis=0)  # they are in order if they enclose the area of the square
+    assert (found[:, 0] * after[:, 1] - found[:, 1] * after[:, 0]).sum() / 2 == pytest.approx(16)
+
+
+@given(cases(largest=7))
+def test_planes_and_vertices_are_those_of_the_image_of_the_box(case):
+    normals, offsets = half_spaces(case.structure, case.limits)
+    images = corners(*case.limits) @ case.structure.T
+    size = 1e-7 * max(1.0, np.abs(images).max())
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, rtol=1e-12)
+    np.testing.assert_allclose((images @ normals.T).max(axis=0), offsets, rtol=0, atol=size)
+    found = vertices(case.structure, case.limits)
+    assert np.all(found @ normals.T <= offsets + size)
+    # Every vertex is an image of a corner, and none is missing: both sets reach as far in every direction.
+    assert np.abs(found[:, None] - images).max(axis=-1).min(axis=1).max() < size
+    directions = np.random.default_rng(0).normal(size=(50, len(case.wrench)))
+    np.testing.assert_allclose(
+        (found @ directions.T).max(axis=0), (images @ directions.T).max(axis=0), rtol=0, atol=10 * size
+    )
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 4), (2, 5), (3, 4), (3, 8), (6, 6), (6, 8)])
+def test_nothing_but_the_set_is_inside_all_half_spaces(n, m):
+    rng = np.random.default_rng(m)
+    W = np.stack([random_structure(rng, max(n, 2), m)[:n] for _ in range(10)])
+    limits = (rng.uniform(0.0, 1.0, (10, m)), rng.uniform(2.0, 6.0, (10, m)))
+    wrench = 5.0 * rng.normal(size=(10, 1, n))
+    normals, offsets = half_spaces(W, limits)
+    room = (offsets - (normals @ np.swapaxes(wrench, 1, 2))[..., 0]).min(axis=-1)
+    np.testing.assert_allclose(room, capacity_margin(W, limits, wrench), rtol=0, atol=1e-12)
+
+
+def test_a_flat_set_among_others():
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(4, 3, 4))
+    W[1] = np.outer([1.0, 2.0, 2.0], [1.0, -2.0, 0.5, 1.0])
+    W[2] = 0.0
+    W[3, 2] = W[3, 0]
+    wrench = rng.normal(size=(4, 1, 3))
+    normals, offsets = half_spaces(W, (0.0, 1.0))
+    room = (offsets - (normals @ np.swapaxes(wrench, 1, 2))[..., 0]).min(axis=-1)
+    assert np.all(room[1:] < 0)
+    assert len(vertices(W[1], (0.0, 1.0))) == 2
+    assert len(vertices(W[2], (0.0, 1.0))) == 1
+    assert np.ptp(vertices(W[3], (0.0, 1.0)) @ [1.0, 0.0, -1.0]) == pytest.approx(0.0, abs=1e-14)
+    for row in range(4):  # the same planes confine what is in the set
+        inside = rng.uniform(size=(100, 4)) @ W[row].T
+        assert np.all(inside @ normals[row].T <= offsets[row] + 1e-12)
+
+
+def test_half_spaces_of_a_platform_in_general_position():
+    rng = np.random.default_rng(3)
+    W = random_structure(rng, 6, 8)
+    normals, offsets = half_spaces(W, (0.5, 6.0))
+    assert len(normals) == 2 * 56
+    hull = ConvexHull(corners(np.full(8, 0.5), np.full(8, 6.0)) @ W.T)
+    planes = {tuple(row) for row in np.round(np.column_stack([normals, -offsets]), 8) + 0.0}
+    assert planes == {tuple(row) for row in np.round(hull.equations, 8) + 0.0}
+
+
+def test_no_pose_and_several():
+    found = half_spaces(np.zeros((0, 3, 5)), (0.0, 1.0))
+    assert found.normals.shape[0] == 0
+    with pytest.raises(tl.ShapeError, match=r"vertices are those of one pose; .* \(2,\)"):
+        vertices(np.zeros((2, 3, 5)), (0.0, 1.0))
