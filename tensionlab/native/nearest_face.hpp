@@ -60,7 +60,7 @@ class NearestFace {
   static constexpr Real kNear = Real(0.03), kUseful = Real(0.1);
   // At last: what is clearly no right angle; what an error is more than, and its rounding, against wrench and
   // tensions.
-  static constexpr Real kClear = kDouble ? Real(1e-9) : Real(1e-4), kError = kDouble ? Real(1e-10) : Real(1e-4);
+  static constexpr Real kClear = kDouble ? Real(1e-9) : Real(1e-4), kError = kDouble ? Real(1e-7) : Real(1e-3);
   static constexpr Real kNoise = 64 * kUlp;
   static constexpr Real kNever = std::numeric_limits<Real>::max() / 4;
 
