@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check format bench bench-quick bench-readme stress clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace stress anchor-count clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -34,8 +34,18 @@ bench-quick: .venv/dev.stamp
 bench-readme: bench
 	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
 
+bench-workspace: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.workspace_bench
+
 stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
+
+anchor-count: .venv/dev.stamp
+	@$(BIN)/python paper_figures/anchor_count.py docs/anchor-count.png
+
+# Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
+firmware-check: .venv/dev.stamp
+	@$(BIN)/python firmware/check.py
 
 clean:
 	rm -rf .venv build out

@@ -10,7 +10,9 @@ void Module::send(Type type, uint8_t sequence, const Writer& writer, const uint8
   frame.sequence = sequence;
   frame.size = static_cast<uint8_t>(writer.size());
   memcpy(frame.payload, payload, writer.size());
-  outbox_.put(frame);
+  // Telemetry that nobody fetches leaves room for the answers to commands.
+  const bool answer = type != Type::telemetry && type != Type::log;
+  outbox_.put(frame, answer ? 0 : 256);
 }
 
 void Module::acknowledge(uint8_t type, uint8_t sequence, Code code) {
@@ -64,7 +66,7 @@ void Module::send_event() {
   uint8_t payload[4];
   Writer writer(payload);
   writer.u8(static_cast<uint8_t>(state_));
-  writer.u16(faults_);
+  writer.u16(faults());
   writer.u8(static_cast<uint8_t>(limiter_.limit()));
   send(Type::event, sent_++, writer, payload);
 }
@@ -74,7 +76,7 @@ void Module::send_telemetry(const Sensors& sensors) {
   Writer writer(payload);
   writer.u32(sensors.now_us);
   writer.u8(static_cast<uint8_t>(state_));
-  writer.u16(faults_);
+  writer.u16(faults());
   writer.u8(static_cast<uint8_t>(limiter_.limit()));
   writer.u8(last_sequence_);
   writer.f32(limiter_.tension());

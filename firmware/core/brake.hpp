@@ -18,8 +18,8 @@ class Brake {
   BrakeState state() const { return state_; }
   bool is_closed() const { return state_ == BrakeState::closed || state_ == BrakeState::releasing; }
 
-  // Whether the motor should pull at least with the release tension now.
-  bool is_releasing() const { return state_ == BrakeState::releasing; }
+  // Whether the motor should pull at least with the release tension now: until the pawl is off the wheel.
+  bool is_releasing() const { return state_ == BrakeState::releasing || state_ == BrakeState::opening; }
 
   float pulse_us(const Parameters& p) const {
     const bool down = state_ == BrakeState::closing || is_closed();

@@ -73,9 +73,10 @@ Code Module::arm(const Frame& frame, uint32_t now_us) {
   Arm command;
   const Code code = read(frame, command);
   if (code != Code::ok) return code;
-  // The same command once more, because its acknowledgement was lost.
-  const bool again = state_ == State::armed && command.session == session_ && frame.sequence == last_sequence_;
-  if (again) return Code::ok;
+  // The same command once more, because its acknowledgement was lost. And each session arms only once: a command
+  // that comes twice can't undo a stop.
+  const bool waiting = state_ == State::armed || state_ == State::running;
+  if (command.session == session_) return waiting ? Code::ok : Code::bad_session;
   if (!transition(state_, Event::arm).accepted || chore_ != Chore::none) return Code::bad_state;
   if (parameters_[Parameter::calibrated] == 0.0f) return Code::not_calibrated;
   if (monitor_.faults() != 0) return Code::fault_present;
@@ -112,6 +113,7 @@ Code Module::change_state(const Frame& frame, Event event, uint32_t now_us) {
   if (event == Event::clear && state_ == State::fault && monitor_.faults() != 0) return Code::fault_present;
   if (!apply(event, now_us)) return Code::bad_state;
   if (event == Event::clear) faults_ = 0;
+  if (event != Event::clear && chore_ == Chore::align_encoder) chore_done(false, 0.0f);
   return Code::ok;
 }
 
@@ -129,9 +131,13 @@ Code Module::set_parameter(const Frame& frame) {
   SetParameter command;
   const Code code = read(frame, command);
   if (code != Code::ok) return code;
-  if (state_ != State::idle || chore_ != Chore::none) return Code::bad_state;
+  if (!is_resting()) return Code::bad_state;
   if (command.index >= kParameterCount) return Code::unknown_parameter;
-  return parameters_.set(static_cast<Parameter>(command.index), command.value) ? Code::ok : Code::bad_value;
+  const Parameter index = static_cast<Parameter>(command.index);
+  if (!parameters_.set(index, command.value)) return Code::bad_value;
+  // The encoder's turns are now other lengths of cable.
+  if (index == Parameter::spool_radius || index == Parameter::motor_direction) length_known_ = false;
+  return Code::ok;
 }
 
 Code Module::calibrate(const Frame& frame) {
@@ -139,12 +145,13 @@ Code Module::calibrate(const Frame& frame) {
   const Code code = read(frame, command);
   if (code != Code::ok) return code;
   if (command.what == Calibration::encoder) return start(Chore::align_encoder, frame);
-  if (state_ != State::idle || chore_ != Chore::none) return Code::bad_state;
+  if (!is_resting()) return Code::bad_state;
   if (command.what == Calibration::newton_per_ampere) {
     if (!parameters_.set(Parameter::newton_per_ampere, command.value)) return Code::bad_value;
     parameters_.set(Parameter::calibrated, 1.0f);
     return Code::ok;
   }
+  if ((monitor_.faults() & kFaultEncoder) != 0) return Code::fault_present;
   if (command.value < 0.0f || command.value > parameters_[Parameter::length_upper]) return Code::bad_value;
   length_offset_ = command.value - monitor_.paid_out();
   length_known_ = true;
@@ -155,8 +162,7 @@ Code Module::start(Chore chore, const Frame& frame) {
   if (chore == Chore::store_parameters && frame.size != 0) return Code::bad_length;
   // The same command once more, because its acknowledgement takes long.
   if (chore_ == chore && chore_sequence_ == frame.sequence) return Code::ok;
-  // Idle, and nothing pulls any more.
-  if (state_ != State::idle || limiter_.tension() != 0.0f || chore_ != Chore::none) return Code::bad_state;
+  if (!is_resting()) return Code::bad_state;
   chore_ = chore;
   chore_type_ = frame.type;
   chore_sequence_ = frame.sequence;

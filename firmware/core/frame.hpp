@@ -51,6 +51,9 @@ class FrameParser {
     return false;
   }
 
+  // The rest of a frame will not come any more.
+  void restart() { size_ = 0; }
+
   uint16_t bad_frames() const { return bad_frames_; }
 
  private:

@@ -1,6 +1,7 @@
 // From the tension that is wanted to the tension that is allowed, and what it is that limits.
 #pragma once
 
+#include "numbers.hpp"
 #include "parameters.hpp"
 
 namespace tensionlab {
@@ -50,11 +51,11 @@ class TensionLimiter {
       }
     };
     keep_below(p[Parameter::tension_upper], Limit::upper);
-    keep_below(larger(current_limit * p[Parameter::newton_per_ampere], lower), Limit::thermal);
+    keep_below(current_limit * p[Parameter::newton_per_ampere], Limit::thermal);
     keep_below(speed_ceiling(cable.speed, p), Limit::speed);
     const bool inside = cable.length > p[Parameter::length_lower] && cable.length < p[Parameter::length_upper];
     if (cable.length_known && !inside) keep_below(lower, Limit::length);
-    if (allowed < lower) {
+    if (!(allowed >= lower)) {  // less, or no number
       allowed = lower;
       limit_ = reason == Limit::none ? Limit::lower : reason;
     }

@@ -12,7 +12,7 @@ constexpr int32_t kRelaxTime = 2000000;  // us
 }  // namespace
 
 Actuators Module::step(const Sensors& sensors) {
-  const float seconds = monitor_.take(sensors, parameters_);
+  const float seconds = monitor_.take(sensors, current_, parameters_);
   supervise(sensors);
   const bool on = pull(seconds, sensors.now_us);
   const float known = magnitude(monitor_.current());
@@ -26,10 +26,14 @@ Actuators Module::step(const Sensors& sensors) {
 
 // Events that no command brings: faults, and time that is up.
 void Module::supervise(const Sensors& sensors) {
-  if (is_driven(state_) && monitor_.faults() != 0) {
-    faults_ = static_cast<uint16_t>(faults_ | monitor_.faults());
+  const uint16_t faults = monitor_.faults();
+  if (faults != 0) {
+    const State before = state_;
     apply(Event::fault, sensors.now_us);
-    send_event();
+    if (state_ == State::fault) faults_ = static_cast<uint16_t>(faults_ | faults);
+    if (state_ != before) send_event();
+    // Turns may have gone by uncounted.
+    if ((faults & (kFaultEncoder | kFaultLoop)) != 0) length_known_ = false;
   }
   const bool waiting = state_ == State::armed || state_ == State::running;
   if (waiting && since(sensors.now_us, renewed_us_) > ttl_us_) {
@@ -65,7 +69,7 @@ bool Module::pull(float seconds, uint32_t now_us) {
   } else {
     on = !limiter_.fade(seconds, p);
   }
-  current_ = on ? current_for(limiter_.tension(), cable.speed, p[Parameter::current_peak], p) : 0.0f;
+  current_ = on ? current_for(limiter_.tension(), cable.speed, budget_.current_limit(p), p) : 0.0f;
   return on;
 }
 
@@ -83,7 +87,9 @@ bool Module::apply(Event event, uint32_t now_us) {
 
 void Module::link_closed(uint32_t now_us) {
   telemetry_period_ms_ = 0;
-  if (is_driven(state_)) apply(Event::expire, now_us);
+  parser_.restart();
+  outbox_.clear();
+  apply(Event::expire, now_us);
 }
 
 }  // namespace firmware

@@ -30,7 +30,9 @@ enum class Chore : uint8_t { none, store_parameters, align_encoder };
 
 class Module {
  public:
-  Module(uint32_t serial_number, ResetReason reason) : serial_number_(serial_number), reset_reason_(reason) {}
+  Module(uint32_t serial_number, ResetReason reason) : serial_number_(serial_number), reset_reason_(reason) {
+    if (reset_reason_ != ResetReason::power) budget_.assume_spent(parameters_);
+  }
 
   // From the link, and at its end.
   void receive(const uint8_t* bytes, size_t size, uint32_t now_us);
@@ -42,6 +44,7 @@ class Module {
   Actuators step(const Sensors& sensors);
 
   // The chore that waits to be done, and how it went; `zero` is the motor's electrical zero, in rad, if asked for.
+  // An alignment is to be given up as soon as it is no longer waited for.
   Chore chore() const { return chore_; }
   void chore_done(bool success, float zero);
 
@@ -50,10 +53,15 @@ class Module {
 
   const Parameters& parameters() const { return parameters_; }
   // At start: takes over a stored image if it is whole.
-  bool load(const uint8_t* image, size_t size) { return parameters_.read_image(image, size); }
+  bool load(const uint8_t* image, size_t size) {
+    if (!parameters_.read_image(image, size)) return false;
+    if (reset_reason_ != ResetReason::power) budget_.assume_spent(parameters_);
+    return true;
+  }
 
   State state() const { return state_; }
-  uint16_t faults() const { return faults_; }
+  // What is wrong now, and what was and nobody cleared.
+  uint16_t faults() const { return static_cast<uint16_t>(faults_ | monitor_.faults()); }
   float tension() const { return limiter_.tension(); }
   Limit limit() const { return limiter_.limit(); }
 
@@ -78,6 +86,9 @@ class Module {
   void send_parameter(uint8_t sequence, uint8_t index);
   void send_event();
   void send_telemetry(const Sensors& sensors);
+
+  // Idle, nothing pulls any more, and no chore waits: what the module is made of may be changed.
+  bool is_resting() const { return state_ == State::idle && limiter_.tension() == 0.0f && chore_ == Chore::none; }
 
   bool apply(Event event, uint32_t now_us);
   void supervise(const Sensors& sensors);

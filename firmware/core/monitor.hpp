@@ -29,36 +29,37 @@ enum Fault : uint16_t {
 
 class Monitor {
  public:
-  // Takes a sample. Returns the seconds since the last one, at most kLongestStep of them: a step that came late
-  // must not move anything further than one that came in time.
-  float take(const Sensors& sensors, const Parameters& p) {
+  // Takes a sample, after a step in which `asked` A were asked of the motor. Returns the seconds since the last
+  // one, at most kLongestStep of them: a step that came late must not move anything further than that.
+  float take(const Sensors& sensors, float asked, const Parameters& p) {
     const int32_t elapsed = started_ ? since(sensors.now_us, stepped_us_) : 0;
+    late_ = elapsed > kLongestStep || elapsed < 0;
     stepped_us_ = sensors.now_us;
     started_ = true;
-    late_ = elapsed > kLateStep || elapsed < 0;
     longest_us_ = elapsed > longest_us_ ? elapsed : longest_us_;
-    const bool numbers = is_finite(sensors.angle) && is_finite(sensors.speed) && is_finite(sensors.current) &&
-                         is_finite(sensors.supply);
-    encoder_.judge(!numbers || !sensors.encoder_ok, 4);
-    if (numbers) {
+    const bool readable = sensors.encoder_ok && is_finite(sensors.angle) && is_finite(sensors.speed);
+    encoder_.judge(!readable, 4);
+    if (readable) {
       const float radius = p[Parameter::spool_radius] * p[Parameter::motor_direction];
       paid_out_ = sensors.angle * radius;
       speed_ = sensors.speed * radius;
-      current_ = sensors.current;
-      supply_.judge(sensors.supply < p[Parameter::supply_lower] || sensors.supply > p[Parameter::supply_upper],
-                    40);
-      fast_.judge(-speed_ > 2.0f * p[Parameter::speed_limit], 4);
-      strong_.judge(magnitude(current_) > 1.5f * p[Parameter::current_peak], 4);
     }
-    const int32_t counted = elapsed < 0 ? 0 : (elapsed > kLongestStep ? kLongestStep : elapsed);
-    return 1e-6f * static_cast<float>(counted);
+    fast_.judge(-speed_ > 2.0f * p[Parameter::speed_limit], 4);
+    const bool measured = is_finite(sensors.current);
+    if (measured) current_ = sensors.current;
+    strong_.judge(!measured || magnitude(current_) > 1.5f * p[Parameter::current_peak], 4);
+    // A wire that is off, or a sensor that sees nothing. (Reeling in fast, the supply may not suffice either.)
+    weak_.judge(asked > 0.1f && current_ < 0.5f * asked && magnitude(speed_) < 0.2f, 200);
+    const float supply = sensors.supply;
+    supply_.judge(!(supply >= p[Parameter::supply_lower] && supply <= p[Parameter::supply_upper]), 40);
+    return 1e-6f * static_cast<float>(late_ ? (elapsed > 0 ? kLongestStep : 0) : elapsed);
   }
 
   // Faults that are there now.
   uint16_t faults() const {
     return static_cast<uint16_t>((encoder_.bad() ? kFaultEncoder : 0) | (supply_.bad() ? kFaultSupply : 0) |
-                                 (fast_.bad() ? kFaultSpeed : 0) | (strong_.bad() ? kFaultCurrent : 0) |
-                                 (late_ ? kFaultLoop : 0));
+                                 (fast_.bad() ? kFaultSpeed : 0) |
+                                 (strong_.bad() || weak_.bad() ? kFaultCurrent : 0) | (late_ ? kFaultLoop : 0));
   }
 
   float paid_out() const { return paid_out_; }  // cable, m, where the encoder's zero is nought
@@ -73,24 +74,27 @@ class Monitor {
   }
 
  private:
-  static constexpr int32_t kLongestStep = 2000, kLateStep = 20000;  // us
+  // A step that comes later than this is a fault: until then the motor was left to itself.
+  static constexpr int32_t kLongestStep = 5000;  // us
 
-  // One bad sample may be noise; so many in a row are a fault.
-  class Streak {
+  // One bad sample may be noise. A fault is `enough` of them in a row, or more than one in ten for long; and it is
+  // over after ten times as many good ones.
+  class Suspicion {
    public:
-    void judge(bool bad, uint8_t enough) {
-      count_ = static_cast<uint8_t>(bad ? (count_ < enough ? count_ + 1 : enough) : 0);
-      bad_ = count_ >= enough;
+    void judge(bool bad, int32_t enough) {
+      level_ = bad ? level_ + 10 : level_ - 1;
+      level_ = level_ < 0 ? 0 : (level_ > 10 * enough ? 10 * enough : level_);
+      bad_ = level_ == 10 * enough || (bad_ && level_ > 0);
     }
     bool bad() const { return bad_; }
 
    private:
-    uint8_t count_ = 0;
+    int32_t level_ = 0;
     bool bad_ = false;
   };
 
-  Streak encoder_, supply_, fast_, strong_;
-  bool started_ = false, late_ = false;
+  Suspicion encoder_, supply_, fast_, strong_, weak_;
+  bool started_ = false, late_ = true;  // before the first step nothing is known
   uint32_t stepped_us_ = 0;
   int32_t longest_us_ = 0;
   float paid_out_ = 0.0f, speed_ = 0.0f, current_ = 0.0f;

@@ -16,7 +16,8 @@ inline bool is_finite(float x) {
 inline float magnitude(float x) { return x < 0.0f ? -x : x; }
 inline float smaller(float x, float y) { return x < y ? x : y; }
 inline float larger(float x, float y) { return x > y ? x : y; }
-inline float clamp(float x, float low, float high) { return x < low ? low : (x > high ? high : x); }
+// What is no number becomes the lower end.
+inline float clamp(float x, float low, float high) { return x > low ? (x < high ? x : high) : low; }
 
 // Square root by Newton's method, from a first guess that halves the exponent; 0 for nothing and for less.
 inline float square_root(float x) {

@@ -8,18 +8,19 @@ namespace firmware {
 
 class Outbox {
  public:
-  // Whether there was room; a frame that finds none is lost, and counted.
-  bool put(const Frame& frame) {
+  // Takes a frame if `spare` bytes stay free; else it is lost, and counted.
+  void put(const Frame& frame, size_t spare) {
     uint8_t bytes[kMaxFrame];
     const size_t size = write_frame(frame, bytes);
-    if (size > kCapacity - used_) {
+    if (size + spare > kCapacity - used_) {
       if (lost_ != 0xFFFF) ++lost_;
-      return false;
+      return;
     }
     for (size_t i = 0; i < size; ++i) ring_[(first_ + used_ + i) % kCapacity] = bytes[i];
     used_ += size;
-    return true;
   }
+
+  void clear() { used_ = 0; }
 
   // Moves at most `room` bytes out. Returns how many.
   size_t take(uint8_t* bytes, size_t room) {

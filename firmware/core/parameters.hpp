@@ -53,7 +53,7 @@ inline constexpr size_t kParameterCount = static_cast<size_t>(Parameter::count);
 inline constexpr ParameterInfo kParameters[kParameterCount] = {
     {"tension_lower", "N", 0.1f, 2.0f, 0.5f},  // the taut minimum
     {"tension_upper", "N", 0.5f, 12.0f, 6.0f},
-    {"slew", "N/s", 1.0f, 300.0f, 60.0f},
+    {"slew", "N/s", 10.0f, 300.0f, 60.0f},  // so that every ramp ends before a timeout's second stage
     {"newton_per_ampere", "N/A", 0.5f, 12.0f, 3.0f},
     {"friction_coulomb", "N", 0.0f, 2.0f, 0.0f},  // at the cable, against its motion
     {"friction_viscous", "N s/m", 0.0f, 5.0f, 0.0f},
@@ -144,7 +144,9 @@ class Parameters {
 
   bool consistent() const {
     const Parameters& p = *this;
-    return p[Parameter::tension_lower] <= p[Parameter::tension_upper] &&
+    // The taut minimum can be held for ever.
+    const float forever = p[Parameter::current_continuous] * p[Parameter::newton_per_ampere];
+    return p[Parameter::tension_lower] <= p[Parameter::tension_upper] && p[Parameter::tension_lower] <= forever &&
            p[Parameter::current_continuous] <= p[Parameter::current_peak] &&
            p[Parameter::length_lower] < p[Parameter::length_upper] &&
            p[Parameter::supply_lower] < p[Parameter::supply_upper];

@@ -7,10 +7,11 @@
 // estop      estop     estop     estop     estop     estop     estop
 // clear      idle      armed     running   timeout   idle      idle
 // expire     idle      timeout   timeout   timeout   fault     estop
-// fault      fault     fault     fault     fault     fault     estop
+// fault      idle      fault     fault     fault     fault     estop
 //
 // `expire` is the end of a set-point's time to live, and a link that closed. From timeout only `stop` leads on,
-// from fault and estop only `clear`, and from there only `arm` and a new set-point lead to running.
+// from fault and estop only `clear`, and from there only `arm` and a new set-point lead to running. An idle module
+// stays idle whatever is wrong with it (its motor may well be without supply), but can't be armed then.
 #pragma once
 
 #include <stdint.h>
@@ -72,7 +73,7 @@ inline constexpr Transition kTransitions[kEvents][kStates] = {
      {true, State::fault},
      {true, State::estop}},
     // fault
-    {{true, State::fault},
+    {{true, State::idle},
      {true, State::fault},
      {true, State::fault},
      {true, State::fault},

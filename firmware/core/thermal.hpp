@@ -12,6 +12,11 @@ namespace firmware {
 
 class ThermalBudget {
  public:
+  // Nobody knows what the winding went through: nothing is left to spend.
+  void assume_spent(const Parameters& p) {
+    warmth_ = p[Parameter::current_continuous] * p[Parameter::current_continuous];
+  }
+
   void advance(float current, float seconds, const Parameters& p) {
     const float share = smaller(seconds / p[Parameter::thermal_time], 1.0f);
     warmth_ += share * (current * current - warmth_);

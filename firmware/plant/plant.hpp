@@ -190,7 +190,9 @@ class Plant {
     const double grip = p_.dry_friction / mass * seconds;
     speed = speed > grip ? speed - grip : (speed < -grip ? speed + grip : 0.0);
     if (pawl_down()) {
-      pawl_ = std::fmin(pawl_, next_tooth());
+      // One way: reeled in, an earlier tooth holds; where it slipped, a later one.
+      const bool slipped = out_ > pawl_ + 0.01 * p_.tooth;
+      pawl_ = slipped ? next_tooth() : std::fmin(pawl_, next_tooth());
       const double free = (pawl_ - out_) / seconds;
       if (speed > free) {
         const double held = push - p_.dry_friction - mass * (free - speed_) / seconds;

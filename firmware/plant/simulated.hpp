@@ -20,8 +20,8 @@ class SimulatedModule {
  public:
   // distance: of the far end at the start, m; the module's clock starts at start_us.
   SimulatedModule(std::uint32_t serial_number, const PlantParameters& parameters, double distance,
-                  std::uint64_t seed, std::uint32_t start_us)
-      : module_(serial_number, firmware::ResetReason::power),
+                  std::uint64_t seed, std::uint32_t start_us, firmware::ResetReason reason)
+      : module_(serial_number, reason),
         plant_(parameters, distance, seed),
         distance_(distance),
         now_us_(start_us) {}
@@ -33,7 +33,10 @@ class SimulatedModule {
     return true;
   }
 
-  void receive(const std::uint8_t* bytes, std::size_t size) { module_.receive(bytes, size, now_us_); }
+  // ahead_us: whoever serves the link reads the clock so much later than the last step did.
+  void receive(const std::uint8_t* bytes, std::size_t size, std::uint32_t ahead_us) {
+    module_.receive(bytes, size, now_us_ + ahead_us);
+  }
   void close_link() { module_.link_closed(now_us_); }
   std::size_t transmit(std::uint8_t* bytes, std::size_t room) { return module_.transmit(bytes, room); }
 
@@ -43,11 +46,13 @@ class SimulatedModule {
     if (steps == 0) return;
     const double start = distance_, speed = (distance - start) / (steps * kSeconds);
     for (std::uint32_t step = 1; step <= steps; ++step) {
-      distance_ = start + (distance - start) * step / steps;
-      plant_.place_end(distance_, speed);
-      for (int part = 0; part < kParts; ++part) {
+      const std::uint32_t parts = kParts * (1 + pause_us_ / kStepMicroseconds);
+      for (std::uint32_t part = 0; part < parts; ++part) {
+        const double gone = (step - 1 + static_cast<double>(part) / parts) / steps;
+        plant_.place_end(start + (distance - start) * gone, speed);
         plant_.advance(actuators_, module_.parameters(), kSeconds / kParts);
       }
+      distance_ = start + (distance - start) * step / steps;
       now_us_ += kStepMicroseconds + pause_us_;
       seconds_ += kSeconds + 1e-6 * pause_us_;
       pause_us_ = 0;
@@ -82,7 +87,7 @@ class SimulatedModule {
 
  private:
   static constexpr double kSeconds = 1e-6 * kStepMicroseconds;
-  static constexpr int kParts = 2;  // of a step, for the plant
+  static constexpr std::uint32_t kParts = 2;  // of a step, for the plant
 
   void do_chore() {
     if (module_.chore() == firmware::Chore::store_parameters) {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_text
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,15 +14,28 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
+    import xarray
+
     from tensionlab.model.rig import Rig
     from tensionlab.workspace.pose_sets import Grid, PoseList
     from tensionlab.workspace.summary import Summary
 
-MEASURES = ["wrench-closure", "isotropic-force", "reachable-share"]
+MEASURES = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 """Asked for if nothing else is."""
+
+DRAWN = "capacity-margin"
+"""Drawn if no measure is named."""
 
 STEPS = 40
 """Along the longest edge of the box, if no step is given."""
+
+
+class View(StrEnum):
+    """What a picture shows."""
+
+    slices = "slices"
+    volume = "volume"
+    shares = "shares"
 
 
 def workspace(
@@ -57,6 +71,14 @@ def workspace(
     scheduler: Annotated[
         str | None, typer.Option(help="Evaluate on a Dask cluster, tcp://HOST:PORT.", show_default=False)
     ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            callback=output.picture_file,
+            help="Draw the first measure (capacity-margin if none is named) to this file (png, pdf, svg).",
+        ),
+    ] = None,
+    view: Annotated[View, typer.Option(help="What to draw.")] = View.slices,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
     """Measure where, and how well, rigs can pull: at every position of a box, or at the poses of a file.
@@ -72,11 +94,15 @@ def workspace(
     loaded = [load_rig(path) for path in rigs]
     if poses is not None and (box is not None or step is not None):
         raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
+    if poses is not None and plot is not None:
+        raise typer.BadParameter("--plot draws a box, not the poses of a file; leave one out")
     where = _box(loaded, box, step) if poses is None else read_poses(poses)
     frames = {name: place for rig in loaded for name, place in at_rest(rig).items()}
     asked = output.words(measures)
     asked = MEASURES if asked is None else asked
     data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
+    if plot is not None:
+        _draw(data, plot, view, asked[0] if measures else DRAWN)
     found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in asked]
     if json:
         output.print_json(
@@ -92,6 +118,18 @@ def workspace(
         )
         return
     _print(found, where, out)
+    if plot:
+        output.console().print(f"plot: {plot}", soft_wrap=True)
+
+
+def _draw(data: xarray.Dataset, path: Path, view: View, measure: str) -> None:
+    from tensionlab import plots
+
+    if view is View.volume:
+        plots.plot_volume(data, path, measure=measure)
+    else:
+        draw = plots.plot_slices if view is View.slices else plots.plot_shares
+        draw(data, path, measure)
 
 
 def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:

@@ -8,10 +8,10 @@ import numpy as np
 
 from tensionlab.errors import RigError
 from tensionlab.experiments.random_rigs import unit
-from tensionlab.experiments.reach import clearance
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Floats
+from tensionlab.workspace import capacity_margin
 
 _INSTALLED, _SOURCE = (house / "datasets" / "rigs" for house in Path(__file__).parents[1:3])
 RIGS = _INSTALLED if _INSTALLED.is_dir() else _SOURCE
@@ -113,7 +113,7 @@ def over_workspace(rng: np.random.Generator, rig: Rig, count: int) -> tuple[Floa
         push, twist = PUSH * strongest * rng.uniform(size=(2, missing, 1)) * unit(rng, 2, missing, 3)
         structure, wrench = rig.structure_matrix(position, rotation), asked(rig, push, rotation)
         wrench[:, 3:] += arm * twist
-        kept = clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > INSIDE * strongest
+        kept = capacity_margin(structure, rig.limits, wrench[:, None]) > INSIDE * strongest
         structures.append(structure[kept])
         wrenches.append(wrench[kept])
         missing -= int(kept.sum())
@@ -171,7 +171,7 @@ def path(
         swing = SWING * np.sin(angle) if turning else np.zeros(count)
         structure = rig.structure_matrix(position)
         wrench = asked(rig, turns(np.broadcast_to(axis, (count, 3)), swing) @ force)
-        within = np.mean(clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > 0.0)
+        within = np.mean(capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0)
         if SHARE[0] <= within <= SHARE[1]:
             steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
             return structure, wrench, 1e3 * np.append(0.0, np.cumsum(steps))
@@ -192,7 +192,7 @@ def _border(rig: Rig, outward: Floats, force: Floats) -> Floats | None:
 
     def available(distance: float) -> bool:
         structure = rig.structure_matrix((rig.home + distance * outward)[None])
-        return bool(clearance(structure, wrench, rig.limits.lower, rig.limits.upper)[0] > 0.0)
+        return bool(capacity_margin(structure, rig.limits, wrench[:, None])[0] > 0.0)
 
     if not available(inside) or available(outside):
         return None

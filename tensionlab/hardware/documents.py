@@ -6,6 +6,7 @@ Run it in the repository after a change to messages, parameters, plant or superv
 
 from __future__ import annotations
 
+import json
 import struct
 import sys
 from collections.abc import Iterable, Mapping
@@ -135,6 +136,38 @@ def drawing() -> str:
     return "\n".join(["```mermaid", "stateDiagram-v2", "    [*] --> idle", *lines, "```"])
 
 
+def figures() -> str:
+    """What did `firmware/check.py --write` measure?"""
+    measured = json.loads((FOLDER / "figures.json").read_text())
+    arm, hub, esp32 = measured["arm"], measured["hub"], measured["esp32"]
+    rows = (
+        ("Core, Cortex-M4F, -Os: text", f"{arm['text_bytes']} bytes; below 16384 is required"),
+        (
+            "Core: data and bss, one module",
+            f"{arm['data_bytes'] + arm['bss_bytes']} bytes; below 2048 is required",
+        ),
+        ("Core: asks of libraries", f"{', '.join(arm['asks_for'])}: no heap, nothing in double precision"),
+        ("Core: deepest stack frame", f"{arm['deepest_frame_bytes']} bytes"),
+        ("Core, ESP32", f"{esp32['core_instructions']} instructions; calls {', '.join(esp32['core_calls'])}"),
+        ("Exact solver, Cortex-M4F, -O2: text", f"{hub['text_bytes']} bytes"),
+        ("Exact solver: deepest stack frame", f"{hub['deepest_frame_bytes']} bytes"),
+        ("Exact solver: a wrench within reach", cycles(hub, "reachable")),
+        ("Exact solver: a wrench out of reach", cycles(hub, "out_of_reach")),
+        (
+            "Exact solver, ESP32",
+            f"{esp32['hub_instructions']} instructions; calls {', '.join(esp32['hub_calls'])}",
+        ),
+        ("Fuzzing under sanitizers", f"{measured['fuzzing']['chunks']:,} chunks of bytes, no finding"),
+    )
+    return table(("What", "Measured"), rows)
+
+
+def cycles(hub: Mapping[str, int], kind: str) -> str:
+    """How long does an allocation take?"""
+    median, most = hub[f"cycles_{kind}"], hub[f"cycles_{kind}_most"]
+    return f"{median} cycles, at most {most}: {median / 240:.0f} and {most / 240:.0f} us at 240 MHz"
+
+
 def sections() -> dict[str, dict[str, str]]:
     """What do the tables of each document say?"""
     kinds = (
@@ -152,6 +185,7 @@ def sections() -> dict[str, dict[str, str]]:
             "transitions": transitions(),
             "parameters": parameters(),
             "plant": plant(),
+            "figures": figures(),
         },
         "PROTOCOL.md": {
             "example": example(),

@@ -47,8 +47,8 @@ MEANINGS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
         "ENCODER": "parity, error flag, magnet out of range, or a sensor's number is not finite",
         "SUPPLY": "outside `supply_lower` to `supply_upper`",
         "SPEED": "reels in at more than twice `speed_limit`",
-        "CURRENT": "measured above `current_peak` by half as much again",
-        "LOOP": "a step came more than 20 ms after the one before",
+        "CURRENT": "measured above `current_peak` by half as much again, or none flows though it is asked for",
+        "LOOP": "a step came more than 5 ms after the one before",
     },
     Calibration: {
         "LENGTH": "the cable is `value` m long now; not stored",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.codes import Fault, Limit, State
+from tensionlab.hardware.codes import Fault, Limit, ResetReason, State
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,8 @@ class SimulatedModule:
         Of the sensors' noise, 32 bits.
     start_us : int
         What the module's clock shows at the start, 32 bits.
+    reset_reason : ResetReason
+        Why the module started. After anything but power it takes its motor for hot.
     settings : bytes, optional
         What an earlier module had stored. Damaged settings are left alone, as the firmware does: see `loaded`.
 
@@ -151,6 +153,7 @@ class SimulatedModule:
         distance: float = 1.0,
         seed: int = 0,
         start_us: int = 0,
+        reset_reason: ResetReason = ResetReason.POWER,
         settings: bytes | None = None,
     ) -> None:
         plant = {} if plant is None else plant
@@ -165,12 +168,12 @@ class SimulatedModule:
                 raise HardwareError(f"{name} is from 0 to 2**32 - 1; got {number}")
         _require_distance(distance)
         self._distance = distance
-        self._module = _native.SimulatedModule(serial_number, dict(plant), distance, seed, start_us)
+        self._module = _native.SimulatedModule(serial_number, dict(plant), distance, seed, start_us, reset_reason)
         self.loaded = settings is not None and self._module.load(settings)
 
     def receive(self, content: bytes) -> None:
         """Hand over bytes that came over the link."""
-        self._module.receive(content)
+        self._module.receive(content, 0)
 
     def transmit(self) -> bytes:
         """Take the bytes that the module has to send."""
@@ -202,8 +205,13 @@ class SimulatedModule:
 
     @property
     def faults(self) -> Fault:
-        """What the firmware found to be wrong, and nobody cleared."""
+        """What the firmware finds wrong now, and what it found before and nobody cleared."""
         return Fault(self._module.faults())
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Which values does the firmware work with now, by the names in `PARAMETERS`?"""
+        return dict(zip(PARAMETERS, self._module.parameters(), strict=True))
 
     @property
     def settings(self) -> bytes:

@@ -116,6 +116,11 @@ class Rig:
         """Number of cables."""
         return len(self.modules)
 
+    @property
+    def up(self) -> str:
+        """Axis of the world that points up in pictures: y, or z where the description says "Z is up"."""
+        return "z" if self.dimension == 3 and "z is up" in self.description.lower() else "y"
+
     @cached_property
     def frames(self) -> tuple[str, ...]:
         """Names of the body frames to be given at run time; empty if all modules stand in the world."""

@@ -115,6 +115,14 @@ nb::bytes build_frame(std::uint8_t type, std::uint8_t sequence, const nb::bytes&
   return nb::bytes(reinterpret_cast<const char*>(bytes), size);
 }
 
+nb::list parameters(const SimulatedModule& self) {
+  nb::list values;
+  for (std::size_t i = 0; i < firmware::kParameterCount; ++i) {
+    values.append(self.module().parameters()[static_cast<firmware::Parameter>(i)]);
+  }
+  return values;
+}
+
 nb::list parameter_table() {
   nb::list table;
   for (const firmware::ParameterInfo& info : firmware::kParameters) {
@@ -163,8 +171,9 @@ void bind_firmware(nb::module_& module) {
   nb::class_<SimulatedModule>(module, "SimulatedModule")
       .def("__init__",
            [](SimulatedModule* self, std::uint32_t serial_number, const nb::dict& plant, double distance,
-              std::uint64_t seed, std::uint32_t start_us) {
-             new (self) SimulatedModule(serial_number, plant_from(plant), distance, seed, start_us);
+              std::uint64_t seed, std::uint32_t start_us, std::uint8_t reason) {
+             new (self) SimulatedModule(serial_number, plant_from(plant), distance, seed, start_us,
+                                        static_cast<firmware::ResetReason>(reason));
            })
       .def("load",
            [](SimulatedModule& self, const nb::bytes& image) {
@@ -175,8 +184,8 @@ void bind_firmware(nb::module_& module) {
              return nb::bytes(reinterpret_cast<const char*>(self.stored().data()), self.stored().size());
            })
       .def("receive",
-           [](SimulatedModule& self, const nb::bytes& bytes) {
-             self.receive(reinterpret_cast<const std::uint8_t*>(bytes.c_str()), bytes.size());
+           [](SimulatedModule& self, const nb::bytes& bytes, std::uint32_t ahead_us) {
+             self.receive(reinterpret_cast<const std::uint8_t*>(bytes.c_str()), bytes.size(), ahead_us);
            })
       .def("transmit", &transmit)
       .def("close_link", &SimulatedModule::close_link)
@@ -184,6 +193,7 @@ void bind_firmware(nb::module_& module) {
       .def("trace", &trace)
       .def("sample", [](const SimulatedModule& self) { return tuple_of(self.sample()); })
       .def("faults", [](const SimulatedModule& self) { return self.module().faults(); })
+      .def("parameters", &parameters)
       .def("pause", &SimulatedModule::pause)
       .def("set_broken", &set_broken);
 }

@@ -63,15 +63,17 @@ class DualStep {
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr bool kDouble = kUlp < Real(1e-10);
-  static constexpr Real kConverged = 4096 * kUlp;  // error of a rendered wrench, against wrench and tensions
+  // Error of a rendered wrench, against wrench and tensions.
+  static constexpr Real kConverged = (kDouble ? 4096 : 64) * kUlp;
   // Least pivots of the factorisation, against the diagonal of W W': at first, what a step leaves of them, and to
   // finish with. While the free set is still being found, large ones keep steps short; proximal steps need none.
   // Cables to spare make it likelier that too few of them are free for a while.
   static constexpr Real kLoose = Real(1e-3), kLooser = Real(0.2), kTighten = Real(0.1), kTight = 4096 * kUlp,
                         kSafe = 8 * kUlp;
-  // Proximal weight, against the largest entry of that diagonal: at first, how fast it falls, and its floors.
-  static constexpr Real kProximal = kDouble ? Real(1e-5) : Real(1e-2), kProximalFall = Real(0.03);
-  static constexpr Real kProximalFloor = 64 * kUlp, kProximalShare = kProximal / 10;
+  // Proximal weight, against the largest entry of that diagonal: at first, how fast it falls, and its floors. What
+  // rounding leaves of a wrench moves the tensions by so much more.
+  static constexpr Real kProximal = kDouble ? Real(1e-5) : Real(0.1), kProximalFall = Real(0.03);
+  static constexpr Real kProximalFloor = (kDouble ? 64 : 16384) * kUlp, kProximalShare = kProximal / 10;
   // Line search: what may be left of the first slope, and what the search leaves of it.
   static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4);
   static constexpr Real kRender = 1, kNearest = 2;

@@ -82,6 +82,7 @@ inline Lanes<double, 8> smaller(const Lanes<double, 8>& a, const Lanes<double, 8
 inline Lanes<double, 8> larger(const Lanes<double, 8>& a, const Lanes<double, 8>& b) {
   return _mm512_maskz_max_pd(0xff, a, b);
 }
+inline Lanes<double, 8> magnitude(const Lanes<double, 8>& a) { return _mm512_abs_pd(a); }
 #endif
 
 // Consecutive numbers, which need not be aligned.
@@ -121,6 +122,20 @@ inline Lanes<Real, L> gather(const F& f) {
   }
 }
 
+#if defined(__AVX__)
+// Numbers i to i + 3 of four rows, each a vector.
+inline void transpose_four(const double* const* row, int i, __m256d (&out)[4]) {
+  const __m256d a = _mm256_loadu_pd(row[0] + i), b = _mm256_loadu_pd(row[1] + i);
+  const __m256d c = _mm256_loadu_pd(row[2] + i), d = _mm256_loadu_pd(row[3] + i);
+  const __m256d ab = _mm256_unpacklo_pd(a, b), ab_odd = _mm256_unpackhi_pd(a, b);
+  const __m256d cd = _mm256_unpacklo_pd(c, d), cd_odd = _mm256_unpackhi_pd(c, d);
+  out[0] = _mm256_permute2f128_pd(ab, cd, 0x20);
+  out[1] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x20);
+  out[2] = _mm256_permute2f128_pd(ab, cd, 0x31);
+  out[3] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x31);
+}
+#endif
+
 // out[i] = number i of every lane's row, for `count` numbers a row.
 template <class Real, int L, class Out>
 inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
@@ -128,14 +143,20 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
 #if defined(__AVX__)
   if constexpr (L == 4 && sizeof(Real) == 8) {
     for (; i + 4 <= count; i += 4) {
-      const __m256d a = _mm256_loadu_pd(row[0] + i), b = _mm256_loadu_pd(row[1] + i);
-      const __m256d c = _mm256_loadu_pd(row[2] + i), d = _mm256_loadu_pd(row[3] + i);
-      const __m256d ab = _mm256_unpacklo_pd(a, b), ab_odd = _mm256_unpackhi_pd(a, b);
-      const __m256d cd = _mm256_unpacklo_pd(c, d), cd_odd = _mm256_unpackhi_pd(c, d);
-      out(i, _mm256_permute2f128_pd(ab, cd, 0x20));
-      out(i + 1, _mm256_permute2f128_pd(ab_odd, cd_odd, 0x20));
-      out(i + 2, _mm256_permute2f128_pd(ab, cd, 0x31));
-      out(i + 3, _mm256_permute2f128_pd(ab_odd, cd_odd, 0x31));
+      __m256d four[4];
+      transpose_four(row, i, four);
+      for (int k = 0; k < 4; ++k) out(i + k, four[k]);
+    }
+  }
+#endif
+#if defined(__AVX512F__)
+  if constexpr (L == 8 && sizeof(Real) == 8) {
+    for (; i + 4 <= count; i += 4) {
+      __m256d low[4], high[4];
+      transpose_four(row, i, low);
+      transpose_four(row + 4, i, high);
+      for (int k = 0; k < 4; ++k)
+        out(i + k, _mm512_maskz_insertf64x4(0xff, _mm512_castpd256_pd512(low[k]), high[k], 1));
     }
   }
 #endif

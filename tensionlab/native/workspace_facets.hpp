@@ -29,7 +29,7 @@ struct ActiveFacet {
     int number_off = 0;
     for (int first = 0; first < wrenches.count; first += Seen<Set>::kMost) {
       const Seen<Set> seen(set, wrenches, row, n, first);
-      set.facets([&](const V* normal, const V& height, const auto& spans) {
+      set.zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
         V along = Set::dot(normal, seen.offset[0]), nearest = V{} + first;
         for (int j = 1; j < seen.count; ++j) {
           const V other = Set::dot(normal, seen.offset[j]);
@@ -107,7 +107,7 @@ struct HalfSpaces {
   V operator()(const Set& set, const std::size_t (&row)[Set::kLanes]) const {
     constexpr int L = Set::kLanes;
     std::size_t used[L] = {};
-    set.facets([&](const V* normal, const V& height, const auto& spans) {
+    set.zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
       const V length = square_root<double, L>(set.square(normal));
       V unit[Set::kComponents], middle{};
       for (int k = 0; k < n; ++k) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 
+#include "null_plane.hpp"
 #include "workspace_batch.hpp"
 #include "wrench_set.hpp"
 
@@ -67,6 +68,9 @@ struct CapacityMargin {
 struct TensionFactor {
   template <class Set, class V = typename Set::V>
   V operator()(const Set& set, const std::size_t (&)[Set::kLanes]) const {
+    if constexpr (Set::kLanes > 1 && Set::kRank > 3) {
+      if (set.zonotope.count == Set::kRank + 2) return NullPlane<Set>(set).tension_factor();
+    }
     V sum[Set::kRank];
     set.transform(set.centre, sum);
     const V factor = set.least(V{} + 1, [&](const V* normal, const V& both) {
@@ -124,7 +128,7 @@ struct ReachableShare {
       const Seen<Set> seen(set, wrenches, row, n, first);
       V outside[Seen<Set>::kMost];
       for (int j = 0; j < seen.count; ++j) outside[j] = set.off_range(seen.wrench[j]);
-      set.facets([&](const V* normal, const V& height, const auto& spans) {
+      set.zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
         const V length = square_root<double, Set::kLanes>(set.square(normal));
         const V inverse = spans ? 1 / length : V{};
         for (int j = 0; j < seen.count; ++j) {

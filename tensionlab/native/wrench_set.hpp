@@ -3,6 +3,7 @@
 //
 // It is held in coordinates x = B w that make the rows of W orthonormal, so that its facets are well-conditioned
 // however small the platform is beside its cables. A facet whose normal is h there has the normal B'h in wrenches.
+// In up to three dimensions a normal is the product of two columns at most, and B = 1 does as well.
 #pragma once
 
 #include <algorithm>
@@ -24,9 +25,10 @@ struct Pose {
   const double *structure, *lower, *upper;
 };
 
-// N wrench components, of which the tensions can change R independent combinations. B ends each row with its
-// diagonal where kTriangular.
-template <int L, int N, int R, int M, bool kTriangular>
+enum class Basis { identity, triangle, full };  // rows of a triangle end with its diagonal
+
+// N wrench components, of which the tensions can change R independent combinations.
+template <int L, int N, int R, int M, Basis kBasis>
 struct WrenchSet {
   using V = Lanes<double, L>;
   static constexpr int kLanes = L, kComponents = N, kRank = R;
@@ -39,27 +41,37 @@ struct WrenchSet {
   void transform(const V* w, V* out) const {
     TENSIONLAB_UNROLL
     for (int r = 0; r < R; ++r) {
-      out[r] = basis[r][0] * w[0];
-      TENSIONLAB_UNROLL
-      for (int k = 1; k < (kTriangular ? r + 1 : N); ++k) out[r] += basis[r][k] * w[k];
+      if constexpr (kBasis == Basis::identity) {
+        out[r] = w[r];
+      } else {
+        out[r] = basis[r][0] * w[0];
+        TENSIONLAB_UNROLL
+        for (int k = 1; k < (kBasis == Basis::triangle ? r + 1 : N); ++k) out[r] += basis[r][k] * w[k];
+      }
     }
   }
 
   // Component k of B'h, the normal in wrenches.
   V component(const V* normal, int k) const {
-    V sum = basis[R - 1][k] * normal[R - 1];
-    TENSIONLAB_UNROLL
-    for (int r = kTriangular ? k : 0; r < R - 1; ++r) sum += basis[r][k] * normal[r];
-    return sum;
+    if constexpr (kBasis == Basis::identity) {
+      return normal[k];
+    } else {
+      V sum = basis[R - 1][k] * normal[R - 1];
+      TENSIONLAB_UNROLL
+      for (int r = kBasis == Basis::triangle ? k : 0; r < R - 1; ++r) sum += basis[r][k] * normal[r];
+      return sum;
+    }
   }
 
   // The sum of squares of the first `count` of them.
   V square(const V* normal, int count = N) const {
-    V sum{};
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < count; ++k) {
-      const V each = component(normal, k);
-      sum += each * each;
+    V sum = component(normal, 0) * component(normal, 0);
+    if constexpr (N > 1) {
+      TENSIONLAB_UNROLL
+      for (int k = 1; k < count; ++k) {
+        const V each = component(normal, k);
+        sum += each * each;
+      }
     }
     return sum;
   }
@@ -68,26 +80,15 @@ struct WrenchSet {
   void set_segment(int i, const V* pull, const V& room) {
     V* const column = zonotope.column[i];
     transform(pull, column);
-    const V length = square_root<double, L>(dot(column, column));
-    const V inverse = (room > V{}) & (length > V{}) ? 1 / length : V{};
-    for (int r = 0; r < R; ++r) column[r] *= inverse;
-    zonotope.half[i] = length * room;
-  }
-
-  // visit(normal, height, spans) for every pair of facets |normal . x| <= height; where `spans` is false it is
-  // none.
-  template <class Visit>
-  void facets(const Visit& visit) const {
-    // Unit columns whose cross product is no longer than the root of this count as dependent.
-    constexpr double kDependent = 1e-22;
-    zonotope.facets(
-        [&](const V* normal, const V& height) { visit(normal, height, dot(normal, normal) > V{} + kDependent); });
+    for (int r = 0; r < R; ++r) column[r] = room > V{} ? column[r] : V{};
+    zonotope.half[i] = room;
+    zonotope.square[i] = dot(column, column);
   }
 
   // The least of `start` and of bound(normal, height) for all facets.
   template <class Bound>
   V least(V start, const Bound& bound) const {
-    facets([&](const V* normal, const V& height, const auto& spans) {
+    zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
       start = smaller(start, spans ? bound(normal, height) : V{} + kInfinity);
     });
     return start;
@@ -96,9 +97,9 @@ struct WrenchSet {
   static V dot(const V* a, const V* b) { return Zonotope<double, L, R, M>::dot(a, b); }
 };
 
-// Poses whose structure matrices are well-conditioned: B from the Cholesky factor of W W'.
+// Poses whose structure matrices are well-conditioned: B is 1, or the inverse of the Cholesky factor of W W'.
 template <int L, int N, int M>
-struct WrenchSets : WrenchSet<L, N, N, M, true> {
+struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::triangle> {
   using V = Lanes<double, L>;
 
   static constexpr double size = 0;
@@ -107,28 +108,30 @@ struct WrenchSets : WrenchSet<L, N, N, M, true> {
 
   // Returns for each lane whether its structure matrix is such a one.
   auto load(const Pose (&poses)[L], int m) {
-    constexpr double kWell = 1e4;  // B is accurate to the square of this times the rounding error
-    V matrix[N * M], room[M], middle[M], gram[N][N] = {};
+    V matrix[N * M], room[M], middle[M], gram[N][N];
     read(poses, m, matrix, room, middle);
-    for (int k = 0; k < N; ++k) this->centre[k] = V{};
+    for (int k = 0; k < N; ++k) {
+      this->centre[k] = V{};
+      for (int j = 0; j <= k; ++j) gram[k][j] = V{};
+    }
     for (int i = 0; i < m; ++i) {
       V pull[N];
+      TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) {
         this->centre[k] += matrix[k * m + i] * middle[i];
         pull[k] = room[i] > V{} ? matrix[k * m + i] : V{};
+        TENSIONLAB_UNROLL
         for (int j = 0; j <= k; ++j) gram[k][j] += pull[k] * pull[j];
       }
     }
-    V size = gram[0][0];
-    for (int k = 1; k < N; ++k) size += gram[k][k];
-    const V inverse = invert_root(gram);
+    const auto well = change_basis(gram);
     this->zonotope.count = m;
     for (int i = 0; i < m; ++i) {
       V pull[N];
       for (int k = 0; k < N; ++k) pull[k] = matrix[k * m + i];
       this->set_segment(i, pull, room[i]);
     }
-    return size * inverse < V{} + kWell * kWell;
+    return well;
   }
 
  private:
@@ -140,9 +143,50 @@ struct WrenchSets : WrenchSet<L, N, N, M, true> {
       upper[l] = poses[l].upper;
     }
     transpose<double, L>(structure, N * m, [&](int i, const V& v) { matrix[i] = v; });
-    transpose<double, L>(lower, m, [&](int i, const V& v) { middle[i] = v; });
-    transpose<double, L>(upper, m, [&](int i, const V& v) { room[i] = (v - middle[i]) / 2; });
-    for (int i = 0; i < m; ++i) middle[i] += room[i];
+    read_row(lower, m, middle);
+    read_row(upper, m, room);
+    for (int i = 0; i < m; ++i) {
+      room[i] = (room[i] - middle[i]) / 2;
+      middle[i] += room[i];
+    }
+  }
+
+  // Numbers of all poses; those that share their limits give one row for all.
+  static void read_row(const double* const (&row)[L], int m, V* out) {
+    if (row[0] == row[L - 1]) {
+      for (int i = 0; i < m; ++i) out[i] = V{} + row[0][i];
+    } else {
+      transpose<double, L>(row, m, [&](int i, const V& v) { out[i] = v; });
+    }
+  }
+
+  // Sets B from the Gram matrix W W'; returns where that is sure to be well-conditioned, and far from overflow.
+  auto change_basis(const V (&gram)[N][N]) {
+    constexpr double kWell = 1e4;    // the condition of W; B is accurate to its square times the rounding error
+    constexpr double kLarge = 1e60;  // products of columns as long as this overflow
+    V trace = gram[0][0];
+    for (int k = 1; k < N; ++k) trace += gram[k][k];
+    const auto ordinary = (trace < V{} + kLarge) & (trace > V{} + 1 / kLarge);
+    if constexpr (N <= 3) {
+      return ordinary & (least_share(gram, trace) * (kWell * kWell) > V{} + 1);
+    } else {
+      return ordinary & (trace * invert_root(gram) < V{} + kWell * kWell);
+    }
+  }
+
+  // A lower bound of the least eigenvalue over the largest one. All others are at most the trace together, so
+  // their product is largest where they are equal: det <= least * (trace / (N - 1))^(N - 1).
+  static V least_share(const V (&g)[N][N], const V& trace) {
+    if constexpr (N == 1) {
+      return V{} + 1;
+    } else if constexpr (N == 2) {
+      return (g[0][0] * g[1][1] - g[1][0] * g[1][0]) / (trace * trace);
+    } else {
+      const V det = g[0][0] * (g[1][1] * g[2][2] - g[2][1] * g[2][1]) -
+                    g[1][0] * (g[1][0] * g[2][2] - g[2][1] * g[2][0]) +
+                    g[2][0] * (g[1][0] * g[2][1] - g[1][1] * g[2][0]);
+      return 4 * det / (trace * trace * trace);
+    }
   }
 
   // B = the inverse of the Cholesky factor of the Gram matrix; returns the sum of the squares of its entries.
@@ -169,7 +213,7 @@ struct WrenchSets : WrenchSet<L, N, N, M, true> {
 
 // One pose with any structure matrix, of rank R or, where R is 1, of rank 0. B comes from singular values.
 template <int R, int M>
-struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, false> {
+struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, Basis::full> {
   static constexpr int N = kMaxComponents;
   int components, rank;
   double range[R][N];  // orthonormal

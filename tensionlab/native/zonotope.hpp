@@ -57,18 +57,24 @@ template <class Real, int L, int R, int M>
 struct Zonotope {
   using V = Lanes<Real, L>;
 
-  V column[M][R];  // the segments' directions, of length 1; or 0, and then it spans nothing
-  V half[M];       // and half their lengths
+  V column[M][R];  // half of segment i is half[i] * column[i]
+  V half[M];
+  V square[M];  // of the column's length; 0 where the segment spans nothing, as one of length 0
   int count;
 
-  // visit(normal, height) for every choice of R - 1 segments, of R or more: the zonotope lies in |normal . x| <=
-  // height and touches both planes, whatever the length of the normal. Where the choice is dependent, the normal
-  // is 0 but for rounding.
+  // visit(normal, height, spans) for every choice of R - 1 segments, of R or more: the zonotope lies in
+  // |normal . x| <= height and touches both planes, however long the normal is. Where `spans` is false the choice
+  // is dependent, and its normal 0 but for rounding.
   template <class Visit>
   void facets(const Visit& visit) const {
-    const V nothing_yet[1] = {V{} + 1};
-    int chosen[R];
-    if (count >= R) choose<0>(nothing_yet, 0, chosen, visit);
+    if (count < R) return;
+    if constexpr (R == 3) {
+      pairs(visit);
+    } else {
+      const V nothing_yet[1] = {V{} + 1};
+      int chosen[R];
+      choose<0>(nothing_yet, V{} + kDependent * kDependent, 0, chosen, visit);
+    }
   }
 
   static V dot(const V* a, const V* b) {
@@ -79,20 +85,24 @@ struct Zonotope {
   }
 
  private:
+  // A product of columns that is no longer than this share of the product of their lengths is that of dependent
+  // ones.
+  static constexpr Real kDependent = Real(1e-11);
+
+  // `least` is the square of the length that a product of independent columns exceeds.
   template <int K, class Visit>
-  void choose(const V* wedge, int first, int* chosen, const Visit& visit) const {
+  void choose(const V* wedge, const V& least, int first, int* chosen, const Visit& visit) const {
     if constexpr (K == R - 1) {
       V normal[R];
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < R; ++k) normal[k] = (R - 1 - k) % 2 == 0 ? wedge[R - 1 - k] : V(-wedge[R - 1 - k]);
-      visit(normal, height(normal, chosen));
+      to_normal(wedge, normal);
+      visit(normal, height(normal, chosen), dot(normal, normal) > least);
     } else {
       constexpr int kComponents = choices(R, K + 1);
       V product[kComponents];
       for (int i = first; i <= count - (R - 1 - K); ++i) {
         chosen[K] = i;
         extend<R, K>(wedge, column[i], product, std::make_index_sequence<kComponents>());
-        choose<K + 1>(product, i + 1, chosen, visit);
+        choose<K + 1>(product, least * square[i], i + 1, chosen, visit);
       }
     }
   }
@@ -107,6 +117,42 @@ struct Zonotope {
       next = end + 1;
     }
     return sum;
+  }
+
+  // The same for R = 3, where the volume that three segments span is the share of each in the height over the
+  // others.
+  template <class Visit>
+  void pairs(const Visit& visit) const {
+    V normal[M * (M - 1) / 2][R], height[M * (M - 1) / 2];
+    int start[M];  // pair (i, j) is number start[i] + j
+    for (int i = 0, number = 0; i < count; ++i) {
+      start[i] = number - i - 1;
+      for (int j = i + 1; j < count; ++j, ++number) {
+        V product[3];
+        extend<R, 1>(column[i], column[j], product, std::make_index_sequence<3>());
+        to_normal(product, normal[number]);
+        height[number] = V{};
+      }
+    }
+    for (int i = 0; i < count; ++i) {
+      for (int j = i + 1; j < count; ++j) {
+        const int pair = start[i] + j;
+        V sum = height[pair];
+        for (int k = j + 1; k < count; ++k) {
+          const V volume = magnitude(dot(normal[pair], column[k]));
+          sum += volume * half[k];
+          height[start[i] + k] += volume * half[j];
+          height[start[j] + k] += volume * half[i];
+        }
+        visit(normal[pair], sum,
+              dot(normal[pair], normal[pair]) > kDependent * kDependent * square[i] * square[j]);
+      }
+    }
+  }
+
+  static void to_normal(const V* wedge, V* normal) {
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < R; ++k) normal[k] = (R - 1 - k) % 2 == 0 ? wedge[R - 1 - k] : V(-wedge[R - 1 - k]);
   }
 };
 

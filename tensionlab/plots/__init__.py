@@ -1,16 +1,24 @@
 """Pictures of results, always to a file. The only importer of matplotlib; nothing is solved while drawing."""
 
+from tensionlab.plots.anchor_count import plot_anchor_count
 from tensionlab.plots.bench import plot_accuracy, plot_continuity, plot_profile, plot_worst
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.house import METADATA
+from tensionlab.plots.layout import plot_layouts
 from tensionlab.plots.rig import plot_rig
+from tensionlab.plots.workspace import plot_shares, plot_slices, plot_volume
 
 __all__ = [
     "METADATA",
     "plot_accuracy",
+    "plot_anchor_count",
     "plot_comparison",
     "plot_continuity",
+    "plot_layouts",
     "plot_profile",
     "plot_rig",
+    "plot_shares",
+    "plot_slices",
+    "plot_volume",
     "plot_worst",
 ]

@@ -39,7 +39,7 @@ def plot_rig(rig: Rig, path: str | Path) -> None:
         # Room for the names between the anchors and the axes.
         margin = np.full(rig.dimension, (0.2 if spatial else 0.1) * float((high - low).max()))
         if spatial:
-            up = 2 if "z is up" in rig.description.lower() else 1
+            up = "xyz".index(rig.up)
             margin[up] /= 4
         for name, lowest, highest in zip("xyz", low - margin, high + margin, strict=False):
             axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})

@@ -84,7 +84,7 @@ def attributes(measure: Measure) -> dict[str, str]:
 def _rigs(plan: Plan) -> list[Coordinate]:
     """Where the modules of every configuration are and how hard they pull; NaN for modules that it lacks."""
     shape, dims = plan.configurations.shape, plan.configurations.dims
-    names, rows = [], []
+    names, rows, homes = [], [], []
     used: set[str] = set()
     seen: set[tuple[str, int]] = set()
     for index in np.ndindex(*shape):
@@ -97,7 +97,8 @@ def _rigs(plan: Plan) -> list[Coordinate]:
         if (rig.kind, rig.m) not in seen:
             plan.check(rig)
             seen.add((rig.kind, rig.m))
-        names.append((rig.name, rig.kind, [module.name for module in rig.modules]))
+        homes.append(rig.home)
+        names.append((rig.name, rig.kind, rig.up, [module.name for module in rig.modules]))
         rows.append((anchors, rig.attachments, rig.limits.lower, rig.limits.upper))
     if unknown := sorted(set(plan.frames) - used):
         raise SweepError(f'frames: no module rides on "{unknown[0]}"; leave it out')
@@ -105,13 +106,16 @@ def _rigs(plan: Plan) -> list[Coordinate]:
     most = max(len(row[0]) for row in rows)
     anchors, attachments, lower, upper = (_padded([row[i] for row in rows], most, shape) for i in range(4))
     modules = np.array([own + [""] * (most - len(own)) for *_, own in names]).reshape(*shape, most)
-    kinds = np.array([kind for _, kind, _ in names]).reshape(shape)
+    kinds = np.array([kind for _, kind, *_ in names]).reshape(shape)
+    ups = np.array([up for _, _, up, _ in names]).reshape(shape)
     axes = "xyz"[: plan.poses.dimension]
     each = (*dims, "module")
     found = [
         Coordinate("kind", dims, kinds, "1", "kind of the rig"),
+        Coordinate("up", dims, ups, "1", "axis of the world that points up"),
         Coordinate("module", ("module",), np.arange(most), "1", "number of the module"),
         Coordinate("axis", ("axis",), np.array(list(axes)), "1", "axis of the world or of the platform"),
+        Coordinate("home", (*dims, "axis"), np.stack(homes).reshape(*shape, -1), "m", "home position of the rig"),
         Coordinate("module_name", each, modules, "1", "name of the module"),
         Coordinate("anchor", (*each, "axis"), anchors, "m", "anchor of the module in the world"),
         Coordinate("attachment", (*each, "axis"), attachments, "m", "attachment of the cable in platform axes"),

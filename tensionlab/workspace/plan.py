@@ -22,9 +22,6 @@ from tensionlab.workspace.vary import Configurations
 Block = tuple[slice, ...]
 """A part of every axis of a sweep."""
 
-BATCH = 2_000
-"""Poses evaluated at once: few enough for the cache, and for kernels not to start threads of their own."""
-
 NO_LENGTH = 1e-12
 """A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
 
@@ -51,12 +48,9 @@ class Task:
         position, rotation = self.poses.arrays()
         values = np.full((len(self.measures), len(self.rigs), len(position)), np.nan)
         for number, rig in enumerate(self.rigs):
-            for start in range(0, len(position), BATCH):
-                some = slice(start, start + BATCH)
-                turns = None if rotation is None else rotation[some]
-                batch, sound = _batch(rig, position[some], turns, self.frames)
-                for row, measure in enumerate(self.measures):
-                    values[row, number, some][sound] = measure.evaluate(batch)
+            batch, sound = _batch(rig, position, rotation, self.frames)
+            for row, measure in enumerate(self.measures):
+                values[row, number, sound] = measure.evaluate(batch)
         return values.reshape(len(self.measures), *(part.stop - part.start for part in self.block))
 
 

@@ -57,6 +57,7 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
     """
     try:
         from distributed import Client, KilledWorker, as_completed
+        from distributed.comm import CommClosedError
     except ImportError as error:
         raise MissingDependency('a cluster needs dask.distributed: pip install "tensionlab[cluster]"') from error
     try:
@@ -84,7 +85,7 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
             for future in running:
                 running.update(submit(1))
                 yield known.pop(future.key), future.result()
-        except (KilledWorker, CancelledError) as error:
+        except (KilledWorker, CancelledError, CommClosedError) as error:
             raise SweepError(
                 f"scheduler {address!r} gave up: {error}; with out, the same call goes on from here"
             ) from error

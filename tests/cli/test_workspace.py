@@ -98,8 +98,23 @@ def test_body_frames_stay_at_rest(run):
 
 
 @pytest.mark.parametrize(
+    ("view", "word"), [("slices", "x (m)"), ("volume", "of the box"), ("shares", "share of the volume")]
+)
+def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
+    picture = tmp_path / "w.svg"
+    code, out, err = run(CUBE, "--step", 0.2, "--plot", picture, "--view", view)
+    assert (code, err) == (0, "")
+    assert f"plot: {picture}" in out
+    drawn = picture.read_text(encoding="utf-8")
+    assert word in drawn
+    assert "capacity margin (N)" in drawn
+
+
+@pytest.mark.parametrize(
     ("words", "error"),
     [
+        ([CUBE, "--poses", "poses.csv", "--plot", "w.png"], "--plot draws a box"),
+        ([CUBE, "--plot", "w.txt"], "w.txt is no picture"),
         ([RIGS / "none.toml"], "none.toml: no such file"),
         ([CUBE, "--box", 0, 1, 0, 1, 0], "--box has 5 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1"),
         ([CUBE, "--box", 1, 0, 0, 1, 0, 1], "x is "),

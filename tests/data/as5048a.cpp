@@ -5,32 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 
-namespace {
-
-uint16_t with_parity(uint16_t bits) { return static_cast<uint16_t>(bits | (__builtin_parity(bits) << 15)); }
-
-struct Chip {
-  uint16_t angle = 0, diagnostics = 0x0180, magnitude = 3000;
-  bool error = false;
-  uint16_t next = 0;
-
-  uint16_t exchange(uint16_t frame) {
-    const uint16_t answer = with_parity(static_cast<uint16_t>(next | (error ? 0x4000 : 0)));
-    const uint16_t address = frame & 0x3FFF;
-    if (__builtin_parity(frame) != 0 || (frame & 0x4000) == 0) {
-      error = true;
-      next = 0;
-    } else if (address == 0x0001) {
-      error = false;
-      next = 0;
-    } else {
-      next = address == 0x3FFF ? angle : (address == 0x3FFE ? magnitude : (address == 0x3FFD ? diagnostics : 0));
-    }
-    return answer;
-  }
-};
-
-}  // namespace
+#include "as5048a_chip.hpp"
 
 // Arguments are done in turn: an angle 0 to 16383, or flip (a bit of the angle's answer), garble (a command),
 // stuck-low, stuck-high, weak, strong, found. After each: ok, count, magnitude, gain, errors.

@@ -5,8 +5,8 @@ import pytest
 
 from tensionlab.errors import RigError
 from tensionlab.experiments import real_rigs
-from tensionlab.experiments.reach import clearance
 from tensionlab.experiments.real_rigs import asked, find_rig, over_workspace, path, turns
+from tensionlab.workspace import capacity_margin
 
 
 def test_a_quarter_turn_about_each_axis():
@@ -36,7 +36,7 @@ def test_robots_are_turned_moved_and_pushed_but_not_beyond_their_reach(name):
     assert structure.shape == (40, 6, 8)
     assert np.ptp(structure, axis=0).min() > 0.0
     assert np.ptp(wrench, axis=0).min() > 0.0
-    assert np.all(clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > 0.0)
+    assert np.all(capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0)
     weight = 0.0 if rig.platform is None else 9.81 * rig.platform.mass
     pushed = np.linalg.norm(wrench[:, :3] - [0.0, 0.0, weight], axis=1)
     assert pushed.max() <= 0.05 * rig.limits.upper.max()
@@ -54,7 +54,7 @@ def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
     assert steps.mean() == pytest.approx(0.3, rel=2e-3)  # mm in each millisecond
     closing = np.abs(structure[0] - structure[-1]).max(), np.abs(wrench[0] - wrench[-1]).max()
     assert max(closing) < 1.1 * max(np.abs(np.diff(each, axis=0)).max() for each in (structure, wrench))
-    inside = clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > 0.0
+    inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
     assert inside[0] or turning
     assert 0.1 <= inside.mean() <= 0.9
 
@@ -62,7 +62,7 @@ def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
 def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
     rig = find_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
     structure, wrench, _ = path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
-    inside = clearance(structure, wrench, rig.limits.lower, rig.limits.upper) > 0.0
+    inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
     assert 0.1 <= inside.mean() <= 0.9
 
 

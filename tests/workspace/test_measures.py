@@ -54,10 +54,12 @@ def test_alternate_corners_close_a_third_of_the_box():
     assert closure(tl.box_corners((1.0, 1.0, 1.0), limits=(0.5, 5.0)).structure_matrix(points)).all()
 
 
-@pytest.mark.parametrize(("n", "m"), [(1, 3), (2, 3), (2, 5), (3, 4), (3, 6), (6, 7), (6, 8), (6, 10)])
+@pytest.mark.parametrize(
+    ("n", "m"), [(1, 3), (2, 3), (2, 5), (3, 4), (3, 6), (4, 6), (5, 7), (6, 7), (6, 8), (6, 10)]
+)
 def test_a_linear_program_agrees(n, m):
     rng = np.random.default_rng(m)
-    W = np.stack([random_structure(rng, max(n, 2), m)[:n] for _ in range(150)])
+    W = np.stack([random_structure(rng, 6 if n > 3 else max(n, 2), m)[:n] for _ in range(150)])
     W[::2, :, 0] -= W[::2].sum(axis=-1)  # every other one is balanced by equal tensions
     found, expected = factor(W), np.array([evenness(each) for each in W])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
@@ -72,6 +74,18 @@ def test_no_closure_below_full_rank():
     assert factor(tug_of_war[:1]) == 1
     assert not closure(np.zeros((3, 5)))
     assert not closure(np.ones((6, 3)))
+
+
+def test_two_spare_cables_or_more():
+    # A cable of no effect changes no tension factor, but takes another way through the kernel.
+    rng = np.random.default_rng(3)
+    W = np.stack([random_structure(rng, 6, 8) for _ in range(200)])
+    W[::2, :, 0] -= rng.uniform(0.6, 1.4, (100, 1)) * W[::2].sum(axis=-1)
+    W[:20, :, 5] = W[:20, :, 2]  # parallel cables
+    W[20:40, :, 5] = 0
+    weak = np.concatenate([W, 1e-13 * W[..., :1]], axis=-1)
+    assert np.count_nonzero(closure(W)) > 50
+    np.testing.assert_allclose(factor(W), factor(weak), rtol=0, atol=1e-11)
 
 
 def test_closure_ends_where_the_platform_leaves_the_hull():

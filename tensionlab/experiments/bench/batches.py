@@ -112,7 +112,7 @@ def against_daqp(
     peer = daqp_loop(structure, wrench) if daqp_direct.installed() else None
     for turn in range(rounds):
         for threads, spent in ((1, one), (cores, every)):
-            with _threads(threads):
+            with using_threads(threads):
                 began = time.perf_counter()
                 result = allocate(structure, wrench, (LOWER, UPPER))
                 spent.append((time.perf_counter() - began) / count)
@@ -142,8 +142,8 @@ def against_daqp(
 
 
 @contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Let the kernels use so many threads; they read the environment in each call."""
+def using_threads(count: int) -> Iterator[None]:
+    """Let the kernels use so many threads inside a block; they read the environment in each call."""
     before = os.environ.get(THREADS)
     os.environ[THREADS] = str(count)
     try:

@@ -1,0 +1,201 @@
+"""Is the firmware's core fit for a module? Sizes, forbidden symbols, code for the ESP32, sanitizers, fuzzing.
+
+Run it from the root of the repository: ``make firmware-check``, or ``python firmware/check.py``. What a missing
+tool would have told is left out, and said so. With ``--write`` the figures go to `figures.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import runpy
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+FIRMWARE = Path(__file__).parent
+CORE = sorted((FIRMWARE / "core").glob("*.cpp"))
+FUZZ, HUB = FIRMWARE / "fuzz", FIRMWARE / "hub"
+FIGURES = FIRMWARE / "figures.json"
+MOST_TEXT, MOST_BSS = 16 * 1024, 2 * 1024  # bytes
+ALLOWED = {"memcpy", "memset"}  # what the core may ask of a library: so there is no heap
+BARE = ["-std=c++17", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-ffreestanding"]
+STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror"]
+CORTEX = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+SANITIZERS = "address,undefined,float-divide-by-zero,float-cast-overflow"
+# Of a newlib and a picolibc for other processors: headers only.
+NEWLIB = Path("/usr/include/newlib/c++")
+PICOLIBC = Path("/usr/lib/xtensa-lx106-elf/include")
+
+Figures = dict[str, object]
+
+
+class UnfitError(Exception):
+    """The core is not fit for a module."""
+
+
+def run(*words: object) -> str:
+    """What does a command print? If it fails, that is the reason."""
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise UnfitError(f"{words[0]} failed:\n{done.stderr[-4000:]}{done.stdout[-2000:]}")
+    return done.stdout
+
+
+def arm(folder: Path) -> Figures:
+    """Text and bss for a Cortex-M4F, with one module in it; what it asks of libraries; its deepest stack frame."""
+    instance = folder / "instance.cpp"
+    instance.write_text(
+        '#include "module.hpp"\n'
+        "tensionlab::firmware::Module module(1, tensionlab::firmware::ResetReason::power);\n"
+    )
+    objects = []
+    for source in [*CORE, instance]:
+        objects.append(folder / f"{source.stem}.o")
+        flags = [*BARE, *CORTEX, *STRICT, "-Os", "-nostdinc++", "-fstack-usage", f"-I{FIRMWARE / 'core'}"]
+        run("arm-none-eabi-g++", *flags, "-c", source, "-o", objects[-1])
+    whole = folder / "core.o"
+    run("arm-none-eabi-ld", "-r", *objects, "-o", whole)
+    text, data, bss, *_ = run("arm-none-eabi-size", whole).splitlines()[1].split()
+    asked = {line.split()[-1] for line in run("arm-none-eabi-nm", "-u", whole).splitlines() if line.strip()}
+    frames = [line.split("\t") for path in folder.glob("*.su") for line in path.read_text().splitlines()]
+    place, size, _ = max(frames, key=lambda frame: int(frame[1]))
+    if not asked <= ALLOWED:
+        raise UnfitError(
+            f"the core asks for {', '.join(sorted(asked - ALLOWED))}; it may ask for {', '.join(ALLOWED)}"
+        )
+    if int(text) >= MOST_TEXT or int(data) + int(bss) >= MOST_BSS:
+        raise UnfitError(
+            f"the core has {text} bytes of text and {bss} of bss; below {MOST_TEXT} and {MOST_BSS} are allowed"
+        )
+    if any(frame[2] != "static" for frame in frames):
+        raise UnfitError("a stack frame of the core has no size that is known beforehand")
+    return {
+        "text_bytes": int(text),
+        "data_bytes": int(data),
+        "bss_bytes": int(bss),
+        "asks_for": sorted(asked),
+        "deepest_frame_bytes": int(size),
+        "deepest_frame": place.split(":", 3)[3].split("(")[0].split("::")[-1],
+    }
+
+
+def around_a_bug(code: str) -> str:
+    """LLVM 22 can't choose between two float constants for this processor: let it choose integers."""
+
+    def bits(constant: str) -> int:
+        raw = bytes.fromhex(constant[2:].rjust(16, "0")) if constant.startswith("0x") else None
+        value = struct.unpack(">d", raw)[0] if raw else float(constant)
+        return struct.unpack("<I", struct.pack("<f", value))[0]
+
+    choice = re.compile(
+        r"^ +(%\S+) = select (?:\w+ )*?(i1 %[\w.]+), float ([-+.\dexA-F]+), float ([-+.\dexA-F]+)", re.M
+    )
+    return choice.sub(
+        lambda found: (
+            f"  %bits{found[1][1:]} = select {found[2]}, i32 {bits(found[3])}, i32 {bits(found[4])}\n"
+            f"  {found[1]} = bitcast i32 %bits{found[1][1:]} to float"
+        ),
+        code,
+    )
+
+
+def esp32(folder: Path) -> Figures:
+    """Code for the ESP32's processor: how many instructions, and which helpers it calls. The hub's solver, too."""
+    target = ["--target=xtensa", *BARE, "-w", "-emit-llvm", "-S"]
+    version = max(path.name for path in NEWLIB.iterdir()) if NEWLIB.is_dir() else ""
+    newlib = [
+        word for path in (NEWLIB / version, NEWLIB / version / "arm-none-eabi") for word in ("-isystem", path)
+    ]
+    figures: Figures = {}
+    parts = {"core": (CORE, ["-Os"])}
+    if version:
+        parts["hub"] = ([HUB / "allocate.cpp"], ["-O2", "-fno-math-errno", *newlib])
+    for name, (sources, flags) in parts.items():
+        assembly = ""
+        for source in sources:
+            code, result = folder / f"{source.stem}.ll", folder / f"{source.stem}.s"
+            run("clang++-22", *target, *flags, "-isystem", PICOLIBC, source, "-o", code)
+            code.write_text(around_a_bug(code.read_text()))
+            run("llc-22", "-march=xtensa", "-mcpu=esp32", "-O2", "-filetype=asm", code, "-o", result)
+            assembly += result.read_text()
+        own = set(re.findall(r"^([\w$]+):", assembly, re.M))
+        words = set(re.findall(r"^\s+\.literal\s+\S+,\s*([A-Za-z_]\w*)", assembly, re.M))
+        called = sorted(word for word in words - own if not word.startswith((".L", "_ZN10tensionlab")))
+        doubles = [word for word in called if re.search(r"df[23]|df2|sfdf|sidf|dfsi", word)]
+        heap = [word for word in called if re.match(r"malloc|free|_Zn|_Zd|__cxa", word)]
+        if doubles or heap:
+            raise UnfitError(f"the code of the {name} for the ESP32 calls {', '.join(doubles + heap)}")
+        instructions = len(re.findall(r"^\t[a-z]\w*(?:\.\w+)*(?:\t|$)", assembly, re.M))
+        figures |= {f"{name}_instructions": instructions, f"{name}_calls": called}
+    return figures
+
+
+def fuzz(folder: Path, chunks: int) -> Figures:
+    """So many chunks of bytes to modules, under the address and undefined behaviour sanitizers: any finding?"""
+    program = folder / "fuzz"
+    flags = ["-std=c++17", "-O1", "-g", *STRICT, f"-fsanitize={SANITIZERS}", "-fno-sanitize-recover=all"]
+    run("c++", *flags, FUZZ / "fuzz.cpp", FUZZ / "driver.cpp", *CORE, "-o", program)
+    told = run(program, chunks, 1)
+    print(f"  {told.strip()}")
+    return {"chunks": int(told.split()[0]), "steps": int(told.split()[2])}
+
+
+def libfuzzer(folder: Path, seconds: int) -> Figures:
+    """The same, with scripts that libFuzzer writes to reach as much of the code as it can: any finding?"""
+    program, corpus = folder / "libfuzzer", folder / "corpus"
+    corpus.mkdir()
+    flags = ["-std=c++17", "-O1", "-g", f"-fsanitize=fuzzer,{SANITIZERS}", "-fno-sanitize-recover=all"]
+    run("clang++-22", *flags, FUZZ / "fuzz.cpp", *CORE, "-o", program)
+    run(program, f"-max_total_time={seconds}", "-max_len=4000", f"-artifact_prefix={folder}/", corpus)
+    return {"seconds": seconds}
+
+
+def hub(folder: Path) -> Figures:
+    """Size, answers and cycles of the exact solver on a Cortex-M4F."""
+    return runpy.run_path(str(HUB / "cycles.py"))["measure"](folder)
+
+
+def main() -> int:
+    """Run all checks whose tools are there; 1 if one fails."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--chunks", type=int, default=10_000_000, help="how much to fuzz (default: 10 million)")
+    parser.add_argument("--seconds", type=int, default=30, help="how long libFuzzer may run (default: 30)")
+    parser.add_argument("--write", action="store_true", help=f"write the figures to {FIGURES.name}")
+    options = parser.parse_args()
+    checks: dict[str, tuple[Callable[[Path], Figures], tuple[object, ...]]] = {
+        "arm": (arm, ("arm-none-eabi-g++",)),
+        "hub": (hub, ("arm-none-eabi-g++", "qemu-arm", NEWLIB)),
+        "esp32": (esp32, ("clang++-22", "llc-22", PICOLIBC)),
+        "fuzzing": (lambda folder: fuzz(folder, options.chunks), ("c++",)),
+        "libfuzzer": (lambda folder: libfuzzer(folder, options.seconds), ("clang++-22",)),
+    }
+    figures: dict[str, Figures] = {}
+    failed = False
+    for name, (check, tools) in checks.items():
+        missing = [
+            str(tool) for tool in tools if not ((isinstance(tool, Path) and tool.exists()) or shutil.which(tool))
+        ]
+        if missing:
+            print(f"{name}: left out, for want of {', '.join(missing)}")
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                figures[name] = check(Path(folder))
+            except UnfitError as reason:
+                print(f"{name}: {reason}")
+                failed = True
+            else:
+                print(f"{name}: " + ", ".join(f"{key} {value}" for key, value in figures[name].items()))
+    if options.write and not failed:
+        FIGURES.write_text(json.dumps(figures, indent=1) + "\n")
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,237 @@
+// The libraries that firmware/esp32 uses, as far as it uses them: so that it runs here, task by task, with a rotor
+// that follows its motor. USB is stdin and stdout; Bluetooth is two files, connected from the first byte to the
+// end of the first one. What happens to pins and tasks is told on stderr. Arguments: how fast time passes; for how
+// many ms Bluetooth's write() blocks; the numbers of its files.
+#include <Arduino.h>
+#include <BluetoothSerial.h>
+#include <Preferences.h>
+#include <SPI.h>
+#include <SimpleFOC.h>
+#include <esp_system.h>
+#include <esp_task_wdt.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <thread>
+
+#include "as5048a_chip.hpp"
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+constexpr double kTau = 6.283185307179586, kResistance = 2.8;
+constexpr int kPoles = 11, kEnablePin = 33;
+constexpr double kZero = 2.0;  // electrical angle of the rotor at the encoder's zero, rad
+
+double speed = 1.0;
+int blocking_ms = 0, air_in = 3, air_out = 4;
+std::atomic<uint32_t> now_us{0};
+std::atomic<bool> driver_on{false};
+// Only the FOC task touches these.
+Chip chip;
+Sensor* sensor = nullptr;
+double rotor = 1.0, applied_q = 0.0, applied_electrical = 0.0, target = 0.0;  // rad, V, rad, A
+bool enabled = false;
+
+void tell(const char* what, double number) { std::fprintf(stderr, "%.4f %s %g\n", 1e-6 * now_us, what, number); }
+
+bool ready(int file) {
+  pollfd asked = {file, POLLIN, 0};
+  return poll(&asked, 1, 0) > 0;
+}
+
+int waiting(int file) {
+  int count = 0;
+  ioctl(file, FIONREAD, &count);
+  return count == 0 && ready(file) ? 1 : count;  // the end of a file is read like a byte
+}
+
+// The rotor goes where the field draws it.
+void turn_rotor() {
+  if (!driver_on) return;
+  if (!enabled && std::fabs(applied_q) > 0.1) {
+    rotor += std::remainder(applied_electrical + kTau / 4.0 - (kPoles * rotor - kZero), kTau) / kPoles;
+  } else if (enabled) {
+    rotor += 1e-4 * target;  // slowly, the way that it is told to
+  }
+}
+
+}  // namespace
+
+void pinMode(uint8_t pin, uint8_t mode) {
+  if (pin == kEnablePin && mode == OUTPUT) tell("output", pin);
+}
+void digitalWrite(uint8_t pin, uint8_t value) {
+  if (pin != kEnablePin || driver_on.exchange(value != 0) == (value != 0)) return;
+  tell("driver", value);
+}
+unsigned long micros() { return now_us; }
+void delayMicroseconds(uint32_t) {}
+bool ledcAttach(uint8_t, uint32_t, uint8_t) { return true; }
+bool ledcWrite(uint8_t, uint32_t duty) {
+  tell("servo_us", std::round(duty * 20000.0 / 65536.0));
+  return true;
+}
+
+String::String(const char*) {}
+HardwareSerial Serial;
+EspClass ESP;
+SPIClass SPI;
+
+namespace {
+std::atomic<bool> bluetooth_there{false};
+
+bool still_there(int file) {
+  if (!ready(file)) return true;
+  pollfd asked = {file, POLLIN, 0};
+  poll(&asked, 1, 0);
+  return (asked.revents & POLLIN) != 0;
+}
+}  // namespace
+
+size_t Stream::write(const uint8_t* bytes, size_t size) { return static_cast<size_t>(::write(1, bytes, size)); }
+size_t Stream::readBytes(uint8_t* bytes, size_t size) {
+  const int file = this == &Serial ? 0 : air_in;
+  const ssize_t count = ::read(file, bytes, size);
+  if (count == 0 && file == 0) std::_Exit(0);
+  return count > 0 ? static_cast<size_t>(count) : 0;
+}
+size_t HardwareSerial::setRxBufferSize(size_t size) { return size; }
+size_t HardwareSerial::setTxBufferSize(size_t size) { return size; }
+void HardwareSerial::begin(unsigned long) {}
+int HardwareSerial::available() { return waiting(0); }
+size_t HardwareSerial::write(uint8_t byte) { return Stream::write(&byte, 1); }
+uint64_t EspClass::getEfuseMac() { return 0xA1B2C3D4E5F6u; }
+
+bool BluetoothSerial::begin(String, bool, bool) { return true; }
+void BluetoothSerial::enableSSP() {}
+bool BluetoothSerial::hasClient() {
+  const bool there = still_there(air_in) && (bluetooth_there || ready(air_in));
+  bluetooth_there = there;
+  return there;
+}
+int BluetoothSerial::available() { return waiting(air_in); }
+size_t BluetoothSerial::write(uint8_t byte) { return write(&byte, 1); }
+size_t BluetoothSerial::write(const uint8_t* bytes, size_t size) {
+  std::this_thread::sleep_for(std::chrono::milliseconds(blocking_ms));
+  return static_cast<size_t>(::write(air_out, bytes, size));
+}
+
+SPISettings::SPISettings(uint32_t, uint8_t, uint8_t) {}
+bool SPIClass::begin(int8_t, int8_t, int8_t, int8_t) { return true; }
+void SPIClass::beginTransaction(SPISettings) {}
+void SPIClass::endTransaction() {}
+uint16_t SPIClass::transfer16(uint16_t frame) {
+  const double turns = rotor / kTau;
+  chip.angle = static_cast<uint16_t>(16384.0 * (turns - std::floor(turns)));
+  return chip.exchange(frame);
+}
+
+bool Preferences::begin(const char*, bool) { return true; }
+void Preferences::end() {}
+size_t Preferences::getBytesLength(const char*) { return 0; }
+size_t Preferences::getBytes(const char*, void*, size_t) { return 0; }
+size_t Preferences::putBytes(const char*, const void*, size_t size) {
+  tell("stored", static_cast<double>(size));
+  return size;
+}
+
+esp_reset_reason_t esp_reset_reason() { return ESP_RST_TASK_WDT; }
+esp_err_t esp_task_wdt_reconfigure(const esp_task_wdt_config_t* config) {
+  tell("watchdog_ms", config->timeout_ms);
+  return 0;
+}
+esp_err_t esp_task_wdt_add(TaskHandle_t) { return 0; }
+// Once in each turn of the FOC loop: time passes, and this machine is not faster than it.
+esp_err_t esp_task_wdt_reset() {
+  static const Clock::time_point start = Clock::now();
+  turn_rotor();
+  const uint32_t now = now_us += 250;
+  if (now % 1000 == 0)
+    std::this_thread::sleep_until(start + std::chrono::duration<double, std::micro>(now / speed));
+  return 0;
+}
+BaseType_t xTaskCreatePinnedToCore(TaskFunction_t task, const char* name, uint32_t, void* argument, UBaseType_t,
+                                   TaskHandle_t*, BaseType_t core) {
+  tell((std::string("task_") + name).c_str(), core);
+  std::thread(task, argument).detach();
+  return pdPASS;
+}
+void vTaskDelay(TickType_t ticks) { std::this_thread::sleep_for(std::chrono::milliseconds(ticks)); }
+void vTaskDelete(TaskHandle_t) {
+  for (;;) pause();
+}
+
+float Sensor::getAngle() { return static_cast<float>(full_rotations) * 6.2831853f + angle_prev; }
+void Sensor::update() {}
+PIDController::PIDController(float p, float i, float d, float ramp, float most)
+    : P(p), I(i), D(d), output_ramp(ramp), limit(most) {}
+LowPassFilter::LowPassFilter(float time) : Tf(time) {}
+BLDCDriver3PWM::BLDCDriver3PWM(int, int, int, int, int, int) {}
+int BLDCDriver3PWM::init() { return 1; }
+void CurrentSense::linkDriver(FOCDriver*) {}
+InlineCurrentSense::InlineCurrentSense(float, float, int, int, int) { gain_b = 1.0f; }
+int InlineCurrentSense::init() {
+  if (driver_on) tell("offsets_with_driver_on", 1);
+  return 1;
+}
+// The second amplifier is the other way round, as on the shield, until its gain is told so.
+PhaseCurrent_s InlineCurrentSense::getPhaseCurrents() {
+  const double volts = driver_on ? applied_q : 0.0;
+  const double alpha = -std::sin(applied_electrical) * volts / kResistance;
+  const double beta = std::cos(applied_electrical) * volts / kResistance;
+  const double b = -0.5 * alpha + 0.8660254037844386 * beta;
+  return {static_cast<float>(alpha), static_cast<float>(-static_cast<double>(gain_b) * b), 0.0f};
+}
+ABCurrent_s CurrentSense::getABCurrents(PhaseCurrent_s current) {
+  return {current.a, (current.a + 2.0f * current.b) / 1.7320508f};
+}
+void FOCMotor::linkSensor(Sensor* linked) { sensor = linked; }
+void FOCMotor::linkCurrentSense(CurrentSense*) {}
+BLDCMotor::BLDCMotor(int, float, float, float) {}
+void BLDCMotor::linkDriver(BLDCDriver*) {}
+int BLDCMotor::init() {
+  enabled = true;  // as the real one does
+  return 1;
+}
+int BLDCMotor::initFOC() { return zero_electric_angle < -12000.0f || sensor_direction == UNKNOWN ? 0 : 1; }
+void BLDCMotor::enable() {
+  enabled = true;
+  tell("zero_mrad", std::round(1e3 * static_cast<double>(zero_electric_angle)));
+}
+void BLDCMotor::disable() {
+  enabled = false;
+  applied_q = 0.0;
+}
+void BLDCMotor::loopFOC() {
+  sensor->update();
+  if (enabled) current.q = static_cast<float>(target);
+}
+void BLDCMotor::move(float wanted) {
+  shaft_velocity = 0.0f;
+  if (enabled) target = static_cast<double>(wanted);
+}
+void BLDCMotor::setPhaseVoltage(float q, float, float electrical) {
+  applied_q = static_cast<double>(q);
+  applied_electrical = static_cast<double>(electrical);
+}
+
+float _readADCVoltageInline(const int, const void*) { return 12.0f / 11.0f; }
+void* _configureADCInline(const void*, const int, const int, const int) { return nullptr; }
+
+int main(int, char** words) {
+  speed = std::atof(words[1]);
+  blocking_ms = std::atoi(words[2]);
+  air_in = std::atoi(words[3]);
+  air_out = std::atoi(words[4]);
+  setup();
+  loop();
+}

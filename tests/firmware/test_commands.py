@@ -1,0 +1,377 @@
+"""What the firmware makes of commands: whom it obeys, and what it refuses."""
+
+import math
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from modules import SESSION, Host, host_in
+
+from tensionlab.hardware.codes import Calibration, Code, Fault, Limit, State, Type
+from tensionlab.hardware.frames import Frame
+from tensionlab.hardware.protocol import (
+    Acknowledge,
+    Arm,
+    Calibrate,
+    ConfigureTelemetry,
+    EmergencyStop,
+    Event,
+    GetParameter,
+    Hello,
+    ParameterValue,
+    Ping,
+    Pong,
+    Save,
+    SetImpedance,
+    SetParameter,
+    SetTension,
+    Stop,
+    Telemetry,
+)
+from tensionlab.hardware.simulated import PARAMETERS, STEP, SimulatedModule
+
+NO_NUMBERS = (math.nan, math.inf, -math.inf)
+PLAIN = {"rest": 0.0, "stiffness": 0.0, "damping": 0.0, "feed_forward": 1.0}
+UPPER = PARAMETERS["length_upper"].standard
+
+
+def raw(host: Host, kind: Type, layout: str, *values) -> Code:
+    """What a payload gets that the host's own classes would not send."""
+    host.sequence += 1
+    host.module.receive(Frame(kind, host.sequence, struct.pack("<" + layout, *values)).pack())
+    (answer,) = host.hear()
+    return answer.code
+
+
+# Sessions and sequence numbers
+
+
+def test_a_module_is_armed_only_when_idle_calibrated_and_free_of_faults():
+    host = Host()
+    assert host.code(Arm(SESSION)) == Code.NOT_CALIBRATED
+    host.calibrate()
+    assert host.code(Arm(0)) == Code.BAD_VALUE
+    host.module.damage("supply")
+    host.module.advance(0.02)
+    assert (host.code(Arm(SESSION)), host.state) == (Code.FAULT_PRESENT, State.IDLE)
+    assert host.module.faults == Fault.SUPPLY
+    host.module.repair("supply")
+    host.module.advance(0.2)
+    assert (host.code(Arm(SESSION)), host.state) == (Code.OK, State.ARMED)
+
+
+def test_before_its_first_step_a_module_cannot_be_armed():
+    module = SimulatedModule()
+    module.receive(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0).frame(1).pack() + Arm(SESSION).frame(2).pack())
+    module.advance(STEP)
+    assert module.sample.state == State.IDLE
+
+
+def test_arm_may_be_repeated_but_a_session_arms_only_once():
+    host = host_in(State.ARMED)
+    assert host.code(Arm(SESSION)) == Code.OK, "its acknowledgement may have been lost"
+    host.pull(2.0)
+    assert host.code(Arm(SESSION)) == Code.OK
+    assert host.state == State.RUNNING
+    assert host.code(Arm(SESSION + 1)) == Code.BAD_STATE
+    assert host.code(Stop()) == Code.OK
+    assert host.code(Arm(SESSION)) == Code.BAD_SESSION, "a late copy does not undo the stop"
+    assert host.code(Arm(SESSION + 1)) == Code.OK
+
+
+@given(st.integers(0, 65535).filter(lambda session: session != SESSION))
+def test_foreign_sessions_are_refused(session):
+    host = host_in(State.ARMED)
+    assert host.code(SetTension(session, 3.0)) == Code.BAD_SESSION
+    assert host.code(SetImpedance(session, **PLAIN)) == Code.BAD_SESSION
+    assert host.state == State.ARMED
+    trace = host.module.trace(0.3)
+    assert trace.commanded.max() == 0.5, "and they do not prolong anything"
+    assert host.state == State.TIMEOUT
+
+
+@pytest.mark.parametrize("first", [0, 100, 200, 255])
+@pytest.mark.parametrize("back", range(128))
+def test_stale_and_repeated_set_points_are_dropped_without_a_word(first, back):
+    host = host_in(State.ARMED)
+    host.sequence = first - 1
+    host.code(Stop())
+    host.session = 78
+    host.sequence = first - 2
+    host.arm()
+    assert host.say(SetTension(78, 1.0), first) == []
+    assert host.say(SetTension(78, 5.0), (first - back) % 256) == []
+    assert host.module.trace(0.24).commanded.max() == pytest.approx(1.0)
+    host.module.advance(0.02)
+    assert host.state == State.TIMEOUT, "they do not prolong anything"
+
+
+@pytest.mark.parametrize("ahead", [1, 2, 127])
+@pytest.mark.parametrize("first", [0, 200, 255])
+def test_newer_set_points_count_though_some_were_lost(first, ahead):
+    host = host_in(State.ARMED)
+    host.say(SetTension(SESSION, 1.0), host.sequence + 1)
+    host.code(Stop())
+    host.session, host.sequence = 78, first - 1
+    host.arm()
+    host.say(SetTension(78, 2.0), (first + ahead) % 256)
+    assert host.module.trace(0.2).commanded[-1] == 2.0
+
+
+# Numbers
+
+
+@pytest.mark.parametrize("value", [*NO_NUMBERS, -0.01, 6.01, 1e30])
+def test_tensions_that_are_none_or_out_of_range_are_refused(value):
+    host = host_in(State.RUNNING)
+    assert raw(host, Type.SET_TENSION, "HfBH", SESSION, value, 0, 0) == Code.BAD_VALUE
+    assert host.module.trace(0.1).commanded == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("field", range(6))
+@pytest.mark.parametrize("value", [*NO_NUMBERS, -7.0, 1e30])
+def test_impedances_that_are_none_or_out_of_range_are_refused(field, value):
+    host = host_in(State.RUNNING)
+    numbers = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+    numbers[field] = value
+    assert raw(host, Type.SET_IMPEDANCE, "H6fBH", SESSION, *numbers, 0, 0) == Code.BAD_VALUE
+    assert host.module.trace(0.1).commanded == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("ttl_ms", [1, 49, 2001, 65535])
+def test_lives_that_are_too_short_or_too_long_are_refused(ttl_ms):
+    host = host_in(State.ARMED)
+    assert host.code(SetTension(SESSION, 1.0, ttl_ms=ttl_ms)) == Code.BAD_VALUE
+    assert raw(host, Type.SET_TENSION, "HfBH", SESSION, 1.0, 2, 0) == Code.BAD_VALUE, "a flag is 0 or 1"
+    assert raw(host, Type.SET_IMPEDANCE, "H6fBH", SESSION, *6 * [0.0], 2, 0) == Code.BAD_VALUE
+    assert host.state == State.ARMED
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_parameters_out_of_range_or_none_are_refused(name):
+    host, row = Host(), PARAMETERS[name]
+    before = host.module.parameters
+    for value in (*NO_NUMBERS, row.lower - 1e-3 * max(1.0, abs(row.lower)), 1.001 * row.upper + 1e-3):
+        assert raw(host, Type.SET_PARAMETER, "Bf", row.index, value) == Code.BAD_VALUE
+    assert host.module.parameters == before
+    answer = host.say(GetParameter(row.index))
+    assert answer == [ParameterValue(row.index, row.standard, row.lower, row.upper)]
+
+
+@pytest.mark.parametrize("index", [len(PARAMETERS), 255])
+def test_parameters_that_do_not_exist_are_unknown(index):
+    host = Host()
+    assert host.code(GetParameter(index)) == Code.UNKNOWN_PARAMETER
+    assert host.code(SetParameter(index, 0.0)) == Code.UNKNOWN_PARAMETER
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("tension_upper", 0.5 - 1e-3),
+        ("current_continuous", 2.0),
+        ("current_peak", 0.9),
+        ("length_lower", 5.0),
+        ("supply_upper", 8.0),
+        ("timeout_brake", 0.5),
+        ("motor_direction", 0.0),
+        ("calibrated", 0.5),
+    ],
+)
+def test_parameters_that_contradict_the_others_are_refused(name, value):
+    host = Host()
+    host.set(current_peak=1.5)
+    assert host.code(SetParameter(PARAMETERS[name].index, value)) == Code.BAD_VALUE
+
+
+def test_a_taut_minimum_that_the_winding_cannot_hold_is_refused():
+    host = Host()
+    host.set(tension_lower=2.0)
+    assert host.code(Calibrate(Calibration.NEWTON_PER_AMPERE, 1.9)) == Code.BAD_VALUE
+    assert host.code(Arm(SESSION)) == Code.NOT_CALIBRATED
+
+
+@given(st.integers(0, 255).filter(lambda kind: kind not in set(Type) or kind >= 0x80), st.binary(max_size=56))
+def test_what_is_no_command_is_unknown(kind, payload):
+    host = host_in(State.RUNNING)
+    host.module.receive(Frame(kind, 3, payload).pack())
+    (frame,) = host.decoder.feed(host.module.transmit())
+    assert (frame.type, frame.sequence) == (Type.ACKNOWLEDGE, 3)
+    assert frame.payload == bytes([kind, Code.UNKNOWN_TYPE, State.RUNNING])
+
+
+# What is only for a module at rest
+
+
+@pytest.mark.parametrize("state", [state for state in State if state != State.IDLE])
+def test_only_an_idle_module_is_changed(state):
+    host = host_in(state)
+    for command in (
+        GetParameter(0),
+        SetParameter(PARAMETERS["slew"].index, 50.0),
+        Save(),
+        *(Calibrate(what, 1.0) for what in Calibration),
+    ):
+        assert host.code(command) == Code.BAD_STATE
+    assert host.module.parameters["slew"] == 60.0
+    assert host.module.settings == b""
+
+
+def test_a_module_is_not_changed_while_it_lets_go():
+    # 3 N fade for 50 ms after a stop; twice the N/A would halve them at once.
+    host = host_in(State.RUNNING)
+    host.code(Stop())
+    host.module.advance(0.01)
+    assert host.module.sample.commanded > 2.0
+    for command in (
+        SetParameter(PARAMETERS["newton_per_ampere"].index, 6.0),
+        Save(),
+        *map(Calibrate, Calibration),
+    ):
+        assert host.code(command) == Code.BAD_STATE
+    host.session = 78
+    host.arm()
+    trace = host.module.trace(0.1)
+    assert trace.driver_on.all(), "but it may be armed"
+    assert trace.commanded[-1] == 0.5
+
+
+def test_a_second_chore_waits_for_the_first_and_stop_ends_an_alignment():
+    host = Host()
+    assert host.say(Calibrate(Calibration.ENCODER)) == [], "it is answered when it is done"
+    repeated = host.sequence
+    assert host.say(Calibrate(Calibration.ENCODER), repeated) == [], "and only once"
+    assert host.code(Save()) == Code.BAD_STATE
+    assert host.code(Arm(SESSION)) == Code.BAD_STATE
+    assert [answer.code for answer in host.say(Stop())] == [Code.FAILED, Code.OK]
+    host.module.advance(0.01)
+    assert host.hear() == []
+    assert host.module.parameters["motor_zero"] == 0.0
+    host.say(Calibrate(Calibration.ENCODER))
+    host.module.advance(0.01)
+    assert [(answer.command, answer.code) for answer in host.hear()] == [(Type.CALIBRATE, Code.OK)]
+    assert host.module.parameters["motor_zero"] == 1.0
+
+
+def test_settings_are_stored_and_found_again_but_not_if_they_are_damaged():
+    host = Host()
+    host.set(slew=50.0)
+    host.calibrate(newton_per_ampere=2.5)
+    assert host.say(Save()) == []
+    host.module.advance(0.01)
+    assert [answer.code for answer in host.hear()] == [Code.OK]
+    image = host.module.settings
+    again = Host(settings=image)
+    assert again.module.loaded
+    assert again.module.parameters == host.module.parameters
+    again.arm()
+    for at in range(len(image)):
+        for bit in range(8):
+            broken = bytearray(image)
+            broken[at] ^= 1 << bit
+            assert not SimulatedModule(settings=bytes(broken)).loaded
+    for cut in (b"", image[:-1], image + b"\0"):
+        module = SimulatedModule(settings=cut)
+        assert not module.loaded
+        assert module.parameters == SimulatedModule().parameters
+
+
+# The length of the cable
+
+
+def test_a_spring_needs_to_know_the_length():
+    host = Host()
+    host.calibrate()
+    host.arm()
+    assert host.code(SetImpedance(SESSION, **(PLAIN | {"stiffness": 10.0}))) == Code.NOT_CALIBRATED
+    host.render(feed_forward=1.0)
+    assert host.state == State.RUNNING
+
+
+@pytest.mark.parametrize("event", ["encoder", "loop", "spool_radius", "motor_direction"])
+def test_the_length_is_forgotten_when_turns_or_their_meaning_may_be_lost(event):
+    host = Host()
+    host.calibrate(length=1.0)
+    assert host.say(Hello())[0].length_known
+    if event == "encoder":
+        host.module.damage("encoder")
+        host.module.advance(0.01)
+        assert host.code(Calibrate(Calibration.LENGTH, 1.0)) == Code.FAULT_PRESENT
+        host.module.repair("encoder")
+    elif event == "loop":
+        host.module.pause(0.1)
+    else:
+        host.set(**{event: -1.0 if event == "motor_direction" else 0.02})
+    host.module.advance(0.1)
+    assert not host.say(Hello())[0].length_known
+    assert host.code(Calibrate(Calibration.LENGTH, 1.0)) == Code.OK
+    assert host.code(Calibrate(Calibration.LENGTH, UPPER + 0.1)) == Code.BAD_VALUE
+
+
+# Answers
+
+
+def test_ping_comes_back_with_the_clock():
+    host = Host(start_us=1000)
+    host.module.advance(0.5)
+    assert host.say(Ping(2**64 - 1), 200) == [Pong(2**64 - 1, 1000 + 250 + 500_000)]
+
+
+def test_telemetry_tells_the_truth():
+    host = host_in(State.RUNNING, distance=1.0)
+    assert host.code(ConfigureTelemetry(4)) == Code.BAD_VALUE
+    assert host.code(ConfigureTelemetry(20)) == Code.OK
+    host.module.receive(b"rubbish\0")
+    host.pull(3.0)
+    host.module.advance(0.1)
+    told = host.hear()
+    assert len(told) == 5
+    last, sample = told[-1], host.module.sample
+    assert isinstance(last, Telemetry)
+    assert (last.state, last.limit, last.faults) == (State.RUNNING, Limit.NONE, Fault(0))
+    assert last.tension == pytest.approx(sample.commanded)
+    assert last.current == pytest.approx(sample.current, abs=0.03)
+    assert last.length == pytest.approx(sample.length, abs=1e-3)
+    assert last.supply == pytest.approx(12.0, abs=0.2)
+    assert (last.bad_frames, last.longest_step_us, last.sequence) == (1, 250, host.sequence)
+    assert host.code(ConfigureTelemetry(0)) == Code.OK
+    host.module.advance(0.1)
+    assert host.hear() == []
+
+
+def test_telemetry_that_nobody_fetches_leaves_room_for_answers():
+    host = host_in(State.RUNNING)
+    host.code(ConfigureTelemetry(5))
+    for _ in range(20):
+        host.module.receive(SetTension(SESSION, 2.0).frame(host.sequence + 1).pack())
+        host.sequence += 1
+        host.module.advance(0.1)
+    host.module.receive(EmergencyStop().frame(9).pack())
+    told = host.hear()
+    assert told[-1] == Acknowledge(Type.ESTOP, Code.OK, State.ESTOP)
+    host.module.advance(0.01)
+    assert host.hear()[-1].lost_frames > 300
+
+
+def test_an_event_tells_of_what_no_command_brought():
+    host = host_in(State.RUNNING)
+    host.module.advance(0.3)
+    assert host.hear() == [Event(State.TIMEOUT, Fault(0), Limit.NONE)]
+    host.module.damage("supply")
+    host.module.advance(0.02)
+    assert [(event.state, event.faults) for event in host.hear()] == [(State.FAULT, Fault.SUPPLY)]
+
+
+def test_a_new_link_starts_afresh():
+    host = host_in(State.RUNNING)
+    host.code(ConfigureTelemetry(5))
+    host.module.advance(0.1)
+    half = Hello().frame(1).pack()[:3]
+    host.module.receive(half)
+    host.module.close_link()
+    assert host.state == State.TIMEOUT
+    assert host.hear() == []
+    assert host.say(Hello())[0].state == State.TIMEOUT
+    host.module.advance(0.1)
+    assert host.hear() == [], "nobody asked this time for telemetry"

@@ -1,0 +1,260 @@
+"""The whole layer of the ESP32, run here against fakes of its libraries: tasks, link, boot, alignment, driver."""
+
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tensionlab.hardware.codes import Calibration, Code, ResetReason, State
+from tensionlab.hardware.frames import Decoder
+from tensionlab.hardware.protocol import (
+    Acknowledge,
+    Arm,
+    Calibrate,
+    ConfigureTelemetry,
+    EmergencyStop,
+    GetParameter,
+    Hello,
+    Info,
+    Log,
+    ParameterValue,
+    Save,
+    SetParameter,
+    SetTension,
+    Stop,
+    Telemetry,
+    read,
+)
+from tensionlab.hardware.simulated import PARAMETERS
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
+ROOT = Path(__file__).parents[2]
+FIRMWARE = ROOT / "firmware"
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    compiler = shutil.which("c++")
+    if compiler is None:
+        pytest.fail("no C++ compiler 'c++' was found; the package itself needs one to build")
+    built = tmp_path_factory.mktemp("esp32") / "module"
+    sources = [*FIRMWARE.glob("core/*.cpp"), *FIRMWARE.glob("esp32/*.cpp"), ROOT / "tests/data/esp32_fakes.cpp"]
+    command = [compiler, "-std=c++17", "-O1", "-pthread", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(
+        [*command, "-isystem", str(FIRMWARE / "stubs"), *map(str, sources), "-o", str(built)], check=True
+    )
+    return built
+
+
+class Wire:
+    """One end of a link by two pipes."""
+
+    def __init__(self, into, out):
+        self.into, self.out = into, out
+        self.decoder, self.heard, self.sequence = Decoder(), [], 0
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self):
+        while content := os.read(self.out, 4096):
+            self.heard += [read(frame) for frame in self.decoder.feed(content)]
+
+    def send(self, message):
+        self.sequence = (self.sequence + 1) % 256
+        os.write(self.into, message.frame(self.sequence).pack())
+
+    def wait(self, kind, seconds=10.0, **fields):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            while self.heard:
+                found = self.heard.pop(0)
+                if isinstance(found, kind) and all(getattr(found, key) == fields[key] for key in fields):
+                    return found
+            time.sleep(0.001)
+        raise TimeoutError(f"no {kind.__name__} {fields} within {seconds} s")
+
+    def ask(self, message, kind=Acknowledge):
+        self.send(message)
+        return self.wait(kind, **({"command": message.type} if kind is Acknowledge else {}))
+
+
+class Board:
+    """The running program: `usb` and `bluetooth` to talk to it, `told` what happened to pins and tasks."""
+
+    def __init__(self, program, speed, blocking_ms):
+        (self._usb_in, usb_to), (usb_from, self._usb_out) = os.pipe(), os.pipe()
+        (air_in, self.air_to), (self.air_from, air_out) = os.pipe(), os.pipe()
+        self.process = subprocess.Popen(
+            [str(word) for word in (program, speed, blocking_ms, air_in, air_out)],
+            stdin=self._usb_in,
+            stdout=self._usb_out,
+            stderr=subprocess.PIPE,
+            text=True,
+            pass_fds=(air_in, air_out),
+        )
+        for end in (self._usb_in, self._usb_out, air_in, air_out):
+            os.close(end)
+        self.told = []
+        threading.Thread(target=self._note, daemon=True).start()
+        self.usb, self.bluetooth = Wire(usb_to, usb_from), None
+
+    def _note(self):
+        for line in self.process.stderr:
+            at, what, number = line.split()
+            self.told.append((what, float(number), float(at)))
+
+    def connect_bluetooth(self):
+        self.bluetooth = Wire(self.air_to, self.air_from)
+        return self.bluetooth
+
+    def numbers(self, what):
+        return [number for name, number, _ in self.told if name == what]
+
+    def until(self, what, number, seconds=10.0):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if number in self.numbers(what):
+                return
+            time.sleep(0.001)
+        raise TimeoutError(f"no {what} {number}: {self.told}")
+
+
+@contextmanager
+def board(program, speed=4.0, blocking_ms=0):
+    made = Board(program, speed, blocking_ms)
+    try:
+        yield made
+        assert made.process.poll() is None
+    finally:
+        made.process.kill()
+        made.process.wait()
+        made.process.stderr.close()
+
+
+def pull(wire, tension=2.0):
+    wire.ask(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
+    assert wire.ask(Arm(5)).code is Code.OK
+    wire.send(SetTension(5, tension, ttl_ms=2000))
+
+
+def test_it_boots_with_the_driver_off_and_each_task_on_its_processor(program):
+    with board(program) as module:
+        assert "no settings in flash" in module.usb.wait(Log).text
+        info = module.usb.ask(Hello(), Info)
+        assert (info.state, info.reset_reason, info.calibrated) == (State.IDLE, ResetReason.WATCHDOG, False)
+        assert info.serial_number == 0xA1B2C3D4
+        assert module.told[0][:2] == ("output", 33)  # before all else
+        assert module.numbers("driver") == []
+        assert module.numbers("offsets_with_driver_on") == []
+        assert (module.numbers("task_foc"), module.numbers("task_read"), module.numbers("task_write")) == (
+            [1],
+            [0],
+            [0],
+        )
+        assert module.numbers("watchdog_ms") == [1000]
+        assert module.numbers("servo_us") == [1000]
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_it_reels_in_whichever_way_round_the_encoder_is(program, direction):
+    with board(program) as module:
+        usb = module.usb
+        assert usb.ask(SetParameter(PARAMETERS["motor_direction"].index, direction)).code is Code.OK
+        assert usb.ask(SetParameter(PARAMETERS["motor_zero"].index, 1.5)).code is Code.OK
+        pull(usb)
+        module.until("driver", 1)
+        assert module.numbers("zero_mrad") == [1500]
+        usb.ask(ConfigureTelemetry(20))
+        first, *_, last = [usb.wait(Telemetry, state=State.RUNNING) for _ in range(15)]
+        assert last.tension == pytest.approx(2.0)
+        assert last.current == pytest.approx(2.0 / 3.0, rel=0.01)
+        assert last.length < first.length
+        assert last.supply == pytest.approx(12.0, abs=0.01)
+        usb.ask(Stop())
+        module.until("driver", 0)
+
+
+def test_the_electrical_zero_is_found_with_the_driver_on_only_meanwhile(program):
+    with board(program) as module:
+        usb = module.usb
+        usb.send(Calibrate(Calibration.ENCODER))
+        module.until("driver", 1)
+        found = usb.wait(Acknowledge)
+        assert (found.code, found.state) == (Code.OK, State.IDLE)
+        module.until("driver", 0)
+        zero = usb.ask(GetParameter(PARAMETERS["motor_zero"].index), ParameterValue).value
+        assert zero == pytest.approx(2.0, abs=0.02)  # that of the fakes' rotor
+        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        assert 3.0 < off - on < 3.6
+
+
+def test_an_emergency_stop_ends_the_search_for_the_zero(program):
+    with board(program) as module:
+        usb = module.usb
+        usb.send(Calibrate(Calibration.ENCODER))
+        module.until("driver", 1)
+        assert usb.ask(EmergencyStop()).state is State.ESTOP
+        module.until("driver", 0)
+        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        assert off - on < 1.5
+        time.sleep(0.2)
+        assert module.numbers("driver") == [1, 0]
+
+
+def test_settings_are_stored_when_they_are_saved(program):
+    with board(program) as module:
+        assert module.usb.ask(Save()).code is Code.OK
+        assert len(module.numbers("stored")) == 1
+
+
+def test_the_servo_follows_its_pulse_at_once(program):
+    with board(program) as module:
+        assert module.usb.ask(SetParameter(PARAMETERS["brake_open_pulse"].index, 1200.0)).code is Code.OK
+        module.until("servo_us", 1200)
+
+
+def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(program):
+    with board(program) as module:
+        pull(module.usb)
+        module.until("driver", 1)
+        air = module.connect_bluetooth()
+        assert air.ask(Hello(), Info).state is State.TIMEOUT
+        assert air.ask(Stop()).code is Code.OK
+        assert air.ask(Arm(6)).code is Code.OK
+        air.send(SetTension(6, 1.0, ttl_ms=2000))
+        assert air.ask(Hello(), Info).state is State.RUNNING
+        os.close(module.air_to)
+        time.sleep(0.1)
+        assert module.usb.ask(Hello(), Info).state is State.TIMEOUT
+
+
+def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(program):
+    with board(program, speed=1.0, blocking_ms=1000) as module:
+        module.usb.ask(Hello(), Info)
+        time.sleep(0.05)  # before its first step, the firmware does not arm
+        air = module.connect_bluetooth()
+        air.send(Hello())  # its answer blocks the writing task for a second
+        air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
+        air.send(Arm(5))
+        air.send(SetTension(5, 2.0, ttl_ms=2000))
+        module.until("driver", 1)
+        begin = time.monotonic()
+        air.send(EmergencyStop())
+        module.until("driver", 0)
+        assert time.monotonic() - begin < 0.5
+
+
+def test_a_flood_does_not_hold_the_loop_up(program):
+    with board(program, speed=1.0) as module:
+        usb = module.usb
+        for _ in range(20):
+            os.write(usb.into, bytes(reversed(range(256))) * 4)  # each piece ends a frame
+        usb.ask(ConfigureTelemetry(20))
+        telemetry = usb.wait(Telemetry)
+        assert telemetry.bad_frames > 60
+        assert telemetry.longest_step_us == 250

@@ -1,0 +1,155 @@
+"""The supervisor's table: complete, safe, and what the running module does."""
+
+import pytest
+from modules import Host, host_in
+
+from tensionlab import _native
+from tensionlab.hardware.codes import Code, Fault, State
+from tensionlab.hardware.protocol import Arm, Clear, EmergencyStop, SetTension, Stop
+
+EVENTS = ("arm", "set_point", "stop", "estop", "clear", "expire", "fault")
+TABLE = {
+    (state, event): (accepted, State(after))
+    for event, row in zip(EVENTS, _native.transition_table(), strict=True)
+    for state, (accepted, after) in zip(State, row, strict=True)
+}
+COMMANDS = {
+    "arm": Arm(78),  # a new session
+    "set_point": SetTension(77, 2.0),
+    "stop": Stop(),
+    "estop": EmergencyStop(),
+    "clear": Clear(),
+}
+REST = (State.TIMEOUT, State.FAULT, State.ESTOP)
+
+
+def happen(host: Host, event: str) -> bool:
+    """Let an event happen to a module; whether it was accepted."""
+    if event == "expire":
+        host.module.close_link()
+        return True
+    if event == "fault":
+        host.module.damage("supply")
+        host.module.advance(0.02)
+        return True
+    answers = host.say(COMMANDS[event])
+    return answers == [] or answers[-1].code == Code.OK
+
+
+@pytest.mark.parametrize("event", EVENTS)
+@pytest.mark.parametrize("state", State)
+def test_the_module_does_what_the_table_says(state, event):
+    host = host_in(state)
+    accepted, after = TABLE[state, event]
+    assert happen(host, event) == accepted
+    assert host.state == after
+    host.module.advance(0.05)
+    if after == state == State.RUNNING or after != State.RUNNING:
+        assert host.state == after, "and it lasts"
+
+
+def reachable(start: State, without: set[str]) -> set[State]:
+    """States that a module can get to from one, if some events never happen."""
+    seen, todo = {start}, [start]
+    while todo:
+        state = todo.pop()
+        for event in set(EVENTS) - without:
+            after = TABLE[state, event][1]
+            if after not in seen:
+                seen.add(after)
+                todo.append(after)
+    return seen
+
+
+def test_every_state_and_event_has_one_outcome_and_what_is_refused_changes_nothing():
+    assert len(TABLE) == len(State) * len(EVENTS)
+    for (state, _), (accepted, after) in TABLE.items():
+        assert accepted or after == state
+
+
+@pytest.mark.parametrize("state", REST)
+def test_the_way_back_to_running_is_stop_or_clear_and_then_arm_and_a_set_point(state):
+    assert State.RUNNING in reachable(state, set())
+    assert State.RUNNING not in reachable(state, {"stop", "clear"})
+    assert State.RUNNING not in reachable(state, {"arm"})
+    assert State.RUNNING not in reachable(state, {"set_point"})
+    if state != State.TIMEOUT:
+        assert State.RUNNING not in reachable(state, {"clear"})
+
+
+def test_from_everywhere_a_stop_is_one_step_and_estop_latches():
+    for state in State:
+        assert TABLE[state, "estop"] == (True, State.ESTOP)
+        assert TABLE[state, "stop"][1] not in (State.ARMED, State.RUNNING)
+        assert TABLE[state, "expire"][1] not in (State.ARMED, State.RUNNING)
+        assert TABLE[state, "fault"][1] not in (State.ARMED, State.RUNNING)
+    assert reachable(State.ESTOP, {"clear"}) == {State.ESTOP}
+
+
+@pytest.mark.parametrize("state", State)
+def test_estop_lets_go_within_a_step_and_stays(state):
+    host = host_in(state)
+    assert host.code(EmergencyStop()) == Code.OK
+    trace = host.module.trace(1.0)
+    assert not trace.driver_on.any()
+    assert (trace.commanded == 0.0).all()
+    assert (trace.state == State.ESTOP).all()
+    assert host.code(Stop()) == Code.BAD_STATE
+    assert host.code(Clear()) == Code.OK
+    assert host.state == State.IDLE
+
+
+@pytest.mark.parametrize(
+    ("part", "fault"), [("encoder", Fault.ENCODER), ("supply", Fault.SUPPLY), ("motor", Fault.CURRENT)]
+)
+def test_a_fault_lets_go_latches_and_is_cleared_only_when_it_is_over(part, fault):
+    host = host_in(State.RUNNING)
+    host.module.damage(part)
+    for _ in range(6):
+        host.say(SetTension(77, 3.0))
+        host.module.advance(0.02)
+    assert host.state == State.FAULT
+    assert host.module.faults == fault
+    assert not host.module.sample.driver_on
+    if part != "motor":  # without a driver nobody sees that the wire is off
+        assert host.code(Clear()) == Code.FAULT_PRESENT
+    host.module.repair(part)
+    host.module.advance(0.6)
+    assert host.state == State.FAULT, "it latches"
+    assert host.module.faults == fault
+    assert host.code(Clear()) == Code.OK
+    assert host.module.faults == Fault(0)
+    host.session = 78
+    host.arm()
+
+
+def test_a_fault_ends_a_stop_at_once():
+    host = host_in(State.RUNNING)
+    host.module.damage("encoder")
+    assert host.code(Stop()) == Code.OK
+    trace = host.module.trace(0.002)
+    assert trace.commanded[0] > 2.0
+    assert trace.commanded[-1] == 0.0
+    assert not trace.driver_on[-1]
+
+
+def test_a_loop_that_hangs_is_a_fault():
+    host = host_in(State.RUNNING)
+    host.module.pause(0.006)
+    host.module.advance(0.00025)
+    assert (host.state, host.module.faults) == (State.FAULT, Fault.LOOP)
+
+
+def test_runaway_is_a_fault():
+    # The cable is cut, and the spool spins up to twice the speed limit in spite of a lower tension.
+    host = Host()
+    host.set(speed_limit=0.5)
+    host.calibrate()
+    host.arm()
+    host.hold(3.0, 0.1)
+    host.module.damage("cable")
+    trace = host.module.trace(0.2)
+    assert (host.state, host.module.faults) == (State.FAULT, Fault.SPEED)
+    let_go = (trace.state == State.FAULT).argmax()
+    assert trace.length[0] - trace.length[let_go] < 0.05
+    assert trace.commanded[let_go - 1] < 2.8

@@ -1,0 +1,88 @@
+"""Golden frames: both sides agree on them, and no damage makes another command of one."""
+
+import json
+import runpy
+from pathlib import Path
+
+import pytest
+from modules import Host
+
+from tensionlab import _native
+from tensionlab.hardware import protocol
+from tensionlab.hardware.codes import State
+from tensionlab.hardware.frames import Decoder, Frame
+
+FIRMWARE = Path(__file__).parents[2] / "firmware"
+VECTORS = json.loads((FIRMWARE / "vectors.json").read_text())
+NAMES = [f"{index}-{vector['message']}" for index, vector in enumerate(VECTORS)]
+each_vector = pytest.mark.parametrize("vector", VECTORS, ids=NAMES)
+
+
+def test_the_file_is_fresh_and_has_every_message():
+    written = runpy.run_path(str(FIRMWARE / "vectors.py"))["vectors"]()
+    assert written == (FIRMWARE / "vectors.json").read_text(), "run: python firmware/vectors.py"
+    assert {vector["type"] for vector in VECTORS} == set(protocol.Type)
+
+
+@each_vector
+def test_both_sides_write_and_read_the_frame(vector):
+    wire, payload = bytes.fromhex(vector["frame"]), bytes.fromhex(vector["payload"])
+    kind, sequence = vector["type"], vector["sequence"]
+    message = getattr(protocol, vector["message"])(**vector["fields"])
+    assert message.frame(sequence).pack() == wire
+    assert _native.build_frame(kind, sequence, payload) == wire
+    assert Decoder().feed(wire) == [Frame(kind, sequence, payload)]
+    assert _native.parse_frames(wire) == ([(kind, sequence, payload)], 0)
+    assert protocol.read(Frame(kind, sequence, payload)) == message
+
+
+@pytest.mark.parametrize("vector", [vector for vector in VECTORS if vector["type"] < 0x80])
+def test_the_firmware_knows_each_command_and_its_length(vector):
+    frame = Frame(vector["type"], 1, bytes.fromhex(vector["payload"]))
+    for payload, known in ((frame.payload, True), (frame.payload + b"\0", False), (frame.payload[:-1], False)):
+        if not known and payload == frame.payload:
+            continue  # there is nothing to leave out
+        host = Host()
+        host.module.receive(Frame(frame.type, 1, payload).pack())
+        codes = {answer.code for answer in host.hear() if isinstance(answer, protocol.Acknowledge)}
+        assert (protocol.Code.BAD_LENGTH in codes) == (not known)
+        assert protocol.Code.UNKNOWN_TYPE not in codes
+
+
+def damaged(wire: bytes):
+    """Every single bit flipped, every byte dropped, every byte sent twice."""
+    for bit in range(8 * len(wire)):
+        flipped = bytearray(wire)
+        flipped[bit // 8] ^= 1 << bit % 8
+        yield bytes(flipped)
+    for at in range(len(wire)):
+        yield wire[:at] + wire[at + 1 :]
+        yield wire[: at + 1] + wire[at:]
+
+
+@each_vector
+def test_no_damage_makes_another_frame_of_it(vector):
+    wire = bytes.fromhex(vector["frame"])
+    whole = (vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
+    follower = Frame(protocol.Type.PING, 9, bytes(8))
+    for stream in damaged(wire):
+        found, bad = _native.parse_frames(stream + b"\0" + follower.pack())
+        assert found[-1] == (follower.type, 9, bytes(8)), "and the next frame is read"
+        assert found[:-1] in ([whole], []), stream.hex()
+        assert bad >= 1 or found[0] == whole
+
+
+@pytest.mark.parametrize("vector", [vector for vector in VECTORS if vector["type"] < 0x80])
+def test_no_damage_moves_a_module(vector):
+    """Damage to a stop does not stop, and to a set-point pulls nothing else; the frame itself is well heard."""
+    whole = Frame(vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
+    for stream in damaged(whole.pack()):
+        if Decoder().feed(stream + b"\0") == [whole]:
+            continue  # a zero more at its end is none
+        host = Host(session=0x1234)
+        host.calibrate(length=1.0)
+        host.arm()
+        host.module.receive(stream + b"\0")
+        assert host.hear() == []
+        assert host.state == State.ARMED
+        assert host.module.parameters["slew"] == 60.0
