@@ -13,7 +13,8 @@
 #include <limits>
 
 #include "factor.hpp"
-#include "lanes.hpp"
+#include "line_search.hpp"
+#include "side_by_side.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -23,27 +24,21 @@ class DualStep {
  public:
   using V = Lanes<Real, L>;
 
-  // The numbers of one problem, each array contiguous; structure is n x m, row by row.
-  struct Source {
-    const Real *structure, *wrench, *lower, *upper, *reference;
-  };
-
-  // go_on: a lane whose wrench proves out of reach looks for the nearest one at once.
-  DualStep(int m, bool go_on) : m_(m), go_on_(go_on) {}
+  explicit DualStep(int m) : problem_(m) {}
 
   // What step() found. Flags are 1 or 0, any of the others in `found`; direction separates, or is that of the
   // residual which settled.
   V direction[N] = {}, converged = {}, settled = {}, separated = {}, found = {};
 
   // Look for tensions that render the wrench, in lane l.
-  void render(int l, const Source& source) {
+  void render(int l, const Source<Real>& source) {
     source_[l] = source;
     begun_[l] = kRender;
     stale_ = true;
   }
 
   // Look for the tensions whose wrench is nearest, in lane l, from the multiplier y.
-  void approach(int l, const Source& source, const Real* y) {
+  void approach(int l, const Source<Real>& source, const Real* y) {
     render(l, source);
     begun_[l] = kNearest;
     TENSIONLAB_UNROLL
@@ -59,10 +54,11 @@ class DualStep {
 
   // Tension of cable i in lane l: the answer, once the lane has converged or settled.
   Real tension(int i, int l) const {
-    return smaller(larger(read<Real>(wanted_[i], l), read<Real>(lower_[i], l)), read<Real>(upper_[i], l));
+    return smaller(larger(read<Real>(wanted_[i], l), read<Real>(problem_.lower[i], l)),
+                   read<Real>(problem_.upper[i], l));
   }
 
-  const Source& source(int l) const { return source_[l]; }
+  const Source<Real>& source(int l) const { return source_[l]; }
 
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
@@ -78,32 +74,15 @@ class DualStep {
   // rounding leaves of a wrench moves the tensions by so much more.
   static constexpr Real kProximal = kDouble ? Real(1e-5) : Real(0.1), kProximalFall = Real(0.03);
   static constexpr Real kProximalFloor = (kDouble ? 64 : 16384) * kUlp, kProximalShare = kProximal / 10;
-  // Line search: what may be left of the first slope, what the search leaves of it, and beyond all breakpoints.
-  static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4), kFar = Real(1e9);
-  static constexpr int kSearchRounds = 2 * M + 8;
+  // Line search: what may be left of the first slope, and what the search leaves of it.
+  static constexpr Real kFlat = Real(0.5), kRoot = kDouble ? Real(1e-9) : Real(1e-4);
   static constexpr Real kRender = 1, kNearest = 2;
 
-  // Numbers of the lanes' problems, side by side.
+  // The lanes' problems, and the beginnings of the new ones.
   void reload() {
     const V zero = V{}, one = zero + Real(1);
-    const Real* row[L];
-    V largest = zero, asked = zero;
-    TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) {
-      V square = zero;
-      for (int l = 0; l < L; ++l) row[l] = source_[l].structure + k * m_;
-      transpose<Real, L>(row, m_, [&](int i, const V& entry) {
-        structure_[i][k] = entry;
-        square += entry * entry;
-      });
-      diagonal_[k] = square > zero ? square : one;
-      largest = larger(largest, square);
-      wrench_[k] = gather<Real, L>([&](int l) { return source_[l].wrench[k]; });
-      asked = larger(asked, magnitude(wrench_[k]));
-    }
-    gain_ = square_root<Real, L>(largest > zero ? largest : one);
-    if (limits_changed()) reload_limits();
-    least_size_ = smaller(asked, V(gain_ * strongest_));
+    problem_.load(source_);
+    least_size_ = smaller(problem_.asked, V(problem_.gain * problem_.strongest));
     const V begun = gather<Real, L>([&](int l) { return begun_[l]; });
     const auto fresh = begun > zero;
     const auto nearest = begun > one;
@@ -115,58 +94,35 @@ class DualStep {
       path_[k] = fresh ? zero : path_[k];
       last_[k] = fresh ? zero : last_[k];
     }
-    proximal_ = fresh ? (nearest ? kProximal * gain_ * gain_ : zero) : proximal_;
-    looseness_ = fresh ? zero + (m_ < 2 * N ? kLoose : kLooser) : looseness_;
+    proximal_ = fresh ? (nearest ? kProximal * problem_.gain * problem_.gain : zero) : proximal_;
+    looseness_ = fresh ? zero + (problem_.m < 2 * N ? kLoose : kLooser) : looseness_;
     unseen_ = fresh ? (nearest ? one : zero + Real(2)) : unseen_;
     for (int l = 0; l < L; ++l) begun_[l] = 0;
     stale_ = false;
   }
 
-  bool limits_changed() {
-    bool changed = false;
-    for (int l = 0; l < L; ++l) {
-      const Source &now = source_[l], &then = limits_of_[l];
-      changed = changed || now.lower != then.lower || now.upper != then.upper || now.reference != then.reference;
-      limits_of_[l] = now;
-    }
-    return changed;
-  }
-
-  void reload_limits() {
-    strongest_ = furthest_ = most_ = V{};
-    for (int i = 0; i < m_; ++i) {
-      lower_[i] = gather<Real, L>([&](int l) { return source_[l].lower[i]; });
-      upper_[i] = gather<Real, L>([&](int l) { return source_[l].upper[i]; });
-      reference_[i] = gather<Real, L>([&](int l) { return source_[l].reference[i]; });
-      strongest_ = larger(strongest_, larger(V(-lower_[i]), upper_[i]));
-      furthest_ = larger(furthest_, magnitude(reference_[i]));
-      const V change = larger(magnitude(V(lower_[i] - reference_[i])), magnitude(V(upper_[i] - reference_[i])));
-      most_ += change * change / 2;
-    }
-  }
-
   // Tensions, residual and curvature at the trial point. A lane that begins takes its cables for free.
   void evaluate(V (&matrix)[N][N], V (&residual)[N]) {
     const V zero = V{};
-    V trial[N], h[N][N], r[N],
-        square = zero;  // copies that cannot alias the members, so that they stay in registers
+    // Copies that cannot alias the members, so that they stay in registers.
+    V trial[N], h[N][N], r[N], square = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      r[k] = wrench_[k];
+      r[k] = problem_.wrench[k];
       trial[k] = trial_[k];
       TENSIONLAB_UNROLL
       for (int j = 0; j <= k; ++j) h[k][j] = zero;
     }
     const auto unlimited = unseen_ > zero + Real(1);
-    for (int i = 0; i < m_; ++i) {
-      const V* column = structure_[i];
-      V wanted = reference_[i];
+    for (int i = 0; i < problem_.m; ++i) {
+      const V* column = problem_.structure[i];
+      V wanted = problem_.reference[i];
       TENSIONLAB_UNROLL
       for (int k = 0; k < N; ++k) wanted += column[k] * trial[k];
       wanted_[i] = wanted;
-      const V limited = smaller(larger(wanted, lower_[i]), upper_[i]);
+      const V limited = smaller(larger(wanted, problem_.lower[i]), problem_.upper[i]);
       const V tension = unlimited ? wanted : limited;
-      const V change = tension - reference_[i];
+      const V change = tension - problem_.reference[i];
       square += change * change;
       const auto free = tension == wanted;
       TENSIONLAB_UNROLL
@@ -184,7 +140,7 @@ class DualStep {
       for (int j = 0; j <= k; ++j) matrix[k][j] = h[k][j];
     }
     value_ = square / 2;
-    size_ = larger(V(gain_ * (square_root<Real, L>(square) + furthest_)), least_size_);
+    size_ = larger(V(problem_.gain * (square_root<Real, L>(square) + problem_.furthest)), least_size_);
   }
 
   // Judge the trial point and choose the next.
@@ -203,12 +159,15 @@ class DualStep {
       norm = larger(norm, magnitude(path_[k]));
     }
     // What rounding leaves of a wrench: the multiplier of an unreachable one grows with every step.
-    const V noise = 4 * kUlp * (size_ + gain_ * gain_ * furthest);
+    const V noise = 4 * kUlp * (size_ + problem_.gain * problem_.gain * furthest);
     const V root = kRoot * first_slope_ + noise * norm;
     converged = (error <= kConverged * size_) & (unseen_ <= one) ? one : zero;
     const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
-    // No tensions cost more than `most_`: where the dual does, they cannot render w, and its multiplier says why.
-    const auto lost = (proximal_ == zero) & (unseen_ <= one) & (value > 2 * most_ + kConverged * size_ * furthest);
+    // The dual is never above the cost of tensions that render w: where few cost more, its multiplier may
+    // separate.
+    const auto doubtful = (proximal_ == zero) & (unseen_ <= one) & (value > problem_.dear);
+    const V outside = any(doubtful) ? problem_.how_far_outside(trial_) : zero;
+    const auto lost = doubtful & (outside > zero);
     // Before the root of the slope the dual has grown; beyond it that must be seen.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
     const V take = (unseen_ > zero) | maximal | flat | lost | (magnitude(slope) <= root) ? one : zero;
@@ -218,13 +177,8 @@ class DualStep {
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) direction[k] = trial_[k];
     V step = one;
-    if (any(take == zero)) step = root_along_path(slope, root, take);
+    if (any(take == zero)) step = search(slope, root, take);
     if (any(maximal)) recentre(residual, gradient, maximal, noise, error);
-    if (go_on_ && any(lost)) {
-      proximal_ = lost ? V(kProximal * gain_ * gain_) : proximal_;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) gradient[k] = lost ? V(gradient[k] - proximal_ * trial_[k]) : gradient[k];
-    }
     found = converged + separated + settled;
 
     looseness_ = proximal_ > zero ? zero + kSafe : looseness_;
@@ -237,7 +191,7 @@ class DualStep {
     for (int k = 0; k < N; ++k) matrix[k][k] += proximal_;
     V path[N], least_pivot[N];
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) least_pivot[k] = looseness_ * diagonal_[k];
+    for (int k = 0; k < N; ++k) least_pivot[k] = looseness_ * problem_.diagonal[k];
     solve_with_pivots(matrix, gradient, least_pivot, path, first_slope_);
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
@@ -248,69 +202,24 @@ class DualStep {
     unseen_ = taken ? larger(zero, V(unseen_ - one)) : one;
   }
 
-  // The step at which the slope of the dual along the path is nought: Newton steps inside a bracket, from
-  // breakpoint to breakpoint where they leave it.
-  V root_along_path(const V& first_slope, const V& root, const V& take) {
+  // The step to the maximum along the path, where it was not taken. Where the dual grows without end, the path
+  // itself separates.
+  V search(const V& slope, const V& root, const V& take) {
     const V zero = V{}, one = zero + Real(1);
-    V along[M], pull = zero, curvature = zero;
+    V pull = zero, curvature = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      pull += path_[k] * (wrench_[k] - proximal_ * (trial_[k] - centre_[k]));
+      pull += path_[k] * (problem_.wrench[k] - proximal_ * (trial_[k] - centre_[k]));
       curvature += proximal_ * path_[k] * path_[k];
     }
-    V bend = curvature;
-    for (int i = 0; i < m_; ++i) {
-      V sum = zero;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) sum += structure_[i][k] * path_[k];
-      along[i] = sum;
-      const auto free = (wanted_[i] > lower_[i]) & (wanted_[i] < upper_[i]);
-      bend += free ? V(sum * sum) : zero;
-    }
-    V slope = first_slope, step = one;
-    V low = zero, low_slope = first_slope_, high = zero + kFar, high_slope = zero - one;
-    auto open = take == zero;
-    for (int round = 0; round < kSearchRounds && any(open); ++round) {
-      const auto left = slope > zero;
-      low = left ? step : low;
-      low_slope = left ? slope : low_slope;
-      high = left ? high : step;
-      high_slope = left ? high_slope : slope;
-      V next = step + slope / bend;
-      const auto astray = (next <= low) | (next >= high);
-      if (any(open & astray)) {
-        next = astray ? next_breakpoint(along, low, low_slope, high, high_slope) : next;
-      }
-      const auto inside = (next > low) & (next < high);
-      step = open ? (inside ? next : low) : step;
-      open = open & inside;
-      slope = pull - curvature * (step - one);
-      bend = curvature;
-      for (int i = 0; i < m_; ++i) {
-        const V wanted = wanted_[i] + (step - one) * along[i];
-        const V tension = smaller(larger(wanted, lower_[i]), upper_[i]);
-        slope -= along[i] * tension;
-        const auto free = (wanted > lower_[i]) & (wanted < upper_[i]);
-        bend += free ? V(along[i] * along[i]) : zero;
-      }
-      open = open & (magnitude(slope) > root);
-    }
-    return step;
-  }
-
-  // The first breakpoint inside the bracket; where there is none the slope is linear, and its root is known.
-  V next_breakpoint(const V (&along)[M], const V& low, const V& low_slope, const V& high,
-                    const V& high_slope) const {
-    const V zero = V{}, one = zero + Real(1);
-    V first = high;
-    for (int i = 0; i < m_; ++i) {
-      const V pace = one / (along[i] == zero ? zero + Real(1e-30) : along[i]);
-      const V at_lower = one + (lower_[i] - wanted_[i]) * pace, at_upper = one + (upper_[i] - wanted_[i]) * pace;
-      first = (at_lower > low) & (at_lower < first) ? at_lower : first;
-      first = (at_upper > low) & (at_upper < first) ? at_upper : first;
-    }
-    const V root = (low * high_slope - high * low_slope) / (high_slope - low_slope);
-    return first < high ? first : root;
+    const auto open = take == zero;
+    const V outside = any(open & (slope > zero)) ? problem_.how_far_outside(path_) : zero;
+    const auto endless = open & (proximal_ == zero) & (outside > zero);
+    separated = endless ? one : separated;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) direction[k] = endless ? path_[k] : direction[k];
+    return LineSearch<Real, L, N, M>(problem_, wanted_, path_, pull, curvature)
+        .root(first_slope_, slope, root, open & !endless);
   }
 
   // At the maximum of a proximal lane: could any tension still move along the residual, and does the residual
@@ -326,15 +235,14 @@ class DualStep {
       change = larger(change, magnitude(V(residual[k] - last_[k])));
       norm = larger(norm, magnitude(d[k]));
     }
-    for (int i = 0; i < m_; ++i) {
-      V along = zero;
-      TENSIONLAB_UNROLL
-      for (int k = 0; k < N; ++k) along += structure_[i][k] * d[k];
-      const V tension = smaller(larger(wanted_[i], lower_[i]), upper_[i]);
-      gap += larger(V(along * (lower_[i] - tension)), V(along * (upper_[i] - tension)));
+    for (int i = 0; i < problem_.m; ++i) {
+      const V along = problem_.along(i, d), lower = problem_.lower[i], upper = problem_.upper[i];
+      const V tension = smaller(larger(wanted_[i], lower), upper);
+      gap += larger(V(along * (lower - tension)), V(along * (upper - tension)));
     }
     settled = maximal & (change <= 4 * noise) & (gap <= 4 * noise * norm) ? one : zero;
-    const V least = gain_ * gain_ * larger(V(zero + kProximalFloor), V(kProximalShare * error / size_));
+    const V least =
+        problem_.gain * problem_.gain * larger(V(zero + kProximalFloor), V(kProximalShare * error / size_));
     const V less = smaller(proximal_, larger(V(kProximalFall * proximal_), least));
     proximal_ = maximal ? less : proximal_;
     TENSIONLAB_UNROLL
@@ -345,16 +253,14 @@ class DualStep {
       last_[k] = maximal ? residual[k] : last_[k];
     }
   }
-  int m_;
-  bool go_on_;
+
   // As given: one entry a lane.
-  Source source_[L] = {}, limits_of_[L] = {};
+  Source<Real> source_[L] = {};
   Real start_[N][L] = {}, begun_[L] = {};
   bool stale_ = true;
   // Side by side.
-  V structure_[M][N] = {}, wrench_[N] = {}, lower_[M] = {}, upper_[M] = {}, reference_[M] = {}, wanted_[M] = {};
-  V diagonal_[N] = {}, gain_ = {}, strongest_ = {}, furthest_ = {}, most_ = {},
-    least_size_ = {};  // scales of the problem
+  SideBySide<Real, L, N, M> problem_;
+  V least_size_ = {}, wanted_[M] = {};
   V path_[N] = {}, trial_[N] = {}, centre_[N] = {}, last_[N] = {};
   V first_slope_ = {}, proximal_ = {}, looseness_ = {}, size_ = {};
   V value_ = {}, last_value_ = {};  // of the dual

@@ -34,7 +34,12 @@ class Judge {
   };
 
   Judge(int m, const double* weights, Rule rule, double tolerance, double rank_tolerance)
-      : m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {}
+      : m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {
+    for (int k = 0; k < N; ++k) {
+      roots_[k] = std::sqrt(weights[k]);
+      lighter_[k] = 1 / roots_[k];
+    }
+  }
 
   // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
   Finding judge(const Problem& problem, double* tensions, double* rendered, double* separation) const {
@@ -49,15 +54,15 @@ class Judge {
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
     // Weights say which error to prefer where there must be one. They make no error vanish.
-    const double plain = std::sqrt(dot(error, error)), asked = std::sqrt(dot(problem.wrench, problem.wrench));
-    if (std::isfinite(plain) && plain <= tolerance_ * larger(1.0, asked)) {
+    const double plain = dot(error, error), asked = dot(problem.wrench, problem.wrench);
+    if (std::isfinite(plain) && plain <= tolerance_ * tolerance_ * larger(1.0, asked)) {
       for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
     // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
-    const double tolerance = tolerance_ * larger(std::sqrt(heaviest), std::sqrt(rendered_square));
+    const double tolerance = tolerance_ * std::sqrt(larger(heaviest, rendered_square));
     for (int k = 0; k < N; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
     }
@@ -114,26 +119,48 @@ class Judge {
     return {Verdict::failed, nan, nan};
   }
 
-  // d'w, h(d) and the rounding error that either may carry.
+  // d'w, h(d), the rounding error that either may carry, and h(d) - d'W t.
   struct Side {
-    double wrench, support, rounding;
+    double wrench, support, rounding, gap;
     bool separates() const { return wrench - support > rounding; }
   };
 
-  Side side(const Problem& problem, const double* d) const {
-    Side s{0, 0, 0};
+  Side side(const Problem& problem, const double* tensions, const double* d) const {
+    Side s{0, 0, 0, 0};
     for (int k = 0; k < N; ++k) {
       s.wrench += d[k] * problem.wrench[k];
       s.rounding += std::abs(d[k] * problem.wrench[k]);
     }
-    for (int i = 0; i < m_; ++i) {
+    V support = {}, rounding = {}, gap = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) {
+      V along = {}, size = {};
+      for (int k = 0; k < N; ++k) {
+        const V part = d[k] * load<double, L>(problem.structure + k * m_ + i);
+        along += part;
+        size += magnitude(part);
+      }
+      const V lower = load<double, L>(problem.lower + i), upper = load<double, L>(problem.upper + i);
+      const V end = along > V{} ? upper : lower;
+      support += along * end;
+      gap += along * (end - load<double, L>(tensions + i));
+      rounding += size * larger(magnitude(lower), magnitude(upper));
+    }
+    for (int l = 0; l < L; ++l) {
+      s.support += read<double>(support, l);
+      s.gap += read<double>(gap, l);
+      s.rounding += read<double>(rounding, l);
+    }
+    for (; i < m_; ++i) {
       double along = 0, size = 0;
       for (int k = 0; k < N; ++k) {
         const double part = d[k] * problem.structure[k * m_ + i];
         along += part;
         size += std::abs(part);
       }
-      s.support += along * (along > 0 ? problem.upper[i] : problem.lower[i]);
+      const double end = along > 0 ? problem.upper[i] : problem.lower[i];
+      s.support += along * end;
+      s.gap += along * (end - tensions[i]);
       s.rounding += size * larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
     }
     s.rounding *= 16 * std::numeric_limits<double>::epsilon();
@@ -144,25 +171,22 @@ class Judge {
   // proposal, Q r without what the free cables could still render of it, and Q r as it is; d is what proves it.
   bool nearest_force(const Problem& problem, const double* tensions, const double* error, double tolerance,
                      double* d) const {
-    double own[N], clean[N], unit[N];
-    for (int k = 0; k < N; ++k) {
-      own[k] = clean[k] = weights_[k] * error[k];
-      unit[k] = std::sqrt(weights_[k]) * error[k];
-    }
+    double unit[N];
+    for (int k = 0; k < N; ++k) unit[k] = roots_[k] * error[k];
     const double residual = normalise(unit);
-    remove_free(problem, tensions, clean);
-    for (const double* candidate :
-         {static_cast<const double*>(d), static_cast<const double*>(clean), static_cast<const double*>(own)}) {
+    const auto proves = [&]() {
       double dual[N];
-      for (int k = 0; k < N; ++k) dual[k] = candidate[k] / std::sqrt(weights_[k]);
+      for (int k = 0; k < N; ++k) dual[k] = d[k] * lighter_[k];
       const double length = normalise(dual);
-      if (!side(problem, candidate).separates()) continue;
-      if (residual * spread(unit, dual) + gap(problem, tensions, candidate) / length <= tolerance) {
-        for (int k = 0; k < N; ++k) d[k] = candidate[k];
-        return true;
-      }
-    }
-    return false;
+      const Side s = side(problem, tensions, d);
+      return s.separates() && residual * spread(unit, dual) + s.gap / length <= tolerance;
+    };
+    if (proves()) return true;
+    for (int k = 0; k < N; ++k) d[k] = weights_[k] * error[k];
+    remove_free(problem, tensions, d);
+    if (proves()) return true;
+    for (int k = 0; k < N; ++k) d[k] = weights_[k] * error[k];
+    return proves();
   }
 
   // The residual less its lower bound is |r| (1 - cos) + (h(d) - d'W t) / |d|. Both terms are sums of what is not
@@ -173,19 +197,9 @@ class Judge {
     return square / 2;
   }
 
-  double gap(const Problem& problem, const double* tensions, const double* d) const {
-    double sum = 0;
-    for (int i = 0; i < m_; ++i) {
-      double along = 0;
-      for (int k = 0; k < N; ++k) along += d[k] * problem.structure[k * m_ + i];
-      sum += along * ((along > 0 ? problem.upper[i] : problem.lower[i]) - tensions[i]);
-    }
-    return sum;
-  }
-
   double normalise(double* x) const {
-    const double length = std::sqrt(dot(x, x));
-    for (int k = 0; k < N; ++k) x[k] = length > 0 ? x[k] / length : 0;
+    const double length = std::sqrt(dot(x, x)), inverse = length > 0 ? 1 / length : 0;
+    for (int k = 0; k < N; ++k) x[k] *= inverse;
     return length;
   }
 
@@ -243,7 +257,7 @@ class Judge {
     if (size <= tolerance) {
       // What W can render at all is rendered; the rest of w is outside its range.
       for (int k = 0; k < N; ++k) d[k] = outside[k];
-      if (side(problem, d).separates()) return true;
+      if (side(problem, tensions, d).separates()) return true;
     }
     double clean[N];
     for (int k = 0; k < N; ++k) clean[k] = own[k];
@@ -257,8 +271,8 @@ class Judge {
       for (int j = 0; j < whitening.rank; ++j) dual[j] = dot(whitening.rows[j], image);
       const double length = normalise(dual);
       for (int k = 0; k < N; ++k) d[k] = candidate[k];
-      if (!side(problem, d).separates()) continue;
-      if (size * spread(unit, dual) + gap(problem, tensions, d) / length <= tolerance) return true;
+      const Side s = side(problem, tensions, d);
+      if (s.separates() && size * spread(unit, dual) + s.gap / length <= tolerance) return true;
     }
     return false;
   }
@@ -283,7 +297,7 @@ class Judge {
   // s w is out of reach for every s > h(d) / d'w.
   bool longest(const Problem& problem, const double* tensions, const double* rendered, const double* error,
                double tolerance, double* d, Finding* finding) const {
-    const Side s = side(problem, d);
+    const Side s = side(problem, tensions, d);
     if (!s.separates()) return false;
     if (s.support < smaller(0.0, s.wrench) - s.rounding) {
       double force[N] = {};
@@ -307,6 +321,7 @@ class Judge {
 
   int m_;
   const double* weights_;
+  double roots_[N], lighter_[N];
   Rule rule_;
   double tolerance_, rank_tolerance_;
 };

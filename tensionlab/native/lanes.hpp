@@ -26,6 +26,13 @@
 #define TENSIONLAB_UNROLL
 #endif
 
+// Before a function that is large or seldom called: expanded in another, it leaves both too few registers.
+#if defined(__GNUC__)
+#define TENSIONLAB_APART __attribute__((noinline))
+#else
+#define TENSIONLAB_APART
+#endif
+
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
@@ -161,10 +168,21 @@ inline Lanes<Real, L> square_root(const Lanes<Real, L>& v) {
   return gather<Real, L>([&](int l) { return std::sqrt(read<Real>(v, l)); });
 }
 
+template <class V, int N>
+inline V inner(const V (&x)[N], const V (&y)[N]) {
+  V sum = x[0] * y[0];
+  TENSIONLAB_UNROLL
+  for (int k = 1; k < N; ++k) sum += x[k] * y[k];
+  return sum;
+}
+
 inline bool any(bool mask) { return mask; }
 inline bool any(int mask) { return mask != 0; }  // of bools joined by & and |
 template <class Mask>
 inline bool any(const Mask& mask) {
+#if defined(__AVX512F__)
+  if constexpr (sizeof mask == 64) return _mm512_test_epi64_mask((__m512i)mask, (__m512i)mask) != 0;
+#endif
   bool found = false;
   for (unsigned l = 0; l < sizeof(mask) / sizeof(mask[0]); ++l) found = found || mask[l] != 0;
   return found;

@@ -7,8 +7,7 @@
 //   force      proximal steps converge to the nearest reachable wrench and, among its tensions, to those closest
 //              to t0 (Chiche & Gilbert 2016);
 //   tension    the same on B W, B w, with B from the singular values of W;
-//   direction  any separating d shows s <= h(d) / d'w. The nearest wrench to s w gives the next d; s falls to the
-//              answer from above (Newton's method on the convex distance from s w to the available wrench set).
+//   direction  the largest s for which s w can be rendered (scale_search.hpp).
 //
 // Sources: Qi & Sun (1993) for the semismooth method; Kunisch & Rendl (2003) for programs with bounds only.
 // No heap, no exceptions; Real may be float, L may be 1: the firmware compiles this file as it is.
@@ -17,9 +16,11 @@
 #include <cmath>
 #include <limits>
 
+#include "coordinates.hpp"
 #include "dual_step.hpp"
-#include "linear.hpp"
 #include "policy.hpp"
+#include "scale_search.hpp"
+#include "short_vectors.hpp"
 
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
@@ -27,15 +28,12 @@ inline namespace TENSIONLAB_BUILD {
 template <class Real, int L, int N, int M>
 class Newton {
  public:
-  using Problem = typename DualStep<Real, L, N, M>::Source;
+  using Problem = Source<Real>;
 
-  // m cables; weight_roots: square roots of the n wrench weights.
-  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance)
-      : m_(m),
-        policy_(policy),
-        rank_tolerance_(rank_tolerance),
-        plain_(policy == Policy::force && all_one(weight_roots)),
-        steps_(m, plain_) {
+  // m cables; weight_roots: square roots of the n wrench weights. set_aside: a lane is done when its wrench proves
+  // out of reach, and somebody else seeks the nearest one.
+  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, bool set_aside = false)
+      : m_(m), policy_(policy), rank_tolerance_(rank_tolerance), set_aside_(set_aside), steps_(m) {
     for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
     for (int l = 0; l < L; ++l) park(l);
   }
@@ -66,9 +64,16 @@ class Newton {
     return read<Real>(steps_.converged, l) != 0 || conclude(l, late);
   }
 
+  // Whether lane l is done with a direction that separates its wrench, and no more.
+  bool aside(int l) const { return control_[l].stage == Stage::aside; }
+
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];
+    if (aside(l)) {
+      for (int k = 0; k < N; ++k) separation[k] = read<Real>(steps_.direction[k], l);
+      return control.iterations;
+    }
     for (int i = 0; i < m_; ++i) tensions[i] = steps_.tension(i, l);
     for (int k = 0; k < N; ++k) separation[k] = control.astray ? control.separation[k] : Real(0);
     return control.iterations;
@@ -77,7 +82,8 @@ class Newton {
  private:
   // render: look for W t = s w. whitened: the same where the rows of W are orthonormal, if that takes long.
   // nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
-  enum class Stage { render, whitened, nearest };
+  // aside: w is out of reach, and that is all.
+  enum class Stage { render, whitened, nearest, aside };
 
   // Far beyond what any known problem takes; one that gets there keeps its best answer so far.
   static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
@@ -92,21 +98,22 @@ class Newton {
     Stage stage;
     int iterations, deadline;  // so far, and when the stage must end
     bool astray;
-    bool hopeless;      // no s keeps the direction
-    Real scale;         // s of the direction policy
-    Real below, above;  // s w is too short, if ever; s w is too long
-    Real basis[N][N];   // lane coordinates = basis * wrench coordinates
-    Real wrench[N];     // as asked, in lane coordinates
-    Real target[N];     // s times that
-    const Real* given;  // structure and wrench before whitening
-    Real unwhitened[N];
-    Real separation[N];  // the best separating direction so far, of unit length
-    Real from_below[N];  // one that excludes all s < below
+    Problem given;                // the problem as it is
+    bool plain;                   // lane coordinates are as given
+    bool hopeless;                // no s keeps the direction
+    ScaleSearch<Real, N> search;  // of the direction policy
+    Real target[N];               // s w in lane coordinates
+    Real separation[N];           // the best separating direction so far, of unit length
+    Coordinates<Real, N, M> coordinates;
   };
 
   // Lane l has found something other than its tensions, or is late: is it done?
   bool conclude(int l, bool late) {
     Control& control = control_[l];
+    if (set_aside_ && !late && control.stage == Stage::render) {
+      control.stage = Stage::aside;
+      return true;
+    }
     if (!control.astray) go_astray(l);
     Real d[N];
     for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
@@ -118,14 +125,10 @@ class Newton {
     if (back) unwhiten(l, d);
     if (back && nearly_rendered(l)) return true;
     if (control.stage != Stage::nearest) {
-      const bool first = control.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
+      const bool first =
+          control.search.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
       if (!late && first && policy_ == Policy::direction && cut(l, d)) return false;
-      if (plain_ && !back) {
-        control.stage = Stage::nearest;  // the lane has gone on
-        control.deadline = control.iterations + kNearestLimit;
-      } else {
-        approach(l, d);
-      }
+      approach(l, d);
       return false;
     }
     if (policy_ == Policy::direction && !control.hopeless) {
@@ -137,22 +140,11 @@ class Newton {
 
   void go_astray(int l) {
     Control& control = control_[l];
-    control.astray = true;
+    control.astray = control.plain = true;
     control.hopeless = false;
-    control.scale = control.above = 1;
-    control.below = -1;
-    copy(control.problem.wrench, control.wrench);
-    for (int k = 0; k < N; ++k) {
-      control.separation[k] = control.from_below[k] = 0;
-    }
-    keep_coordinates(l);
-  }
-
-  // Lane coordinates as the wrench is given in.
-  void keep_coordinates(int l) {
-    for (int k = 0; k < N; ++k) {
-      for (int j = 0; j < N; ++j) control_[l].basis[k][j] = k == j ? Real(1) : Real(0);
-    }
+    control.given = control.problem;
+    control.search.begin();
+    for (int k = 0; k < N; ++k) control.separation[k] = 0;
   }
 
   // Look for tensions that render the wrench of lane l.
@@ -166,8 +158,6 @@ class Newton {
   // Look for them where W is as well conditioned as can be, by the surest steps, from the multiplier y.
   void render_whitened(int l, Real* y) {
     Control& control = control_[l];
-    control.given = control.problem.structure;
-    copy(control.wrench, control.unwhitened);
     whiten(l, y);
     aim(l);
     control.stage = Stage::whitened;
@@ -179,14 +169,10 @@ class Newton {
   void unwhiten(int l, Real* y) {
     Control& control = control_[l];
     Real whitened[N];
-    copy(y, whitened);
-    for (int k = 0; k < N; ++k) {
-      y[k] = 0;
-      for (int j = 0; j < N; ++j) y[k] += control.basis[j][k] * whitened[j];
-    }
-    keep_coordinates(l);
-    control.problem.structure = control.given;
-    copy(control.unwhitened, control.wrench);
+    copy<N>(y, whitened);
+    control.coordinates.back(whitened, y);
+    control.plain = true;
+    control.problem = control.given;
     aim(l);
   }
 
@@ -214,7 +200,7 @@ class Newton {
     control.stage = Stage::nearest;
     control.deadline = control.iterations + kNearestLimit;
     Real start[N];
-    copy(y, start);
+    copy<N>(y, start);
     if (policy_ == Policy::tension) whiten(l, start);
     if (policy_ == Policy::force || control.hopeless) weigh(l, start);
     aim(l);
@@ -224,145 +210,59 @@ class Newton {
   // Make s w the wrench of lane l.
   void aim(int l) {
     Control& control = control_[l];
-    for (int k = 0; k < N; ++k) control.target[k] = control.scale * control.wrench[k];
+    const Real* wrench = control.plain ? control.given.wrench : control.coordinates.wrench;
+    for (int k = 0; k < N; ++k) control.target[k] = control.search.scale * wrench[k];
     control.problem.wrench = control.target;
   }
 
-  // W_i'd of cable i, in lane coordinates.
-  Real along(int l, int i, const Real* d) const {
-    Real sum = 0;
-    for (int k = 0; k < N; ++k) sum += d[k] * control_[l].problem.structure[k * m_ + i];
-    return sum;
-  }
-
-  // Lane coordinates in which the error counts by its plain length; y, a multiplier, follows.
   void weigh(int l, Real* y) {
     Control& control = control_[l];
-    for (int k = 0; k < N; ++k) {
-      control.basis[k][k] = weight_roots_[k];
-      control.wrench[k] *= weight_roots_[k];
-      y[k] /= weight_roots_[k];
-      for (int i = 0; i < m_; ++i) {
-        own_[l][k * m_ + i] = weight_roots_[k] * control.problem.structure[k * m_ + i];
-      }
-    }
-    control.problem.structure = own_[l];
+    control.coordinates.weigh(m_, control.given.structure, control.given.wrench, weight_roots_, y);
+    control.plain = false;
+    control.problem.structure = control.coordinates.structure;
   }
 
-  // Lane coordinates in which the rows of W are orthonormal; y, a multiplier, follows.
   void whiten(int l, Real* y) {
     Control& control = control_[l];
-    const Whitening<Real, N, M> whitening(control.problem.structure, N, m_, rank_tolerance_);
-    Real w[N], pull[M];
-    copy(control.wrench, w);
-    for (int i = 0; i < m_; ++i) pull[i] = along(l, i, y);
-    for (int r = 0; r < N; ++r) {
-      for (int k = 0; k < N; ++k) control.basis[r][k] = r < whitening.rank ? whitening.rows[r][k] : Real(0);
-      control.wrench[r] = dot(control.basis[r], w);
-      y[r] = 0;
-      for (int i = 0; i < m_; ++i) {
-        own_[l][r * m_ + i] = along(l, i, control.basis[r]);
-        y[r] += own_[l][r * m_ + i] * pull[i];
-      }
-    }
-    control.problem.structure = own_[l];
+    control.coordinates.whiten(m_, control.given.structure, control.given.wrench, rank_tolerance_, y);
+    control.plain = false;
+    control.problem.structure = control.coordinates.structure;
   }
 
-  // d separates s w from what can be rendered: take the next s. Returns false if s can fall no further.
+  // d separates s w from what can be rendered: look for the next. Returns false if s can fall no further.
   bool cut(int l, Real* d) {
     Control& control = control_[l];
-    normalise(d);
-    Real rounding;
-    const Real dw = dot(d, control.wrench), reach = support(l, d, &rounding);
-    if (reach + rounding < (dw < 0 ? dw : Real(0))) return give_up(l, d);  // true of all s from 0 to 1
-    const Real bound = reach / dw > 0 ? reach / dw : Real(0);
-    if (dw > 0) {
-      // No scale above the bound will do.
-      if (!(bound < control.scale)) return false;
-      control.above = bound;
-      copy(d, control.separation);
-    } else {
-      // No scale below the bound will do: s w is too short already.
-      control.below = bound;
-      copy(d, control.from_below);
+    const auto outcome = control.search.cut(control.given, m_, d);
+    copy<N>(control.search.proof, control.separation);
+    control.hopeless = outcome == ScaleSearch<Real, N>::Outcome::hopeless;
+    if (control.hopeless) {
+      approach(l, d);
+      return true;
     }
-    if (control.below > control.above) {
-      // Nothing is left in between. The mean of both directions that is normal to w proves it for all s.
-      const Real* other = dw > 0 ? control.from_below : control.separation;
-      const Real other_dw = dot(other, control.wrench);
-      for (int k = 0; k < N; ++k) d[k] = std::abs(other_dw) * d[k] + std::abs(dw) * other[k];
-      normalise(d);
-      return give_up(l, d);
-    }
-    control.scale = control.below < 0 ? control.above : (control.below + control.above) / 2;
+    if (outcome == ScaleSearch<Real, N>::Outcome::best) return false;
     aim(l);
     render(l);
     return true;
   }
 
-  // No scale keeps the direction, as d proves: the nearest wrench to w is what remains.
-  bool give_up(int l, const Real* d) {
-    Control& control = control_[l];
-    copy(d, control.separation);
-    control.hopeless = true;
-    control.scale = 1;
-    approach(l, d);
-    return true;
-  }
-
-  // h(d) of a unit vector d, and the error that rounding, also of d itself, may leave in it.
-  Real support(int l, const Real* d, Real* rounding) const {
-    const Problem& problem = control_[l].problem;
-    Real sum = 0, size = 0;
-    for (int i = 0; i < m_; ++i) {
-      const Real lower = problem.lower[i], upper = problem.upper[i];
-      const Real most = larger(std::abs(lower), std::abs(upper)), pull = along(l, i, d);
-      for (int k = 0; k < N; ++k) size += std::abs(problem.structure[k * m_ + i]) * most;
-      sum += pull * (pull > 0 ? upper : lower);
-    }
-    *rounding = 64 * std::numeric_limits<Real>::epsilon() * size;
-    return sum;
-  }
-
   // d, in lane coordinates, is the best separating direction so far.
   void keep(int l, const Real* d) {
     Control& control = control_[l];
-    for (int k = 0; k < N; ++k) {
-      control.separation[k] = 0;
-      for (int j = 0; j < N; ++j) control.separation[k] += control.basis[j][k] * d[j];
+    if (control.plain) {
+      copy<N>(d, control.separation);
+    } else {
+      control.coordinates.back(d, control.separation);
     }
-    normalise(control.separation);
-  }
-
-  static bool all_one(const Real* numbers) {
-    bool ones = true;
-    for (int k = 0; k < N; ++k) ones = ones && numbers[k] == Real(1);
-    return ones;
-  }
-
-  static void normalise(Real* d) {
-    const Real length = std::sqrt(dot(d, d));
-    for (int k = 0; k < N; ++k) d[k] = length > 0 ? d[k] / length : Real(0);
-  }
-
-  static void copy(const Real* from, Real* to) {
-    for (int k = 0; k < N; ++k) to[k] = from[k];
-  }
-
-  static Real dot(const Real* x, const Real* y) {
-    Real sum = 0;
-    for (int k = 0; k < N; ++k) sum += x[k] * y[k];
-    return sum;
+    normalise<N>(control.separation);
   }
 
   int m_;
   Policy policy_;
   Real rank_tolerance_;
-  bool plain_;  // no change of coordinates to come
+  bool set_aside_;
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;
   Control control_[L];
-  Real own_[L][N * M];  // structure matrices in lane coordinates, where those are not as given
   Real zeros_[N * M] = {};
 };
 

@@ -1,6 +1,8 @@
 // The exact solver over a batch of problems; compiled once for each instruction set (instruction_set.hpp).
+#include <algorithm>
 #include <cmath>
 
+#include "nearest_face.hpp"
 #include "newton.hpp"
 #include "newton_batch.hpp"
 #include "refill.hpp"
@@ -8,17 +10,117 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
+constexpr int kLanes = TENSIONLAB_LANES;
+
+// A batch: Newton steps for all; the nearest face, many at a time, for what they prove out of reach; and proximal
+// steps, at the end, for the few whose face leaves a doubt.
+template <int N>
+class NewtonBatch {
+ public:
+  NewtonBatch(const Batch& batch, Policy policy, double rank_tolerance, const NewtonAnswer& answer)
+      : batch_(batch), policy_(policy), rank_tolerance_(rank_tolerance), answer_(answer) {
+    plain_ = policy == Policy::force;
+    for (int k = 0; k < N; ++k) {
+      roots_[k] = std::sqrt(batch.weights[k]);
+      plain_ = plain_ && batch.weights[k] == 1;
+    }
+  }
+
+  void solve(std::size_t begin, std::size_t end) {
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, policy_ != Policy::direction);
+    Face face(batch_.m);
+    for (; begin < end; begin += kChunk) {
+      refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
+        answer_.iterations[row] = block.store(l, tensions(row), separation(row));
+        if (!block.aside(l)) return;
+        aside_[waiting_++] = row;
+        if (waiting_ == kLanes) seek(face);
+      });
+      if (waiting_ > 0) seek(face);
+      if (doubts_ > 0) make_sure();
+    }
+  }
+
+ private:
+  using Block = Newton<double, kLanes, N, kMaxCables>;
+  using Face = NearestFace<double, kLanes, N, kMaxCables>;
+  static constexpr std::size_t kChunk = 512;
+
+  // The nearest faces for the rows that wait; where they are fewer than the lanes, the last one many times.
+  void seek(Face& face) {
+    Source<double> source[kLanes];
+    const double* direction[kLanes];
+    for (int l = 0; l < kLanes; ++l) {
+      const std::size_t row = aside_[std::min(l, waiting_ - 1)];
+      source[l] = problem(row);
+      direction[l] = separation(row);
+      if (!plain_) measure_as_asked(coordinates_[l], source[l], direction_[l], direction[l]);
+    }
+    face.solve(source, direction);
+    for (int l = 0; l < waiting_; ++l) {
+      const std::size_t row = aside_[l];
+      if (!face.found(l)) {
+        doubtful_[doubts_++] = row;
+        continue;
+      }
+      answer_.iterations[row] += face.store(l, tensions(row), direction_[l]);
+      if (plain_) {
+        std::copy_n(direction_[l], N, separation(row));
+      } else {
+        coordinates_[l].back(direction_[l], separation(row));
+      }
+    }
+    waiting_ = 0;
+  }
+
+  // The problem in the coordinates of the policy; d, which separates, follows.
+  void measure_as_asked(Coordinates<double, N, kMaxCables>& coordinates, Source<double>& source, double* y,
+                        const double*& d) const {
+    std::copy_n(d, N, y);
+    d = y;
+    if (policy_ == Policy::tension) {
+      coordinates.whiten(batch_.m, source.structure, source.wrench, rank_tolerance_, y);
+    } else {
+      coordinates.weigh(batch_.m, source.structure, source.wrench, roots_, y);
+    }
+    source.structure = coordinates.structure;
+    source.wrench = coordinates.wrench;
+  }
+
+  void make_sure() {
+    Block block(batch_.m, roots_, policy_, rank_tolerance_);
+    refill<kLanes>(
+        block, 0, doubts_, [&](int l, std::size_t j) { block.load(l, problem(doubtful_[j])); },
+        [&](int l, std::size_t j) {
+          const std::size_t row = doubtful_[j];
+          answer_.iterations[row] += block.store(l, tensions(row), separation(row));
+        });
+    doubts_ = 0;
+  }
+
+  Source<double> problem(std::size_t row) const {
+    return {batch_.structure[row], batch_.wrench[row], batch_.lower[row], batch_.upper[row],
+            batch_.reference[row]};
+  }
+  double* tensions(std::size_t row) const { return answer_.tensions + row * static_cast<std::size_t>(batch_.m); }
+  double* separation(std::size_t row) const { return answer_.separation + row * N; }
+
+  const Batch& batch_;
+  Policy policy_;
+  double rank_tolerance_;
+  const NewtonAnswer& answer_;
+  double roots_[N];
+  bool plain_;  // errors are measured in the coordinates as given
+  Coordinates<double, N, kMaxCables> coordinates_[kLanes];
+  double direction_[kLanes][N];
+  std::size_t aside_[kLanes], doubtful_[kChunk], doubts_ = 0;  // rows
+  int waiting_ = 0;
+};
+
 template <int N>
 void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
                     const NewtonAnswer& answer) {
-  constexpr int kLanes = TENSIONLAB_LANES;
-  double roots[N];
-  for (int k = 0; k < N; ++k) roots[k] = std::sqrt(batch.weights[k]);
-  Newton<double, kLanes, N, kMaxCables> block(batch.m, roots, policy, rank_tolerance);
-  const auto m = static_cast<std::size_t>(batch.m);
-  refill<kLanes>(block, batch, begin, end, [&](int l, std::size_t row) {
-    answer.iterations[row] = block.store(l, answer.tensions + row * m, answer.separation + row * N);
-  });
+  NewtonBatch<N>(batch, policy, rank_tolerance, answer).solve(begin, end);
 }
 
 void newton(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,

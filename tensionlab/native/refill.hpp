@@ -11,13 +11,9 @@ namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 // block: step() advances every lane, finished(l) tells whether lane l is done, park(l) lets it rest.
-// load(l, problem) gives lane l one; store(l, row), as given here, takes its answer.
-template <int L, class Block, class Store>
-void refill(Block& block, const Batch& batch, std::size_t begin, std::size_t end, const Store& store) {
-  const auto load = [&](int l, std::size_t row) {
-    block.load(
-        l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row], batch.reference[row]});
-  };
+// load(l, row) gives lane l the problem of a row in [begin, end); store(l, row) takes its answer.
+template <int L, class Block, class Load, class Store>
+void refill(Block& block, std::size_t begin, std::size_t end, const Load& load, const Store& store) {
   std::size_t row[L], next = begin;
   int busy = 0;
   for (int l = 0; l < L; ++l) {
@@ -42,6 +38,18 @@ void refill(Block& block, const Batch& batch, std::size_t begin, std::size_t end
       }
     }
   }
+}
+
+// The same for rows [begin, end) of a batch.
+template <int L, class Block, class Store>
+void refill(Block& block, const Batch& batch, std::size_t begin, std::size_t end, const Store& store) {
+  refill<L>(
+      block, begin, end,
+      [&](int l, std::size_t row) {
+        block.load(l, {batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row],
+                       batch.reference[row]});
+      },
+      store);
 }
 
 }  // namespace TENSIONLAB_BUILD

@@ -16,16 +16,18 @@ class Newton:
     Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with
     one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where
     y is such that ``W t(y) = w``. Semismooth Newton steps, with a line search along the piecewise quadratic dual
-    where a whole step goes astray, end after finitely many. Where the dual exceeds what any tensions inside the
-    limits can cost, its multiplier separates the wrench from all that they render, and the policy's own problem
-    is solved to the same precision. The whole batch is one
-    call to `tensionlab/native/newton.hpp`, which states the method; ``TENSIONLAB_NUM_THREADS`` sets the threads.
+    where a whole step goes astray, end after finitely many. Out of reach, a multiplier soon separates the wrench
+    from all that tensions inside the limits render. From it an active set finds the nearest face of what can be
+    rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own problem to
+    the same precision. The whole batch is one call to `tensionlab/native/newton_kernel.cpp`; `newton.hpp` and
+    `nearest_face.hpp` beside it state the method. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     References
     ----------
     Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
-    active set method for quadratic problems with simple bounds"; Chiche and Gilbert (2016), "How the
-    augmented Lagrangian algorithm can deal with an infeasible convex quadratic optimization problem".
+    active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
+    least-squares: an algorithm and applications"; Chiche and Gilbert (2016), "How the augmented Lagrangian
+    algorithm can deal with an infeasible convex quadratic optimization problem".
     """
 
     objective: ClassVar[str] = "least squared change from the reference"
