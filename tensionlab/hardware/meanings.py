@@ -16,7 +16,7 @@ MEANINGS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
         "BAD_LENGTH": "the payload has another length than the command's",
         "BAD_VALUE": "a number is not finite, out of its bounds, or at odds with another parameter",
         "BAD_STATE": "not in this state, or not while the module is busy with something else",
-        "BAD_SESSION": "the session is not the one that armed the module",
+        "BAD_SESSION": "the session is not the one that armed the module, or has armed it before",
         "STALE": "the sequence number is not after that of the last set-point (never sent: such a one is dropped)",
         "NOT_CALIBRATED": "N/A is not calibrated; or a spring was asked for and the cable's length is not known",
         "FAULT_PRESENT": "something is wrong with the hardware now; see the faults",
@@ -28,7 +28,7 @@ MEANINGS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
         "ARMED": "pulls with the taut minimum and waits for the first set-point",
         "RUNNING": "follows set-points",
         "TIMEOUT": "no set-point came in time, or the link closed: lets go in two stages",
-        "FAULT": "something broke: driver off at once",
+        "FAULT": "something broke while the motor was driven: driver off at once",
         "ESTOP": "emergency stop: driver off at once",
     },
     Limit: {
@@ -45,7 +45,7 @@ MEANINGS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
     },
     Fault: {
         "ENCODER": "parity, error flag, magnet out of range, or a sensor's number is not finite",
-        "SUPPLY": "outside `supply_lower` to `supply_upper`",
+        "SUPPLY": "outside `supply_lower` to `supply_upper`; the cut of the motor supply looks like this",
         "SPEED": "reels in at more than twice `speed_limit`",
         "CURRENT": "measured above `current_peak` by half as much again, or none flows though it is asked for",
         "LOOP": "a step came more than 5 ms after the one before",
