@@ -12,7 +12,7 @@ demo: .venv/user.stamp
 	@$(BIN)/tensionlab compare $(RIG) --plot out/compare.png
 
 test: .venv/dev.stamp
-	@$(BIN)/pytest
+	@$(BIN)/pytest -n auto
 
 check: .venv/dev.stamp
 	@$(BIN)/ruff check .
