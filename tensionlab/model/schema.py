@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
@@ -20,6 +20,9 @@ class Table(BaseModel):
     """A table in which a misspelt key or a number in quotes is an error."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+T = TypeVar("T", bound=Table)
 
 
 class LimitsTable(Table):
@@ -72,19 +75,30 @@ def parse(document: dict[str, Any]) -> RigFile:
     Raises
     ------
     RigError
-        One line a problem, each naming the module and the key, and saying what to do.
+        As `check`.
+    """
+    return check(RigFile, document)
+
+
+def check(kind: type[T], document: dict[str, Any]) -> T:
+    """Check the contents of a file of some kind.
+
+    Raises
+    ------
+    RigError
+        One line a problem, each naming the table, such as the module, and the key, and saying what to do.
     """
     try:
-        return RigFile.model_validate(document)
+        return kind.model_validate(document)
     except ValidationError as error:
-        lines = [_explain(problem, document) for problem in error.errors()]
+        lines = [_explain(problem, kind, document) for problem in error.errors()]
         raise RigError("\n  ".join([f"{len(lines)} problems", *lines]) if len(lines) > 1 else lines[0]) from None
 
 
-def _explain(problem: ErrorDetails, document: dict[str, Any]) -> str:
+def _explain(problem: ErrorDetails, kind: type[Table], document: dict[str, Any]) -> str:
     """Say in one line where a problem is, what is wrong, and what to do."""
     *path, last = problem["loc"]
-    table, where = _locate(path, document)
+    table, where = _locate(path, kind, document)
     if problem["type"] == "extra_forbidden":
         close = get_close_matches(str(last), table.model_fields, n=1)
         remedy = f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(table.model_fields)}"
@@ -100,15 +114,23 @@ def _explain(problem: ErrorDetails, document: dict[str, Any]) -> str:
     return f'{where}key "{keys[-1]}"{entry} is {problem["input"]!r}; {give}'
 
 
-def _locate(path: Sequence[str | int], document: dict[str, Any]) -> tuple[type[Table], str]:
-    """Find the table that a path leads into, and how to call it."""
+def _locate(path: Sequence[str | int], kind: type[Table], document: dict[str, Any]) -> tuple[type[Table], str]:
+    """Find the table that a path leads into, and how to call it: [limits], or module 2 ("top")."""
     match path:
-        case ["modules", int(index), *_]:
-            entry = document["modules"][index]
+        case [str(key), int(index), *_] if inner := _table_in(kind, key):
+            entry = document[key][index]
             name = entry.get("name") if isinstance(entry, dict) else None
-            return ModuleTable, f'module {index + 1} ("{name}"): ' if name else f"module {index + 1}: "
-        case ["limits", *_]:
-            return LimitsTable, "[limits]: "
-        case ["platform", *_]:
-            return PlatformTable, "[platform]: "
-    return RigFile, ""
+            singular = key.removesuffix("s")
+            return inner, f'{singular} {index + 1} ("{name}"): ' if name else f"{singular} {index + 1}: "
+        case [str(key), *_] if isinstance(document[key], dict) and (inner := _table_in(kind, key)):
+            return inner, f"[{key}]: "
+    return kind, ""
+
+
+def _table_in(kind: type[Table], key: str) -> type[Table] | None:
+    """The kind of table that a key holds, alone or in a list; None if it holds no table."""
+    if key not in kind.model_fields:
+        return None
+    annotation = kind.model_fields[key].annotation
+    inside = [annotation, *get_args(annotation)]
+    return next((each for each in inside if isinstance(each, type) and issubclass(each, Table)), None)

@@ -11,6 +11,10 @@ from tensionlab.workspace.interference import (
     cable_pairs,
     segment_distance,
 )
+from tensionlab.workspace.layout.objective import Objective
+from tensionlab.workspace.layout.result import Layout, LayoutSearch
+from tensionlab.workspace.layout.search import search_layout
+from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.margin import capacity_margin
 from tensionlab.workspace.measures import (
     condition_number,
@@ -48,12 +52,17 @@ __all__ = [
     "Grid",
     "HalfSpaces",
     "IsotropicForce",
+    "Layout",
+    "LayoutSearch",
     "LeastSingularValue",
     "MarginGradient",
+    "Objective",
     "PoseList",
     "ReachableShare",
     "RigMarginGradient",
+    "Space",
     "SquaredTension",
+    "Surface",
     "TensionFactor",
     "WrenchClosure",
     "body_distance",
@@ -71,6 +80,8 @@ __all__ = [
     "reachable_share",
     "read_poses",
     "rig_margin_gradient",
+    "room",
+    "search_layout",
     "segment_distance",
     "tension_factor",
     "vary",

@@ -1,0 +1,188 @@
+"""Where modules may be put: `Surface`, `room` and `Space`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab.errors import RigError
+from tensionlab.model import pose
+from tensionlab.model.kinematics import Floats
+from tensionlab.model.layouts import LIMITS
+from tensionlab.model.module import WORLD, Module, vector
+from tensionlab.model.pose import Frame
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """On which rail, rectangle or box may modules be put?
+
+    All points ``corner + x @ edges`` with every entry of x from 0 to 1.
+
+    Attributes
+    ----------
+    name : str
+        Modules are named after it.
+    corner : (d,) read-only array
+        In the axes of ``frame``, in m.
+    edges : (k, d) read-only array
+        One to d vectors from the corner, in m: one is a rail, two are a rectangle, three a box.
+    frame : str
+        "world", or the name of a body frame that carries the modules.
+
+    Raises
+    ------
+    RigError
+        Naming the surface and the key; edges that do not span k dimensions, too.
+    """
+
+    name: str
+    corner: Floats
+    edges: Floats
+    frame: str = WORLD
+
+    def __post_init__(self) -> None:
+        here = f'surface "{self.name}"'
+        if not self.name:
+            raise RigError('surface: key "name" is empty; give every surface a name')
+        corner = vector(self.corner, here, "corner")
+        try:
+            edges = np.array(self.edges, dtype=np.float64)
+        except (TypeError, ValueError):
+            edges = np.empty(0)
+        d = corner.size
+        if d not in (2, 3) or edges.ndim != 2 or edges.shape[1] != d or not 1 <= len(edges) <= d:
+            raise RigError(
+                f'{here}: key "edges" must list 1 to {d} vectors of {d} coordinates in m, as "corner" has'
+            )
+        if not np.isfinite(edges).all() or np.linalg.matrix_rank(edges) < len(edges):
+            raise RigError(f'{here}: key "edges" has edges that are zero, parallel or not finite; correct them')
+        edges.setflags(write=False)
+        object.__setattr__(self, "corner", corner)
+        object.__setattr__(self, "edges", edges)
+
+
+def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[Surface, ...]:
+    """Which surfaces has a room? Floor, ceiling and four walls; Y is up.
+
+    Parameters
+    ----------
+    size : (3,) width along X, height along Y and depth along Z, in m
+    centre : (3,) optional
+        Of the room; left out, the middle of its floor is the origin.
+
+    Raises
+    ------
+    RigError
+        If the size is not three positive numbers.
+    """
+    extent = vector(size, "room", "size")
+    if extent.shape != (3,) or (extent <= 0).any():
+        raise RigError(f"room: size is {size!r}; give three lengths in m, above zero")
+    middle = np.array([0.0, extent[1] / 2, 0.0]) if centre is None else vector(centre, "room", "centre")
+    low, along = middle - extent / 2, np.diag(extent)
+    faces = (("left wall", "right wall"), ("floor", "ceiling"), ("back wall", "front wall"))
+    return tuple(
+        Surface(name, low + far * along[axis], np.delete(along, axis, axis=0))
+        for axis, names in enumerate(faces)
+        for far, name in enumerate(names)
+    )
+
+
+class Placed(NamedTuple):
+    """Where in the world are the surfaces and the fixed modules?
+
+    Attributes
+    ----------
+    corners : (s, d) array
+        Of the surfaces, in m.
+    edges : (s, d, d) array
+        Vectors from the corner of each surface, in m; zeros where it has fewer than d.
+    fixed : (f, d) array
+        Anchors of the fixed modules, in m.
+    """
+
+    corners: Floats
+    edges: Floats
+    fixed: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Where may modules stand, how many of them, and how hard can each pull?
+
+    Attributes
+    ----------
+    surfaces : tuple of Surface
+    counts : tuple of int
+        How many modules to put on them, beside the fixed ones: each number is searched for.
+    limits : (lower, upper)
+        Tension limits of the modules that are put, in N.
+    fixed : tuple of Module
+        Modules that stay where they are.
+    frames : mapping of name to Frame
+        Where the bodies of the frames are while the hand is in the target.
+
+    Raises
+    ------
+    RigError
+        Naming the surface, module or frame, and the key.
+    """
+
+    surfaces: tuple[Surface, ...]
+    counts: tuple[int, ...]
+    limits: tuple[float, float] = LIMITS
+    fixed: tuple[Module, ...] = ()
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for key in ("surfaces", "counts", "fixed"):
+            object.__setattr__(self, key, tuple(getattr(self, key)))
+        if not self.surfaces:
+            raise RigError('key "surfaces" is empty; give at least one surface')
+        names = [surface.name for surface in self.surfaces]
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise RigError(f'surface "{repeated[0]}": its name is used twice; give each its own')
+        d = self.dimension
+        for what, name, size in [
+            *(("surface", surface.name, surface.corner.size) for surface in self.surfaces),
+            *(("module", module.name, module.anchor.size) for module in self.fixed),
+        ]:
+            if size != d:
+                raise RigError(
+                    f'{what} "{name}": has {size} coordinates and surface "{names[0]}" {d}; give both {d}'
+                )
+        if not self.counts or min(self.counts) < 1 or len(set(self.counts)) < len(self.counts):
+            raise RigError(f'key "counts" is {list(self.counts)}; give one or more different numbers above zero')
+        lower, upper = self.limits
+        if not (np.isfinite([lower, upper]).all() and 0 <= lower <= upper):
+            raise RigError(f'key "limits" is {lower} to {upper}; give 0 <= lower <= upper, both in N')
+        _ = self.placed  # refuses frames that are missing
+
+    @property
+    def dimension(self) -> int:
+        """Dimension d of space: 2 or 3."""
+        return self.surfaces[0].corner.size
+
+    @cached_property
+    def placed(self) -> Placed:
+        """Everything in the world, with the bodies where ``frames`` says."""
+        d, count = self.dimension, len(self.surfaces)
+        corners = [(surface.corner, surface.frame) for surface in self.surfaces]
+        ends = [
+            (surface.corner + (surface.edges[k] if k < len(surface.edges) else 0.0), surface.frame)
+            for surface in self.surfaces
+            for k in range(d)
+        ]
+        fixed = [(module.anchor, module.frame) for module in self.fixed]
+        riders = [Module("rider", point, 0.0, 0.0, frame=frame) for point, frame in corners + ends + fixed]
+        points = pose.place_anchors(riders, np.stack([rider.anchor for rider in riders]), self.frames)
+        return Placed(
+            corners=points[:count],
+            edges=points[count : count * (1 + d)].reshape(count, d, d) - points[:count, None],
+            fixed=points[count * (1 + d) :],
+        )

@@ -1,0 +1,87 @@
+import json
+
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.model.files import load_rig
+
+SPACE = """
+name = "flat"
+counts = [3]
+limits = { lower = 1.0, upper = 5.0 }
+target = { x = [-0.1, 0.1], y = [0.0, 0.0], step = 0.1 }
+search = { seed = 5, generations = 2, starts = 2 }
+surfaces = [
+  { name = "south", corner = [-1, -1], edges = [[2, 0]] },
+  { name = "north", corner = [-1, 1], edges = [[2, 0]] },
+  { name = "east", corner = [1, -1], edges = [[0, 2]] },
+  { name = "west", corner = [-1, -1], edges = [[0, 2]] },
+]
+"""
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab layout search` in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main(["layout", "search", *(str(word) for word in words)])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+@pytest.fixture
+def space(tmp_path):
+    path = tmp_path / "flat.toml"
+    path.write_text(SPACE)
+    return path
+
+
+def test_search_prints_the_layout_and_writes_the_rig(run, space, tmp_path):
+    code, out, err = run(space, "--out", tmp_path / "rig.toml")
+    assert (code, err) == (0, "")
+    rig = load_rig(tmp_path / "rig.toml")
+    assert rig.m == 3
+    assert all(module.name in out for module in rig.modules)
+    assert "the largest force in N in every direction" in out
+    assert f"flat-3: {tmp_path / 'rig.toml'}" in out
+    assert "Score lost without each module" in (tmp_path / "rig.toml").read_text()
+
+
+def test_json_has_every_layout_and_the_manifest(run, space, tmp_path):
+    space.write_text(SPACE.replace("[3]", "[3, 4]"))
+    code, out, err = run(space, "--json", "--seed", 9, "--out", tmp_path / "rig.toml")
+    assert (code, err) == (0, "")
+    report = json.loads(out)
+    assert report["manifest"]["seed"] == 9
+    assert [layout["rig"] for layout in report["layouts"]] == ["flat-3", "flat-4"]
+    assert [len(layout["modules"]) for layout in report["layouts"]] == [3, 4]
+    first = report["layouts"][0]
+    assert first["on_front"] is True
+    assert first["score"] == pytest.approx(first["worst_margin"])
+    assert set(first["modules"][0]) == {"name", "frame", "anchor", "lower", "upper", "contribution"}
+    assert report["written"] == [str(tmp_path / "rig-3.toml"), str(tmp_path / "rig-4.toml")]
+    assert load_rig(tmp_path / "rig-4.toml").anchors.tolist() == [
+        m["anchor"] for m in report["layouts"][1]["modules"]
+    ]
+
+
+def test_several_numbers_of_modules_are_compared(run, space):
+    space.write_text(SPACE.replace("[3]", "[2, 3]") + "\n[objective]\nforce = 1.0\n")
+    code, out, _ = run(space)
+    assert code == 0
+    rows = [line.split() for line in out.splitlines() if line.strip().startswith(("2 ", "3 "))]
+    assert [(row[0], row[-1]) for row in rows] == [("2", "yes"), ("3", "yes")]
+    assert "flat-3: 1 is the share of the target with 1 N" in out
+
+
+def test_bad_input_ends_with_status_2_and_says_where(run, space, tmp_path):
+    space.write_text(SPACE.replace("lower = 1.0", "lower = 7.0"))
+    code, out, err = run(space)
+    assert (code, out) == (2, "")
+    assert f'{space}: key "limits" is 7.0 to 5.0' in err
+    assert "no folder" in run(space, "--out", tmp_path / "none" / "rig.toml")[2]
+    assert run(tmp_path / "none.toml")[0] == 2

@@ -1,0 +1,136 @@
+"""Searches whose answers are known, and what a search says of them. Small budgets."""
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import ShapeError
+from tensionlab.model.files import rig_from_toml
+from tensionlab.model.module import Module
+from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
+
+WALLS = tuple(
+    Surface(name, corner, [edge])
+    for name, corner, edge in (
+        ("south", [-1, -1], [2, 0]),
+        ("east", [1, -1], [0, 2]),
+        ("north", [-1, 1], [2, 0]),
+        ("west", [-1, -1], [0, 2]),
+    )
+)
+LIMITS = (1.0, 5.0)
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_an_odd_number_of_modules_around_a_point_is_as_good_as_can_be(count):
+    """The available forces are a polygon with 2m sides of 4 N; of these the regular one holds the largest disc."""
+    found = search_layout(Space(WALLS, (count,), LIMITS), [[0, 0]], Objective(), generations=5, starts=5)
+    (layout,) = found.layouts
+    assert layout.score == pytest.approx(2 / np.tan(np.pi / (2 * count)), rel=1e-3)
+    assert layout.score == layout.worst
+    assert layout.rig.kind == "planar-point"
+
+
+def test_the_rig_has_the_score_and_its_modules_the_contributions():
+    """Measured again by way of the rig, its structure matrices and the capacity margin."""
+    door = Module("door", [1.0, 0.2, 0.1], 0.5, 3.0)
+    space = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), LIMITS, fixed=(door,))
+    target = box((-0.2, 0.2), (-0.2, 0.2), (0, 0.2), step=0.2)
+    found = search_layout(space, target, Objective(1.0), name="five", generations=3, starts=3)
+    layout = found.best
+    positions = target.arrays()[0]
+    rig = layout.rig
+    assert rig.name == "five-5"
+    assert rig.modules[-1] == door
+    margins = capacity_margin(rig.structure_matrix(positions), rig.limits)
+    assert layout.score == (margins >= 1.0).mean()
+    assert layout.worst == pytest.approx(margins.min(), abs=1e-12)
+    np.testing.assert_allclose(rig.home, [0, 0, 0.1], atol=1e-15)
+    for index, lost in enumerate(layout.contributions):
+        rest = tl.Rig(
+            name="rest", kind="point", modules=rig.modules[:index] + rig.modules[index + 1 :], home=rig.home
+        )
+        without = capacity_margin(rest.structure_matrix(positions), rest.limits)
+        assert lost == pytest.approx(layout.score - (without >= 1.0).mean())
+    for module in rig.modules[:-1]:
+        assert np.abs(module.anchor).max() == pytest.approx(1.0)
+        assert (module.lower, module.upper) == LIMITS
+
+
+def test_the_text_of_a_layout_is_the_rig_with_the_score_above_it():
+    found = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=2, starts=2).best
+    text = found.to_toml()
+    assert rig_from_toml(text, "text") == found.rig
+    head = text.splitlines()[:4]
+    assert f"Score {found.score:.6g}" in head[0]
+    for module, lost, line in zip(found.rig.modules, found.contributions, head[1:], strict=True):
+        assert line == f"#   {module.name}: {lost:.6g}"
+
+
+def test_the_same_seed_gives_the_same_layout_and_another_seed_another_way_there(monkeypatch):
+    space = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), LIMITS)
+    target = [[0, 0, 0], [0.3, 0.1, 0.2]]
+
+    def anchors(seed):
+        return search_layout(space, target, Objective(), seed=seed, generations=2, starts=1).best.rig.anchors
+
+    first = anchors(3)
+    monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "1")
+    np.testing.assert_array_equal(first, anchors(3))
+    assert not np.array_equal(first, anchors(4))
+
+
+def test_the_front_holds_the_layouts_that_further_modules_pay_for():
+    space = Space(WALLS, (6, 3, 2), LIMITS)
+    found = search_layout(space, [[0, 0]], Objective(3.0), generations=3, starts=3)
+    assert [layout.rig.m for layout in found.layouts] == [2, 3, 6]
+    assert [layout.score for layout in found.layouts] == [0, 1, 1]
+    assert [layout.rig.m for layout in found.front] == [2, 3]
+    assert found.best.rig.m == 3
+
+
+def test_modules_on_a_body_keep_the_axes_of_the_body():
+    """Only a box on the hip and two fixed modules: the searched module ends up in the box, in the hip's axes."""
+    belt = Surface("belt", [-0.1, 0, 0], [[0.2, 0, 0], [0, 0.1, 0], [0, 0, 0.05]], frame="hip")
+    fixed = tuple(Module(f"f{i}", anchor, *LIMITS) for i, anchor in enumerate(np.eye(3)))
+    frames = {"hip": ([-1.0, -1.0, -1.0], None)}
+    space = Space((belt,), (1,), LIMITS, fixed=fixed, frames=frames)
+    found = search_layout(space, [[0, 0, 0]], Objective(), generations=3, starts=2).best
+    module = found.rig.modules[0]
+    assert (module.name, module.frame) == ("belt 1", "hip")
+    assert ((module.anchor >= [-0.1, 0, 0]) & (module.anchor <= [0.1, 0.1, 0.05])).all()
+    margin = capacity_margin(found.rig.structure_matrix([0, 0, 0], frames=frames), found.rig.limits)
+    assert found.score == pytest.approx(margin, abs=1e-12)
+    # The best is on the diagonal, opposite to the three others: (x, y, z) all equal in the world.
+    placed = module.anchor - 1.0
+    np.testing.assert_allclose(placed / placed[0], 1, atol=0.06)
+
+
+def test_names_keep_clear_of_the_fixed_modules():
+    fixed = (Module("south 1", [0.0, 1.0], *LIMITS),)
+    found = search_layout(
+        Space(WALLS[:1], (2,), LIMITS, fixed=fixed), [[0, 0]], Objective(), generations=1, starts=1
+    )
+    assert [module.name for module in found.best.rig.modules] == ["south 2", "south 3", "south 1"]
+
+
+def test_progress_runs_from_nothing_to_all():
+    told = []
+    search_layout(
+        Space(WALLS, (2, 3), LIMITS), [[0, 0]], Objective(), generations=2, starts=2, progress=told.append
+    )
+    assert (np.diff(told) >= 0).all()
+    assert told[-1] == pytest.approx(1.0)
+    assert any(0.4 < share < 0.6 for share in told)
+
+
+def test_bad_input_is_refused():
+    space = Space(WALLS, (3,), LIMITS)
+    with pytest.raises(ShapeError, match="target has shape"):
+        search_layout(space, [[0, 0, 0]], Objective())
+    with pytest.raises(ShapeError, match="no points"):
+        search_layout(space, np.zeros((0, 2)), Objective())
+    with pytest.raises(ShapeError, match="starts is 0"):
+        search_layout(space, [[0, 0]], Objective(), starts=0)
+    with pytest.raises(ShapeError, match="generations is 0"):
+        search_layout(space, [[0, 0]], Objective(), generations=0)

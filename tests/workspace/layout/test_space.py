@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from tensionlab.errors import RigError
+from tensionlab.model.module import Module
+from tensionlab.workspace.layout.space import Space, Surface, room
+
+FLOOR = Surface("floor", [-1, 0, -1], [[2, 0, 0], [0, 0, 2]])
+
+
+def test_a_room_has_six_faces_that_bound_it():
+    faces = {face.name: face for face in room([4, 2.5, 3])}
+    assert list(faces) == ["left wall", "right wall", "floor", "ceiling", "back wall", "front wall"]
+    corners = {
+        name: [face.corner + np.array(x) @ face.edges for x in ([0, 0], [0, 1], [1, 0], [1, 1])]
+        for name, face in faces.items()
+    }
+    for name, axis, value in (
+        ("left wall", 0, -2), ("right wall", 0, 2), ("floor", 1, 0), ("ceiling", 1, 2.5), ("back wall", 2, -1.5),
+        ("front wall", 2, 1.5),
+    ):  # fmt: skip
+        assert {float(corner[axis]) for corner in corners[name]} == {value}
+    everywhere = np.concatenate(list(corners.values()))
+    assert len(np.unique(everywhere, axis=0)) == 8
+    np.testing.assert_array_equal(np.ptp(everywhere, axis=0), [4, 2.5, 3])
+    moved = room([4, 2.5, 3], centre=[1, 1, 1])[2]
+    np.testing.assert_array_equal(moved.corner, [-1, -0.25, -0.5])
+
+
+def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
+    """A hip that is turned by 90 degrees about Y and stands at x = 5: its x axis points along -Z of the world."""
+    belt = Surface("belt", [0, 0, 0.1], [[0.3, 0, 0]], frame="hip")
+    turn = [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+    worn = Module("worn", [0.2, 0, 0], 1, 2, frame="hip")
+    space = Space((FLOOR, belt), (1,), fixed=(worn,), frames={"hip": ([5, 1, 0], turn)})
+    np.testing.assert_allclose(space.placed.corners, [[-1, 0, -1], [5.1, 1, 0]], atol=1e-15)
+    np.testing.assert_allclose(space.placed.edges[1], [[0, 0, -0.3], [0, 0, 0], [0, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(space.placed.edges[0], [[2, 0, 0], [0, 0, 2], [0, 0, 0]], atol=1e-15)
+    np.testing.assert_allclose(space.placed.fixed, [[5, 1, -0.2]], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Surface("", [0, 0, 0], [[1, 0, 0]]), '"name" is empty'),
+        (lambda: Surface("s", [0, 0], [[1, 0, 0]]), 'surface "s": key "edges" must list 1 to 2 vectors of 2'),
+        (lambda: Surface("s", [0, 0, 0], [1, 0, 0]), 'key "edges" must list'),
+        (lambda: Surface("s", [0, 0, 0], []), 'key "edges" must list'),
+        (lambda: Surface("s", [0, 0, 0], [[1, 0, 0], [2, 0, 0]]), "zero, parallel or not finite"),
+        (lambda: Surface("s", [0, 0, 0], [[0, 0, 0]]), "zero, parallel or not finite"),
+        (lambda: Surface("s", [0, 0, 0], [[1, 0, np.nan]]), "zero, parallel or not finite"),
+        (lambda: Surface("s", [0, 0, np.inf], [[1, 0, 0]]), 'key "corner"'),
+        (lambda: room([4, -2, 4]), "three lengths in m, above zero"),
+        (lambda: room([4, 2]), "three lengths"),
+        (lambda: Space((), (4,)), '"surfaces" is empty'),
+        (lambda: Space((FLOOR,), ()), 'key "counts"'),
+        (lambda: Space((FLOOR,), (4, 4)), 'key "counts"'),
+        (lambda: Space((FLOOR,), (0,)), 'key "counts"'),
+        (lambda: Space((FLOOR, FLOOR), (4,)), 'surface "floor": its name is used twice'),
+        (lambda: Space((FLOOR, Surface("line", [0, 0], [[1, 0]])), (4,)), 'surface "line": has 2 coordinates'),
+        (lambda: Space((FLOOR,), (4,), fixed=(Module("m", [0, 0], 1, 2),)), 'module "m": has 2 coordinates'),
+        (lambda: Space((FLOOR,), (4,), limits=(3, 2)), 'key "limits" is 3 to 2'),
+        (lambda: Space((Surface("s", [0, 0, 0], [[1, 0, 0]], "hip"),), (4,)), '"hip", which is missing'),
+        (lambda: Space((FLOOR,), (4,), frames={"hip": [0, 0, 0]}), 'rides on the frame "hip"'),
+    ],
+)  # fmt: skip
+def test_a_space_that_is_none_is_refused(make, message):
+    with pytest.raises(RigError, match=message):
+        make()

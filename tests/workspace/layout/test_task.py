@@ -1,0 +1,168 @@
+"""Space files: what they mean, and what is said of those that mean nothing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tensionlab.errors import RigError
+from tensionlab.workspace.layout.task import load_task
+
+SPACES = Path(__file__).parents[3] / "datasets" / "spaces"
+
+GOOD = """
+name = "desk"
+counts = [2, 3]
+
+[limits]
+lower = 0.5
+upper = 6.0
+
+[room]
+size = [4.0, 2.5, 3.0]
+faces = ["ceiling", "floor"]
+
+[[surfaces]]
+name = "belt"
+corner = [0.0, 0.0, 0.1]
+edges = [[0.3, 0.0, 0.0]]
+frame = "hip"
+
+[[modules]]
+name = "door"
+anchor = [1.0, 0.0, 0.0]
+upper = 3.0
+
+[[frames]]
+name = "hip"
+position = [0.5, 1.0, 0.0]
+rotation = [0.0, 0.5, 0.0]
+
+[target]
+x = [-0.1, 0.1]
+y = [1.0, 1.2]
+z = [0.0, 0.0]
+step = 0.1
+
+[objective]
+force = 1.5
+
+[search]
+seed = 7
+generations = 3
+starts = 2
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(text):
+        path = tmp_path / "desk.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return written
+
+
+def test_a_file_says_everything_about_a_search(write):
+    task = load_task(write(GOOD))
+    space = task.space
+    assert [surface.name for surface in space.surfaces] == ["belt", "ceiling", "floor"]
+    assert (space.counts, space.limits) == ((2, 3), (0.5, 6.0))
+    (door,) = space.fixed
+    assert (door.name, door.lower, door.upper) == ("door", 0.5, 3.0)
+    turn = Rotation.from_rotvec([0, 0.5, 0]).as_matrix()
+    np.testing.assert_allclose(space.placed.corners[0], [0.5, 1, 0] + turn @ [0, 0, 0.1], atol=1e-15)
+    np.testing.assert_allclose(space.placed.corners[1], [-2, 2.5, -1.5])
+    assert task.target.arrays()[0].shape == (9, 3)
+    assert task.objective.force == 1.5
+    assert (task.name, task.seed, task.generations, task.starts) == ("desk", 7, 3, 2)
+    found = task.run()
+    assert [layout.rig.name for layout in found.layouts] == ["desk-3", "desk-4"]
+    assert all(layout.rig.modules[-1] == door for layout in found.layouts)
+
+
+def test_most_of_a_file_can_be_left_out(write):
+    start, end = GOOD.index("[[surfaces]]"), GOOD.index("[target]")
+    task = load_task(write(GOOD[:start] + GOOD[end : GOOD.index("[objective]")].replace("faces", "#")))
+    assert len(task.space.surfaces) == 2
+    assert task.objective.force is None
+    assert (task.seed, task.generations, task.starts) == (0, 30, 50)
+
+
+def test_a_flat_space_has_flat_targets_and_angles(write):
+    task = load_task(
+        write("""
+        name = "flat"
+        counts = [3]
+        limits = { lower = 1, upper = 5.0 }
+        target = { x = [0, 1], y = [0, 1], step = 0.5 }
+        surfaces = [{ name = "wall", corner = [0, 0], edges = [[1, 0]], frame = "cart" }]
+        frames = [{ name = "cart", position = [1, 1], rotation = [1.5707963267948966] }]
+        """)
+    )
+    assert task.target.arrays()[0].shape == (9, 2)
+    np.testing.assert_allclose(task.space.placed.edges[0], [[0, 1], [0, 0]], atol=1e-15)
+
+
+MISTAKES = {
+    "unknown key": ("counts", "count", 'unknown key "count"; did you mean "counts"?'),
+    "no target": ("[target]", "[aim]", 'key "target" is missing; give a [target] table'),
+    "no list": ("counts = [2, 3]", "counts = 2", 'key "counts" is 2; give how many modules to put'),
+    "half a module": ("[2, 3]", "[2, 2.5]", 'key "counts", entry 2, is 2.5'),
+    "no module": ("[2, 3]", "[0]", 'key "counts" is [0]'),
+    "step as text": ("step = 0.1", 'step = "small"', "[target]: key \"step\" is 'small'; give the distance"),
+    "backwards": ("y = [1.0, 1.2]", "y = [1.2, 1.0]", "[target]: y"),
+    "three ends": ("y = [1.0, 1.2]", "y = [1.0, 1.1, 1.2]", '[target]: key "y" has 3 numbers'),
+    "step of zero": ("step = 0.1", "step = 0.0", "[target]: step is 0.0"),
+    "force of zero": ("force = 1.5", "force = 0.0", "objective: force is 0.0"),
+    "limits crossed": ("upper = 6.0", "upper = 0.1", 'key "limits" is 0.5 to 0.1'),
+    "no such face": ('"ceiling"', '"roof"', "[room]: key \"faces\" names 'roof'; the faces of a room"),
+    "room of nothing": ("[4.0, 2.5, 3.0]", "[4.0, 0.0, 3.0]", "room: size is [4.0, 0.0, 3.0]"),
+    "edges of a surface": ("edges = [[0.3, 0.0, 0.0]]", "edges = [[0.3, 0.0]]", 'surface "belt": key "edges"'),
+    "edge as text": ("[[0.3, 0.0, 0.0]]", '[["x", 0.0, 0.0]]', 'surface 1 ("belt"): key "edges"'),
+    "surface without a corner": ("corner =", "corners =", 'surface 1 ("belt"): key "corner" is missing'),
+    "two of a name": ('name = "belt"', 'name = "floor"', 'surface "floor": its name is used twice'),
+    "frame that is not given": ('frame = "hip"', 'frame = "hand"', 'rides on the frame "hand"'),
+    "turn of two numbers": ("[0.0, 0.5, 0.0]", "[0.0, 0.5]", 'frame "hip": key "rotation" must have three'),
+    "module with a bad anchor": ("anchor = [1.0, 0.0, 0.0]", "anchor = [1.0, 0.0]", 'module "door": has 2'),
+    "seed below zero": ("seed = 7", "seed = -7", '[search]: key "seed" is -7; give a whole number, 0 or more'),
+    "no starts": ("starts = 2", "starts = 0", '[search]: key "starts" is 0'),
+    "no TOML": ("[limits]", "[limits", "not valid TOML"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES.values(), ids=MISTAKES)
+def test_a_mistake_is_named_with_file_table_and_key(write, mistake):
+    good, bad, message = mistake
+    assert GOOD.count(good) >= 1
+    path = write(GOOD.replace(good, bad, 1))
+    with pytest.raises(RigError) as caught:
+        load_task(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value)
+
+
+def test_a_file_without_any_surface_is_refused(write):
+    text = GOOD[: GOOD.index("[room]")] + GOOD[GOOD.index("[[modules]]") :]
+    with pytest.raises(RigError, match=r"no place for modules; give a \[room\] table"):
+        load_task(write(text[: text.index("[[frames]]")] + text[text.index("[target]") :]))
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(RigError, match=r"none\.toml: no such file; give the path of a space file"):
+        load_task(tmp_path / "none.toml")
+
+
+def test_the_file_in_the_documentation_is_one(write):
+    text = (SPACES.parent / "README.md").read_text(encoding="utf-8").split("## The format of a space file")[1]
+    task = load_task(write(text.split("```toml")[1].split("```")[0]))
+    assert [surface.name for surface in task.space.surfaces] == ["belt", "floor", "ceiling", "left wall"]
+
+
+@pytest.mark.parametrize("path", sorted(SPACES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_spaces_of_the_repository_can_be_read(path):
+    task = load_task(path)
+    assert task.name == path.stem
+    assert len(task.target.arrays()[0]) > 10
