@@ -61,7 +61,7 @@ clean:
 
 .venv/user.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
 	@echo "Installing into .venv (a minute or two the first time) ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[solvers,workspace]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[solvers,workspace,hardware]'
 	@touch $@
 
 .venv/dev.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
