@@ -22,7 +22,7 @@ CLOUD = 100
 """Points to surround small targets with."""
 JITTER = 1e-3
 """How far from the target, in m."""
-SHARP = (0.1, 0.02, 0.004)
+SHARP = (1.0, 0.1, 0.01)
 """From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right."""
 
 

@@ -33,6 +33,32 @@ def test_three_modules_around_a_point_end_up_120_degrees_apart():
     assert found.surfaces.tolist() == [0, 2, 3]
 
 
+def test_a_share_is_polished_until_the_force_is_there_everywhere():
+    space = Space(WALLS, (3,), limits=(1.0, 5.0))
+    limits = place.limits(space, 3)
+    x = np.linspace(-0.1, 0.1, 3)
+    target = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
+    before = place.margins(place.anchors(space, start), limits, target)
+    _, margins = polish(space, target, Objective(2.5), start, limits)
+    assert (before >= 2.5).mean() < 0.1
+    assert margins.min() > 2.5
+    _, largest = polish(space, target, Objective(), start, limits)
+    assert margins.min() == pytest.approx(largest.min(), rel=1e-3)  # with nothing missing, the worst is raised
+
+
+def test_where_not_all_can_be_had_the_share_grows_all_the_same():
+    space = Space(WALLS, (3,), limits=(1.0, 5.0))
+    limits = place.limits(space, 3)
+    x = np.linspace(-0.8, 0.8, 9)
+    target = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
+    objective = Objective(2.0)
+    before = objective.score(place.margins(place.anchors(space, start), limits, target))
+    _, margins = polish(space, target, objective, start, limits)
+    assert objective.score(margins) > before + 0.1
+
+
 @pytest.mark.parametrize("force", [None, 0.5, 2.0, 9.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_polishing_never_makes_it_worse_and_stays_on_the_surfaces(force, seed):
@@ -44,7 +70,7 @@ def test_polishing_never_makes_it_worse_and_stays_on_the_surfaces(force, seed):
     before = place.margins(place.anchors(space, start), limits, target)
     found, margins = polish(space, target, objective, start, limits)
     np.testing.assert_allclose(margins, place.margins(place.anchors(space, found), limits, target), atol=1e-12)
-    assert objective.smooth(margins, 0.004) >= objective.smooth(before, 0.004) - 1e-9
+    assert objective.smooth(margins, 0.01) >= objective.smooth(before, 0.01) - 1e-9
     assert ((found.along >= 0) & (found.along <= 1)).all()
     np.testing.assert_array_equal(found.surfaces, start.surfaces)
     if force is None:

@@ -8,6 +8,8 @@ from tensionlab.errors import ShapeError
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.module import Module
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
+from tensionlab.workspace.layout import search
+from tensionlab.workspace.layout.place import Places
 
 WALLS = tuple(
     Surface(name, corner, [edge])
@@ -52,6 +54,9 @@ def test_the_rig_has_the_score_and_its_modules_the_contributions():
         )
         without = capacity_margin(rest.structure_matrix(positions), rest.limits)
         assert lost == pytest.approx(layout.score - (without >= 1.0).mean())
+    surfaces = [surface.name for surface in space.surfaces]
+    order = [surfaces.index(module.name.rsplit(" ", 1)[0]) for module in rig.modules[:-1]]
+    assert order == sorted(order)
     for module in rig.modules[:-1]:
         assert np.abs(module.anchor).max() == pytest.approx(1.0)
         assert (module.lower, module.upper) == LIMITS
@@ -112,6 +117,21 @@ def test_names_keep_clear_of_the_fixed_modules():
         Space(WALLS[:1], (2,), LIMITS, fixed=fixed), [[0, 0]], Objective(), generations=1, starts=1
     )
     assert [module.name for module in found.best.rig.modules] == ["south 2", "south 3", "south 1"]
+
+
+def test_a_hop_puts_one_or_two_modules_elsewhere():
+    space = Space(WALLS, (5,), LIMITS)
+    start = Places(np.zeros(5, dtype=int), np.full((5, 2), 0.5))
+    random = np.random.default_rng(0)
+    moved = []
+    for _ in range(200):
+        hop = search._hop(space, start, random)
+        changed = (hop.along != start.along).any(axis=1)
+        assert not (hop.surfaces != start.surfaces)[~changed].any()
+        moved.append(int(changed.sum()))
+        assert set(hop.surfaces) <= {0, 1, 2, 3}
+    assert set(moved) == {1, 2}
+    assert not start.surfaces.any()
 
 
 def test_progress_runs_from_nothing_to_all():
