@@ -11,11 +11,15 @@
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
     ├── Unreachable                          an allocation that is not exact; carries the evidence
     └── HardwareError                        what goes wrong with modules
-        └── ProtocolError                    a frame or message that cannot be sent, or was not understood
+        ├── ProtocolError                    a frame or message that cannot be sent, or was not understood
+        ├── LinkError (OSError)              a link that cannot be opened, or broke; names its URL
+        ├── LinkTimeout (TimeoutError)       a module that does not answer; names it
+        └── ModuleFault                      a module that refuses, or lets go; carries its name and the code
 """
 
 from __future__ import annotations
 
+from enum import IntEnum, IntFlag
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -70,3 +74,28 @@ class HardwareError(TensionlabError):
 
 class ProtocolError(HardwareError):
     """A frame or a message that cannot be sent, or that was not understood."""
+
+
+class LinkError(HardwareError, OSError):
+    """A link that cannot be opened, or that has broken; the message names its URL."""
+
+
+class LinkTimeout(HardwareError, TimeoutError):  # noqa: N818 - pinned name
+    """A module that does not answer; the message names it and its link."""
+
+
+class ModuleFault(HardwareError):  # noqa: N818 - pinned name
+    """A module that refuses a command, or has let go.
+
+    Attributes
+    ----------
+    module : str
+        Its name.
+    code : Code, Fault or State
+        Why: what the refusal said, the faults it found, or the state it is in.
+    """
+
+    def __init__(self, message: str, module: str, code: IntEnum | IntFlag) -> None:
+        super().__init__(message)
+        self.module = module
+        self.code = code

@@ -1,0 +1,212 @@
+"""Bytes to a module and back: serial ports, Bluetooth, TCP, and simulated modules, all behind one interface.
+
+Each link counts time by its own clock. That of a simulated module stands still but while somebody waits for it.
+"""
+
+from __future__ import annotations
+
+import re
+import select
+import socket
+import time
+from typing import Any, Protocol
+
+from tensionlab.errors import LinkError, MissingDependency
+from tensionlab.hardware.simulated import STEP, SimulatedModule
+
+CHUNK = 4096
+"""Bytes read at a time, at most."""
+BAUD = 921_600
+"""Bits a second over USB; Bluetooth and TCP do not care."""
+CONNECT_TIMEOUT = 10.0
+"""Time that a connection may take to come about, in s."""
+KINDS = """
+  bt://AA:BB:CC:DD:EE:FF/1   Bluetooth, by address and channel
+  /dev/ttyUSB0, COM5         a serial port
+  socket://host:port         TCP, as `tensionlab simulate` serves
+  sim:                       a simulated module in this process""".lstrip("\n")
+
+
+class Link(Protocol):
+    """Bytes to one module and back.
+
+    Attributes
+    ----------
+    url : str
+        Where the module is reached.
+    """
+
+    url: str
+
+    def send(self, content: bytes) -> None:
+        """Send bytes; a `LinkError` if the link is broken."""
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes, for so many s at most; empty if none came. A `LinkError` if the link is broken."""
+
+    def clock(self) -> float:
+        """Time by which timeouts count, in s."""
+
+    def close(self) -> None:
+        """Let go of the link; a closed link may be closed again."""
+
+
+def open_link(url: str) -> Link:
+    """Reach a module.
+
+    Parameters
+    ----------
+    url : str
+        ``bt://AA:BB:CC:DD:EE:FF/1``, a serial port such as ``/dev/rfcomm0`` or ``COM5``, ``socket://host:port``,
+        or ``sim:`` for a simulated module of its own.
+
+    Raises
+    ------
+    LinkError
+        If the URL is of no known kind, or nothing answers there.
+    MissingDependency
+        If pyserial is not installed.
+    """
+    if url == "sim:":
+        return SimulatedLink(SimulatedModule())
+    if url.startswith("bt://"):
+        return BluetoothLink(url)
+    if url.startswith(("/dev/", "socket://")) or re.fullmatch(r"COM\d+", url, re.IGNORECASE):
+        return SerialLink(url)
+    raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+
+
+class SerialLink:
+    """A serial port, or TCP in its place, through pyserial. Nobody else can have the port at the same time."""
+
+    def __init__(self, url: str) -> None:
+        try:
+            import serial
+        except ImportError as missing:
+            raise MissingDependency(
+                'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
+            ) from missing
+        self.url = url
+        self._broken: type[Exception] = serial.SerialException
+        try:
+            # Only the ports of a system know of being taken; a TCP port refuses by itself.
+            taken = {} if url.startswith("socket://") else {"exclusive": True}
+            self._port: Any = serial.serial_for_url(url, BAUD, timeout=0, write_timeout=1.0, **taken)
+        except (serial.SerialException, ValueError) as error:
+            raise LinkError(
+                f"{url} cannot be opened: {error}; is it there, and is no other program using it?"
+            ) from None
+
+    def send(self, content: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._port.write(content)
+        except (self._broken, OSError) as error:
+            raise LinkError(f"{self.url} broke: {error}") from None
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes."""
+        try:
+            self._port.timeout = timeout
+            first: bytes = self._port.read(1)
+            if not first:
+                return first
+            self._port.timeout = 0
+            return first + bytes(self._port.read(CHUNK))
+        except (self._broken, OSError, TypeError) as error:  # a port closed while it is read is a TypeError
+            raise LinkError(f"{self.url} broke: {error}") from None
+
+    def clock(self) -> float:
+        """Time, in s."""
+        return time.monotonic()
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._port.close()
+
+
+class BluetoothLink:
+    """Bluetooth Classic: an RFCOMM socket, where this Python has them."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
+        if match is None:
+            raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")
+        family, protocol = getattr(socket, "AF_BLUETOOTH", None), getattr(socket, "BTPROTO_RFCOMM", None)
+        if family is None or protocol is None:
+            raise LinkError(
+                f"{url}: this Python was built without Bluetooth sockets. On Linux, bind the module to a port "
+                f"(sudo rfcomm bind 0 {match[1]} {match[2] or 1}) and use /dev/rfcomm0; on macOS, pair it and use "
+                "/dev/cu.tensionlab-…; on Windows, pair it and use its COM port"
+            )
+        self._socket = socket.socket(family, socket.SOCK_STREAM, protocol)
+        self._socket.settimeout(CONNECT_TIMEOUT)
+        try:
+            self._socket.connect((match[1], int(match[2] or 1)))
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(f"{url} cannot be reached: {error}; is the module on, paired, and in range?") from None
+
+    def send(self, content: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._socket.sendall(content)
+        except OSError as error:
+            raise LinkError(f"{self.url} broke: {error}") from None
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes."""
+        try:
+            if not select.select([self._socket], [], [], timeout)[0]:
+                return b""
+            content = self._socket.recv(CHUNK)
+        except (OSError, ValueError) as error:  # a socket closed while it is waited for is a ValueError
+            raise LinkError(f"{self.url} broke: {error}") from None
+        if not content:
+            raise LinkError(f"{self.url} was closed by the module")
+        return content
+
+    def clock(self) -> float:
+        """Time, in s."""
+        return time.monotonic()
+
+    def close(self) -> None:
+        """Let go of the module."""
+        self._socket.close()
+
+
+class SimulatedLink:
+    """A simulated module of this process. Its time passes while somebody waits, and where it is advanced."""
+
+    def __init__(self, module: SimulatedModule, url: str = "sim:") -> None:
+        self.module = module
+        self.url = url
+        self._open = True
+
+    def send(self, content: bytes) -> None:
+        """Hand bytes over."""
+        self._require_open()
+        self.module.receive(content)
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes, a step of the firmware at a time."""
+        self._require_open()
+        end = self.clock() + timeout
+        while not (content := self.module.transmit()) and self.clock() + STEP <= end:
+            self.module.advance(STEP)
+        return content
+
+    def clock(self) -> float:
+        """Time of the module, in s."""
+        return self.module.sample.seconds
+
+    def close(self) -> None:
+        """Let the firmware know that its link is gone."""
+        if self._open:
+            self.module.close_link()
+        self._open = False
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise LinkError(f"{self.url} is closed")
