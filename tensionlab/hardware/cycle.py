@@ -1,0 +1,140 @@
+"""What goes through the runner: how the rig is, what is asked of it, and what came of it in each cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.measure import Allocation
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class RigState:
+    """How is the rig now, as far as the host can tell?
+
+    Arrays over cables have the rig's order; NaN where a module has not yet said it.
+
+    Attributes
+    ----------
+    cycle : int
+        Number of the cycle, from 0.
+    time : float
+        Of the cycle, in s since the run began.
+    position : (d,) array
+        Of the reference point, in m.
+    rotation : (3, 3) array, float or None
+        As `Rig.structure_matrix` takes it; None for a point, and where the platform is not turned.
+    twist : (n,) array
+        Velocity that fits the cables' speeds best: m/s, and rad/s where the platform turns.
+    structure : (n, m) array
+        Structure matrix at that pose.
+    lengths, speeds : (m,) arrays
+        Of the cables, in m; of paying out, in m/s.
+    tensions : (m,) array
+        What the modules said they pull with, in N.
+    ages : (m,) array
+        Time since the latest telemetry came, in s; infinite before the first.
+    active : (m,) array of bool
+        Modules that take part. One that is lost does not come back within a run.
+    states, faults, limits : (m,) arrays of int
+        `codes.State`, `codes.Fault` and `codes.Limit` of each module.
+    taken : (m,) array of int
+        Sequence number of the set-point that each module followed last; -1 before the first telemetry.
+    thermal : (m,) array
+        Share of each winding's budget that is spent.
+    """
+
+    cycle: int
+    time: float
+    position: Floats
+    rotation: Floats | float | None
+    twist: Floats
+    structure: Floats
+    lengths: Floats
+    speeds: Floats
+    tensions: Floats
+    ages: Floats
+    active: NDArray[np.bool_]
+    states: Integers
+    faults: Integers
+    limits: Integers
+    taken: Integers
+    thermal: Floats
+
+
+@dataclass(frozen=True)
+class Impedance:
+    """What a module renders at its own rate, instead of a tension: see `protocol.SetImpedance`. SI units."""
+
+    rest: float
+    stiffness: float
+    damping: float = 0.0
+    feed_forward: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Demand:
+    """What is the rig to render until the next cycle?
+
+    Attributes
+    ----------
+    wrench : (n,) array or None
+        To be exerted on the platform, in N and N·m. None: each cable is held at its lower limit.
+    impedances : mapping of str to Impedance
+        Modules, by name, that render a spring instead; the wrench is left to the others.
+    brakes : set of str
+        Modules whose brake is to be on.
+    stop : bool
+        End the run: all modules let go.
+    """
+
+    wrench: Floats | None = None
+    impedances: Mapping[str, Impedance] = field(default_factory=dict)
+    brakes: frozenset[str] = frozenset()
+    stop: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """What happened in one cycle of a run?
+
+    Attributes
+    ----------
+    state : RigState
+        At its begin.
+    demand : Demand
+        What was asked for.
+    allocation : Allocation
+        What the solver chose, measured; with tension 0 in modules that do not take part.
+    replaced : bool
+        Whether the run's own solver left the answer unproved, so that the exact solver gave this one.
+    sent : (m,) array
+        Set-points in N, after the limit on their change; NaN where none was sent.
+    sequences : (m,) array of int
+        Their sequence numbers; -1 where none was sent.
+    late : float
+        How long after its deadline the cycle began, in s.
+    work : float
+        What the host needed for it, in s.
+    """
+
+    state: RigState
+    demand: Demand
+    allocation: Allocation
+    replaced: bool
+    sent: Floats
+    sequences: Integers
+    late: float
+    work: float
+
+
+DemandSource = Callable[[RigState], Demand]
+"""What is to be rendered, given how the rig is? Asked once a cycle."""
