@@ -48,7 +48,6 @@ def allocate(
     Body frames stay at rest, at the origin of the world.
     """
     from tensionlab.allocation import Allocator
-    from tensionlab.experiments.comparison import at_rest
     from tensionlab.experiments.lineup import lineup
     from tensionlab.model.files import load_rig
     from tensionlab.solvers.contract import Status
@@ -71,7 +70,7 @@ def allocate(
         reference if reference in (None, "lower", "middle") else output.numbers(reference),
         nearest,  # type: ignore[arg-type]  # checked above
     )
-    result = allocator(loaded.structure_matrix(position, frames=at_rest(loaded)), asked)
+    result = allocator(loaded.structure_matrix(position, frames=loaded.at_rest), asked)
     status = Status(int(result.status))
     if json:
         output.print_json(

@@ -100,12 +100,11 @@ def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModu
 
 def _rig(path: Path, seed: int, config_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
     """Which modules are simulated, and where does each keep its settings?"""
-    from tensionlab.experiments.comparison import at_rest
     from tensionlab.hardware.simulated_rig import simulated_module
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
-    lengths = rig.lengths(rig.home, frames=at_rest(rig))
+    lengths = rig.lengths(rig.home, frames=rig.at_rest)
     simulated = {}
     for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
         at = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")

@@ -85,7 +85,6 @@ def workspace(
 
     Platforms keep their home orientation in a box. Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.experiments.comparison import at_rest
     from tensionlab.model.files import load_rig
     from tensionlab.workspace.paths import read_poses
     from tensionlab.workspace.summary import summarise
@@ -97,7 +96,7 @@ def workspace(
     if poses is not None and plot is not None:
         raise typer.BadParameter("--plot draws a box, not the poses of a file; leave one out")
     where = _box(loaded, box, step) if poses is None else read_poses(poses)
-    frames = {name: place for rig in loaded for name, place in at_rest(rig).items()}
+    frames = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     asked = output.words(measures)
     asked = MEASURES if asked is None else asked
     data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)

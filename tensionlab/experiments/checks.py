@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import allocate
-from tensionlab.experiments.comparison import at_rest
 from tensionlab.model import directions
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import RANK_TOLERANCE, Floats, Status
@@ -48,7 +47,7 @@ def check_rig(rig: Rig) -> list[Finding]:
         Rank of the structure matrix; limits that leave room; balance, that is the zero wrench inside the
         limits; strength, the largest force that the rig renders in its weakest direction; body frames.
     """
-    structure = rig.structure_matrix(rig.home, frames=at_rest(rig))
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig)]
     balanced = allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT
     findings.append(_balance(structure, bool(balanced)))

@@ -141,7 +141,7 @@ def compare(
     """
     runs, missing = lineup(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
-    structure = rig.structure_matrix(place, frames=at_rest(rig))
+    structure = rig.structure_matrix(place, frames=rig.at_rest)
     if directions is None:
         directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
     if not (np.isfinite(magnitude) and magnitude > 0):
@@ -202,11 +202,6 @@ def compare(
         )
         rows.append(row)
     return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing)
-
-
-def at_rest(rig: Rig) -> dict[str, tuple[Floats, None]]:
-    """Where body frames are when nothing moves them: at the origin of the world, not turned."""
-    return {name: (np.zeros(rig.dimension), None) for name in rig.frames}
 
 
 def angles(desired: Floats, rendered: Floats) -> Floats:

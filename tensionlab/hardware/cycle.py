@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.measure import Allocation
+from tensionlab.model.pose import Frames
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+class Pose(NamedTuple):
+    """Where is what the cables hold? Fields as the arguments of `Rig.structure_matrix`."""
+
+    position: Floats
+    rotation: Floats | None = None
+    frames: Frames | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +36,8 @@ class RigState:
         Number of the cycle, from 0.
     time : float
         Of the cycle, in s since the run began.
-    position : (d,) array
-        Of the reference point, in m.
-    rotation : (3, 3) array, float or None
-        As `Rig.structure_matrix` takes it; None for a point, and where the platform is not turned.
+    pose : Pose
+        Where the point or the platform is.
     twist : (n,) array
         Velocity that fits the cables' speeds best: m/s, and rad/s where the platform turns.
     structure : (n, m) array
@@ -52,8 +60,7 @@ class RigState:
 
     cycle: int
     time: float
-    position: Floats
-    rotation: Floats | float | None
+    pose: Pose
     twist: Floats
     structure: Floats
     lengths: Floats

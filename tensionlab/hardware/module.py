@@ -101,6 +101,7 @@ class ModuleClient:
         self.on_message: Callable[[Heard], None] | None = None
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
+        self._set_point = random.randrange(256)
         self._answers: dict[int, Message] = {}
         self._refused: list[Acknowledge] = []
         self._strange = 0
@@ -152,7 +153,7 @@ class ModuleClient:
 
     def arm(self) -> None:
         """Let the module pull with the taut minimum, and wait for set-points of a new session."""
-        self.session = random.randrange(1, 1 << 16)
+        self.begin_session()
         self.tell(Arm(self.session))
 
     def stop(self) -> None:
@@ -255,46 +256,61 @@ class ModuleClient:
 
     def ask(self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = TRIES) -> AnswerType:
         """What does the module answer? Errors as those of `tell`. A repeated command has the same number."""
-        sequence = self._next()
-        content = command.frame(sequence).pack()
-        with self._news:
-            self._answers.pop(sequence, None)
+        sequence: int | None = None
         for timeout in tries:
-            self.link.send(content)
-            found = self._await(sequence, timeout)
-            if isinstance(found, answer) and not _refuses(found):
+            sequence = self.post(command, sequence)
+            end = self.link.clock() + timeout
+            while (found := self.answer(command, sequence)) is None and (left := end - self.link.clock()) > 0:
+                if not self._wait(sequence, left):
+                    break
+            if isinstance(found, answer):
                 return found
-            if isinstance(found, Acknowledge):
-                raise ModuleFault(
-                    f'module "{self.name}" refused {type(command).__name__}: {found.code.name} '
-                    f"(it is {found.state.name})",
-                    self.name,
-                    found.code,
-                )
         raise LinkTimeout(
             f'module "{self.name}" at {self.link.url} did not answer {type(command).__name__} '
             f"in {len(tries)} tries; is it on, and in range?"
         )
 
-    def _await(self, sequence: int, timeout: float) -> Message | None:
-        end = self.link.clock() + timeout
-        while (left := end - self.link.clock()) > 0:
-            if self._reader is None:
-                content = self.link.receive(left)
-                self._take(content)
-                if sequence not in self._answers and not content:
-                    return None
+    def begin_session(self) -> None:
+        """Make up the session that the next `Arm` begins. A module takes each only once."""
+        self.session = random.randrange(1, 1 << 16)
+
+    def post(self, command: Message, sequence: int | None = None) -> int:
+        """Send a command without waiting; returns its number. Sent again, it keeps the number it had."""
+        if sequence is None:
+            sequence = self._next_set_point() if isinstance(command, Arm) else self._next()
             with self._news:
-                if self._reader is not None and sequence not in self._answers and self._broken is None:
-                    self._news.wait(left)
-                if sequence in self._answers:
-                    return self._answers.pop(sequence)
-            if self._broken is not None:
-                raise self._broken
-        return None
+                self._answers.pop(sequence, None)
+        self.link.send(command.frame(sequence).pack())
+        return sequence
+
+    def answer(self, command: Message, sequence: int) -> Message | None:
+        """What has come in answer to a command? None if nothing yet; errors as those of `tell`."""
+        if self._broken is not None:
+            raise self._broken
+        with self._news:
+            found = self._answers.pop(sequence, None)
+        if found is None or (isinstance(found, Acknowledge) and found.command is not command.type):
+            return None
+        if isinstance(found, Acknowledge) and found.code is not Code.OK:
+            raise ModuleFault(
+                f'module "{self.name}" refused {type(command).__name__}: {found.code.name} '
+                f"(it is {found.state.name})",
+                self.name,
+                found.code,
+            )
+        return found
+
+    def _wait(self, sequence: int, seconds: float) -> bool:
+        """Wait for an answer, for so long at most; False if nothing came."""
+        if self._reader is None:
+            content = self.link.receive(seconds)
+            self._take(content)
+            return bool(content)
+        with self._news:
+            return self._news.wait_for(lambda: sequence in self._answers or self._broken is not None, seconds)
 
     def _send(self, message: Message) -> int:
-        sequence = self._next()
+        sequence = self._next_set_point()
         self.link.send(message.frame(sequence).pack())
         return sequence
 
@@ -302,6 +318,12 @@ class ModuleClient:
         with self._news:
             self._sequence = (self._sequence + 1) % 256
             return self._sequence
+
+    def _next_set_point(self) -> int:
+        """Count ARM and set-points by themselves: the module takes what is up to 127 after the last."""
+        with self._news:
+            self._set_point = (self._set_point + 1) % 256
+            return self._set_point
 
     def _read(self) -> None:
         while not self._closing:
@@ -347,7 +369,3 @@ def known(name: str) -> str:
     if name not in PARAMETERS:
         raise ProtocolError(f"modules have no parameter {name!r}; they have {', '.join(PARAMETERS)}")
     return name
-
-
-def _refuses(message: Message) -> bool:
-    return isinstance(message, Acknowledge) and message.code is not Code.OK

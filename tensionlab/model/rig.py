@@ -126,6 +126,11 @@ class Rig:
         """Names of the body frames to be given at run time; empty if all modules stand in the world."""
         return tuple(dict.fromkeys(module.frame for module in self.modules if module.frame != WORLD))
 
+    @property
+    def at_rest(self) -> dict[str, tuple[Floats, None]]:
+        """Where body frames are when nothing moves them: at the origin of the world, not turned."""
+        return {name: (np.zeros(self.dimension), None) for name in self.frames}
+
     @cached_property
     def limits(self) -> TensionLimits:
         """Tension limits of all cables."""

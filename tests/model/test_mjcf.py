@@ -151,8 +151,7 @@ def test_every_rig_of_the_repository_starts_at_home_with_its_own_names(path):
     rig = load_rig(path)
     model, data = judge(rig, None)
     mujoco.mj_forward(model, data)
-    at_rest = {name: np.zeros(rig.dimension) for name in rig.frames}
-    np.testing.assert_allclose(data.ten_length, rig.lengths(rig.home, frames=at_rest or None), atol=1e-12)
+    np.testing.assert_allclose(data.ten_length, rig.lengths(rig.home, frames=rig.at_rest), atol=1e-12)
     np.testing.assert_array_equal(data.qpos[: rig.dimension], rig.home)
     assert [model.actuator(i).name for i in range(model.nu)] == [module.name for module in rig.modules]
     np.testing.assert_array_equal(model.actuator_ctrlrange, [[m.lower, m.upper] for m in rig.modules])
