@@ -215,14 +215,15 @@ class SimulatedLink:
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes, a step of the firmware at a time."""
         self._require_open()
-        end = self.clock() + timeout
-        while not (content := self.module.transmit()) and self.clock() + STEP <= end:
+        steps = int(timeout / STEP + 1e-6)
+        while not (content := self.module.transmit()) and steps > 0:
             self.module.advance(STEP)
+            steps -= 1
         return content
 
     def clock(self) -> float:
         """Time of the module, in s."""
-        return self.module.sample.seconds
+        return self.module.seconds
 
     def close(self) -> None:
         """Let the firmware know that its link is gone."""
