@@ -13,7 +13,7 @@ from typing import Generic, Self, TypeVar
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.codes import Calibration, Code, Fault, State
 from tensionlab.hardware.frames import Decoder
-from tensionlab.hardware.link import Link, SimulatedLink, open_link
+from tensionlab.hardware.link import Link, open_link
 from tensionlab.hardware.protocol import (
     PROTOCOL,
     Acknowledge,
@@ -110,7 +110,7 @@ class ModuleClient:
         self._news = threading.Condition()
         self._closing = False
         self._reader: threading.Thread | None = None
-        if not isinstance(self.link, SimulatedLink):
+        if not self.link.lockstep:
             self._reader = threading.Thread(target=self._read, name=f"reader of {name}", daemon=True)
             self._reader.start()
 
