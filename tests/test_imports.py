@@ -58,6 +58,7 @@ DOORS = {
     "clarabel": {"solvers/quadratic/backends.py"},
     "cvxpy": {"solvers/convex.py"},
     "cobs": {"hardware/frames.py"},
+    "filelock": {"hardware/claims.py"},
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
     "mcap": {"hardware/mcap_file.py"},

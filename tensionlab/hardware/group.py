@@ -36,11 +36,14 @@ class ModuleGroup:
     ----------
     infos : tuple of Info
         What the modules said of themselves; empty before `prepare`.
+    slews : tuple of float
+        How fast each lets its tension change, in N/s; empty before `prepare`.
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:
         self.clients = tuple(clients)
         self.infos: tuple[Info, ...] = ()
+        self.slews: tuple[float, ...] = ()
 
     def prepare(self, rig: Rig, telemetry_ms: int) -> None:
         """Make sure that these modules can do what the rig says, and have them report.
@@ -63,18 +66,31 @@ class ModuleGroup:
                 )
             if not info.calibrated:
                 raise HardwareError(
-                    f'module "{client.name}" is not calibrated: `tensionlab module calibrate gain {client.link.url}`'
+                    f'module "{client.name}" is not calibrated: '
+                    f"`tensionlab module calibrate gain {client.link.url}`"
                 )
             lower, upper = info.tension_lower * (1.0 - SLACK), info.tension_upper * (1.0 + SLACK)
             if not lower <= module.lower <= module.upper <= upper:
                 raise HardwareError(
-                    f'module "{client.name}" pulls with {info.tension_lower:g} to {info.tension_upper:g} N, but the '
-                    f"rig wants {module.lower:g} to {module.upper:g} N; change the rig's limits, or the module's "
-                    f"parameters tension_lower and tension_upper"
+                    f'module "{client.name}" pulls with {info.tension_lower:g} to {info.tension_upper:g} N, but '
+                    f"the rig wants {module.lower:g} to {module.upper:g} N; change the rig's limits, or the "
+                    f"module's parameters tension_lower and tension_upper"
                 )
             if info.state is State.TIMEOUT:
                 client.stop()
             client.telemetry_every(telemetry_ms)
+        self.slews = tuple(client.parameter("slew") for client in self.clients)
+
+    def require_lengths(self) -> None:
+        """Make sure that all know how long their cable is; a `HardwareError` names those that do not."""
+        unknown = [
+            client.name for client, info in zip(self.clients, self.infos, strict=True) if not info.length_known
+        ]
+        if unknown:
+            raise HardwareError(
+                f"the cable lengths of {', '.join(unknown)} are not known, so neither is the position: calibrate "
+                "them (`tensionlab module calibrate lengths`), or give a tracker or a place"
+            )
 
     def arm(self, tensions: Iterable[float]) -> None:
         """Have all modules pull with the taut minimum; those armed first are kept alive meanwhile.
