@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.hardware.codes import Limit, State
+from tensionlab.hardware.codes import Limit, ResetReason, State
 from tensionlab.hardware.cycle import Cycle, Demand, Impedance, Pose, RigState
-from tensionlab.hardware.log import RunLog, RunSettings
-from tensionlab.solvers import make
+from tensionlab.hardware.log import RunLog
+from tensionlab.hardware.protocol import Info
+from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.statistics import Statistics
 from tensionlab.solvers.contract import Status
 
 RIGS = Path(__file__).parents[1] / "datasets" / "rigs"
 MANIFEST = {"call": "tensionlab run", "date": "2026-11-21T22:00:00+00:00", "seed": 3, "versions": {"numpy": "2"}}
+
+
+INFO = Info(1, 257, 7, ResetReason.POWER, State.IDLE, True, True, 28, 250, 0.5, 6.0, 3.0, 0.0195)
 
 
 def four():
@@ -27,21 +31,12 @@ def seven():
     return tl.load_rig(RIGS / "seven-modules.toml")
 
 
-def settings_of(rig, solver="newton", nearest="force", rate=50.0):
-    return RunSettings(
-        solver=solver,
-        parameters=asdict(make(solver)),
-        nearest=nearest,
-        rate=rate,
-        on_loss="stop",
-        lower=tuple(map(float, rig.limits.lower)),
-        upper=tuple(map(float, rig.limits.upper)),
-        links={module.name: f"sim:{module.name}" for module in rig.modules},
-        infos={module.name: {"serial_number": index} for index, module in enumerate(rig.modules)},
-    )
+def new_log(path, rig, solver="newton", nearest=None, rate=50.0):
+    links = {module.name: f"sim:{module.name}" for module in rig.modules}
+    return RunLog(path, rig, MANIFEST, solver, RunSettings(rate, nearest=nearest), links)
 
 
-def cycles(rig, count, rate=50.0, solver="newton", nearest="force", size=2.0, lost=None) -> Iterator[Cycle]:
+def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=None) -> Iterator[Cycle]:
     """The reference point goes round, and the force that is asked for too; one module may be lost half way."""
     random = np.random.default_rng(0)
     exact, own = tl.Allocator(rig.limits), tl.Allocator(rig.limits, solver, nearest=nearest)
@@ -104,10 +99,10 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest="force", size=2.0, lo
         )
 
 
-def logged(path, rig, count=200, close=True, **how):
+def logged(path, rig, count=200, **how):
     """Write a run to a file; gives the cycles that are in it."""
-    keep = {key: how[key] for key in ("solver", "nearest", "rate") if key in how}
-    log = RunLog(path, rig, MANIFEST, settings_of(rig, **keep))
+    log = new_log(path, rig, **{key: how[key] for key in ("solver", "nearest", "rate") if key in how})
+    log.modules({module.name: INFO for module in rig.modules})
     log.note("armed", "all modules are armed")
     written = []
     for cycle in cycles(rig, count, **how):
@@ -116,6 +111,6 @@ def logged(path, rig, count=200, close=True, **how):
         if how.get("lost") is not None and cycle.state.cycle == count // 2:
             name = rig.modules[how["lost"]].name
             log.note("lost", f'module "{name}" has let go (FAULT: ENCODER)', name)
-    log.note("stopped", "the program is over")
-    log.close({"overruns": 3, "reason": "the program is over"} if close else None)
+    log.note("ended", "the demand")
+    log.close(Statistics(missed=3, ended="the demand"))
     return written

@@ -22,7 +22,7 @@ ALLOWED = {
     "allocation": {"inputs", "measure", "solvers", "_native"},
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
-    "hardware": {"model", "allocation", "_native"},
+    "hardware": {"model", "solvers", "measure", "allocation", "_native"},
     "haptics": {"model"},
     "experiments": {
         "_native",

@@ -8,17 +8,22 @@ import os
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from tensionlab.allocation import Allocator
 from tensionlab.errors import LogError
 from tensionlab.hardware import columns
 from tensionlab.hardware.cycle import Cycle
 from tensionlab.hardware.mcap_file import McapWriter
+from tensionlab.hardware.protocol import Info
+from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.statistics import Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.solvers.contract import Solver
 
 FLUSH = 0.2
 """What was logged is in the system's hands after so many s, and then outlives the process."""
@@ -43,38 +48,50 @@ EVENT_SCHEMA = {
 
 
 @dataclass(frozen=True)
-class RunSettings:
+class RunSetup:
     """How was a run set up?
 
     Attributes
     ----------
     solver : str
-        Its name in `tensionlab.SOLVERS`.
+        Its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class.
     parameters : mapping
-        The solver's hyper-parameters, as ``dataclasses.asdict`` gives them.
+        The solver's hyper-parameters.
     nearest : str or None
         Its policy where a wrench is out of reach.
-    rate : float
-        Cycles a second.
-    on_loss : str
-        What happens when a module is lost.
+    rate, ttl, on_loss
+        As in `RunSettings`.
     lower, upper : tuple of float
-        Tension limits that the solver was given, in N.
+        Tension limits that the solver kept to, in N.
     links : mapping of str to str
         Where each module was reached, by its name.
-    infos : mapping of str to mapping
-        What each module said it is: ``dataclasses.asdict`` of its `protocol.Info`.
     """
 
     solver: str
     parameters: Mapping[str, Any]
     nearest: str | None
     rate: float
+    ttl: float
     on_loss: str
     lower: tuple[float, ...]
     upper: tuple[float, ...]
-    links: Mapping[str, str] = field(default_factory=dict)
-    infos: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    links: Mapping[str, str]
+
+
+def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
+    """How is a run set up that has these settings? Arguments and errors as those of `RunLog`."""
+    allocator = Allocator(rig.limits, solver, nearest=settings.nearest)
+    return RunSetup(
+        solver=solver if isinstance(solver, str) else type(solver).__name__,
+        parameters=vars(allocator.solver),
+        nearest=allocator.nearest,
+        rate=settings.rate,
+        ttl=settings.ttl,
+        on_loss=settings.on_loss,
+        lower=tuple(rig.limits.lower.tolist()),
+        upper=tuple(rig.limits.upper.tolist()),
+        links=links,
+    )
 
 
 class RunLog:
@@ -91,8 +108,12 @@ class RunLog:
         What runs.
     manifest : mapping
         Where the run comes from: `tensionlab.records.manifest`.
+    solver : str or Solver
+        As in `tensionlab.allocate`.
     settings : RunSettings
-        How it is set up.
+        Rate, policy and so on.
+    links : mapping of str to str
+        Where each module is reached, by its name.
 
     Raises
     ------
@@ -100,11 +121,20 @@ class RunLog:
         If there is something in the file already, or it can't be written.
     MissingDependency
         If mcap is not installed.
+    UnknownSolver, ValueError
+        As `tensionlab.Allocator`.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], rig: Rig, manifest: Mapping[str, Any], settings: RunSettings
+        self,
+        path: str | os.PathLike[str],
+        rig: Rig,
+        manifest: Mapping[str, Any],
+        solver: str | Solver,
+        settings: RunSettings,
+        links: Mapping[str, str],
     ) -> None:
+        setup = setup_of(rig, solver, settings, links)
         self.path = Path(path)
         self._rig = rig
         self._queue: SimpleQueue[tuple[str, int, int, Any] | None] = SimpleQueue()
@@ -119,7 +149,7 @@ class RunLog:
         try:
             self._file.attachment("rig.toml", "application/toml", rig_to_toml(rig).encode())
             self._file.metadata("manifest", manifest)
-            self._file.metadata("settings", asdict(settings))
+            self._file.metadata("setup", asdict(setup))
             self._file.flush()
         except OSError as error:
             self._file.abandon()
@@ -145,8 +175,12 @@ class RunLog:
         event = {"cycle": self._cycle, "time": self._time, "kind": kind, "text": text, "module": module or ""}
         self._put("event", event)
 
-    def close(self, summary: Mapping[str, Any] | None = None) -> None:
-        """Write what is left, a summary of the run, and the index.
+    def modules(self, infos: Mapping[str, Info]) -> None:
+        """Keep what each module, by its name, said it is. Errors as those of `write`."""
+        self._put("modules", {name: asdict(info) for name, info in infos.items()})
+
+    def close(self, statistics: Statistics | None = None) -> None:
+        """Write what is left, how the run went, and the index.
 
         Raises
         ------
@@ -154,7 +188,7 @@ class RunLog:
             If not all of it could be written.
         """
         if self._thread.is_alive():
-            self._summary = summary or {}
+            self._summary = {} if statistics is None else summary(statistics)
             self._queue.put(None)
             self._thread.join(CLOSING)
             if self._thread.is_alive():
@@ -198,15 +232,32 @@ class RunLog:
                 continue
             if item is None:
                 return
-            topic, when, now, what = item
-            content = columns.encode(what, self._rig) if topic == "cycle" else json.dumps(what).encode()
-            self._file.message(topic, when, now, content)
+            self._write_one(*item)
             due = min(due, time.monotonic() + FLUSH)
             if time.monotonic() >= due:
                 self._file.flush()
                 due = math.inf
             if not self._queue.empty():
                 time.sleep(GAP)
+
+    def _write_one(self, topic: str, when: int, now: int, what: Any) -> None:
+        if topic == "modules":
+            self._file.metadata(topic, what)
+        else:
+            content = columns.encode(what, self._rig) if topic == "cycle" else json.dumps(what).encode()
+            self._file.message(topic, when, now, content)
+
+
+def summary(statistics: Statistics) -> dict[str, Any]:
+    """What is kept of the statistics of a run? What its cycles do not tell."""
+    return {
+        "ended": statistics.ended,
+        "missed": statistics.missed,
+        "slewed": statistics.slewed,
+        "late_telemetry": dict(statistics.late_telemetry),
+        "lost": statistics.lost,
+        "unconfirmed": statistics.unconfirmed,
+    }
 
 
 def _unwritable(path: Path, error: OSError) -> LogError:

@@ -23,7 +23,7 @@ def to_dataset(run: Run) -> xarray.Dataset:
 
     Every column of `CycleTable` is a variable with the dimension ``cycle`` and its own, and has ``units`` and a
     ``long_name``. The dataset's attributes have what was around the cycles: ``rig`` in TOML; ``manifest``,
-    ``settings``, ``summary`` and ``events`` in JSON; ``complete``, 1 or 0.
+    ``setup``, ``modules``, ``summary`` and ``events`` in JSON; ``complete``, 1 or 0.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def to_dataset(run: Run) -> xarray.Dataset:
         "platform_axis": axes,
         "impedance": list(IMPEDANCE),
     }
-    lower, upper = np.array(run.settings.lower), np.array(run.settings.upper)
+    lower, upper = np.array(run.setup.lower), np.array(run.setup.upper)
     limits = {
         "lower": ("module", lower, {"units": "N", "long_name": "least tension that the solver may choose"}),
         "upper": ("module", upper, {"units": "N", "long_name": "largest tension that the solver may choose"}),
@@ -57,10 +57,11 @@ def to_dataset(run: Run) -> xarray.Dataset:
         table,
         {**labels, **coordinates},
         {
-            "title": f"tensionlab run: {run.rig.name}, {run.settings.solver}",
+            "title": f"tensionlab run: {run.rig.name}, {run.setup.solver}",
             "rig": rig_to_toml(run.rig),
             "manifest": json.dumps(dict(run.manifest)),
-            "settings": json.dumps(asdict(run.settings)),
+            "setup": json.dumps(asdict(run.setup)),
+            "modules": json.dumps(dict(run.modules)),
             "summary": json.dumps(dict(run.summary)),
             "events": json.dumps([asdict(event) for event in run.events]),
             "complete": int(run.complete),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tensionlab.errors import LogError
 from tensionlab.hardware import columns
 from tensionlab.hardware.columns import CycleTable
-from tensionlab.hardware.log import RunSettings
+from tensionlab.hardware.log import RunSetup
 from tensionlab.hardware.mcap_file import read_records
 from tensionlab.measure import Allocation
 from tensionlab.model.files import rig_from_toml
@@ -61,10 +61,12 @@ class Run(CycleTable):
         As it was.
     manifest : mapping
         Where the run came from: `tensionlab.records.manifest`.
-    settings : RunSettings
+    setup : RunSetup
         How it was set up.
+    modules : mapping of str to mapping
+        What each module, by its name, said it is: the fields of `protocol.Info`. Empty if none was asked.
     summary : mapping
-        What the runner said at the end; empty if it did not come so far.
+        What the runner said at the end, as `tensionlab.hardware.log.summary`; empty if it did not come so far.
     events : tuple of RunEvent
         In their order.
     complete : bool
@@ -74,7 +76,8 @@ class Run(CycleTable):
 
     rig: Rig
     manifest: Mapping[str, Any]
-    settings: RunSettings
+    setup: RunSetup
+    modules: Mapping[str, Mapping[str, Any]]
     summary: Mapping[str, Any]
     events: tuple[RunEvent, ...]
     complete: bool
@@ -132,20 +135,21 @@ def read_run(path: str | os.PathLike[str]) -> Run:
             if len(rows) == BLOCK:
                 blocks.append(columns.decode(rows, rig))
                 rows = []
-    if rig is None or not {"manifest", "settings"} <= metadata.keys():
+    if rig is None or not {"manifest", "setup"} <= metadata.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
     blocks.append(columns.decode(rows, rig))
     return Run(
         **{name: np.concatenate([block[name] for block in blocks]) for name in columns.COLUMNS},
         rig=rig,
         manifest=metadata["manifest"],
-        settings=_settings(metadata["settings"]),
+        setup=_setup(metadata["setup"]),
+        modules=metadata.get("modules", {}),
         summary=metadata.get("summary", {}),
         events=tuple(events),
         complete=complete,
     )
 
 
-def _settings(values: Mapping[str, Any]) -> RunSettings:
-    """Settings from JSON, which knows no tuples."""
-    return RunSettings(**{**values, "lower": tuple(values["lower"]), "upper": tuple(values["upper"])})
+def _setup(values: Mapping[str, Any]) -> RunSetup:
+    """A setup from JSON, which knows no tuples."""
+    return RunSetup(**{**values, "lower": tuple(values["lower"]), "upper": tuple(values["upper"])})

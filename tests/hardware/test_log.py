@@ -12,23 +12,21 @@ import pytest
 import runs
 
 from tensionlab.errors import LogError
-from tensionlab.hardware.log import FLUSH, RunLog
+from tensionlab.hardware.log import FLUSH
 from tensionlab.hardware.run_record import read_run
 
 TESTS = Path(__file__).parents[1]
 WRITER = """
 import sys, time
 import runs
-from tensionlab.hardware.log import RunLog
 from tensionlab.errors import LogError
 rig = runs.four()
-log = RunLog(sys.argv[1], rig, runs.MANIFEST, runs.settings_of(rig))
+log = runs.new_log(sys.argv[1], rig)
 """
 
 
 def open_log(path):
-    rig = runs.four()
-    return RunLog(path, rig, runs.MANIFEST, runs.settings_of(rig))
+    return runs.new_log(path, runs.four())
 
 
 def script(text, *words):

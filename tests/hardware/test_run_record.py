@@ -1,5 +1,6 @@
 import json
 import random
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.hardware.columns import COLUMNS, TYPES, encode, schema
 from tensionlab.hardware.cycle import Pose
-from tensionlab.hardware.log import RunLog
+from tensionlab.hardware.log import setup_of
 from tensionlab.hardware.run_record import read_run
+from tensionlab.hardware.run_settings import RunSettings
 from tensionlab.solvers.contract import Status
 
 
@@ -58,18 +60,21 @@ def test_what_was_around_the_cycles_is_in_the_log_too(seven):
     run = read_run(seven[0])
     assert run.rig == runs.seven()
     assert run.manifest == runs.MANIFEST
-    assert run.settings == runs.settings_of(run.rig)
-    assert run.summary == {"overruns": 3, "reason": "the program is over"}
+    assert run.setup == setup_of(run.rig, "newton", RunSettings(50.0), run.setup.links)
+    assert run.setup.nearest == "force"
+    assert run.setup.links[run.rig.modules[1].name] == f"sim:{run.rig.modules[1].name}"
+    assert run.modules == {module.name: asdict(runs.INFO) for module in run.rig.modules}
+    assert (run.summary["ended"], run.summary["missed"]) == ("the demand", 3)
     armed, lost, stopped = run.events
     assert (armed.kind, armed.cycle, armed.module) == ("armed", -1, "")
     assert (lost.kind, lost.cycle, lost.time, lost.module) == ("lost", 60, 1.2, run.rig.modules[2].name)
-    assert (stopped.kind, stopped.cycle) == ("stopped", 119)
+    assert (stopped.kind, stopped.cycle) == ("ended", 119)
 
 
 def test_a_log_may_be_cut_anywhere(tmp_path, seven):
     file, written = seven
-    rig, empty = runs.seven(), tmp_path / "empty.mcap"
-    log = RunLog(empty, rig, runs.MANIFEST, runs.settings_of(rig))
+    empty = tmp_path / "empty.mcap"
+    log = runs.new_log(empty, runs.seven())
     begin = empty.stat().st_size  # what is written before the run starts
     log.close()
     content, cut = file.read_bytes(), tmp_path / "cut.mcap"
@@ -156,7 +161,7 @@ def test_other_readers_find_their_way(seven):
         steps = np.diff(times)
         np.testing.assert_allclose(steps, 0.02e9, atol=1)
         assert [each.name for each in reader.iter_attachments()] == ["rig.toml"]
-        assert [each.name for each in reader.iter_metadata()] == ["manifest", "settings", "summary"]
+        assert [each.name for each in reader.iter_metadata()] == ["manifest", "setup", "modules", "summary"]
 
 
 def test_a_platform_may_be_turned(tmp_path):
