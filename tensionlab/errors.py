@@ -15,6 +15,7 @@
         ├── LinkError (OSError)              a link that cannot be opened, or broke; names its URL
         ├── LinkTimeout (TimeoutError)       a module that does not answer; names it
         ├── CalibrationError                 measurements that do not tell what they should; says which to add
+        ├── LogError                         a log that cannot be written or read; names its file
         └── ModuleFault                      a module that refuses, or lets go; carries its name and the code
 """
 
@@ -87,6 +88,10 @@ class LinkTimeout(HardwareError, TimeoutError):  # noqa: N818 - pinned name
 
 class CalibrationError(HardwareError):
     """Measurements that do not tell what was to be calibrated; the message says what to measure instead."""
+
+
+class LogError(HardwareError):
+    """A log that cannot be written or read; the message names its file."""
 
 
 class ModuleFault(HardwareError):  # noqa: N818 - pinned name

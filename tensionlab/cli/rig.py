@@ -23,7 +23,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of the ta
 @rig.command()
 def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     """Show the modules of a rig: anchors, cables at home, limits. Body frames stay at rest."""
-
     loaded = _load(path, plot)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     if json:

@@ -12,6 +12,7 @@ import time
 from typing import Any, Protocol
 
 from tensionlab.errors import LinkError, MissingDependency
+from tensionlab.hardware.claims import Claim
 from tensionlab.hardware.simulated import STEP, SimulatedModule
 
 CHUNK = 4096
@@ -34,9 +35,12 @@ class Link(Protocol):
     ----------
     url : str
         Where the module is reached.
+    lockstep : bool
+        Whether its time passes only while somebody waits; no thread may then read it meanwhile.
     """
 
     url: str
+    lockstep: bool
 
     def send(self, content: bytes) -> None:
         """Send bytes; a `LinkError` if the link is broken."""
@@ -63,58 +67,76 @@ def open_link(url: str) -> Link:
     Raises
     ------
     LinkError
-        If the URL is of no known kind, or nothing answers there.
+        If the URL is of no known kind, nothing answers there, or the module is in use.
     MissingDependency
-        If pyserial is not installed.
+        If pyserial or filelock is not installed.
     """
     if url == "sim:":
         return SimulatedLink(SimulatedModule())
+    kind: type[BluetoothLink | SerialLink]
     if url.startswith("bt://"):
-        return BluetoothLink(url)
-    if url.startswith(("/dev/", "socket://")) or re.fullmatch(r"COM\d+", url, re.IGNORECASE):
-        return SerialLink(url)
-    raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+        kind = BluetoothLink
+    elif url.startswith(("/dev/", "socket://")) or re.fullmatch(r"COM\d+", url, re.IGNORECASE):
+        kind = SerialLink
+    else:
+        raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+    claim = Claim(url)
+    try:
+        return kind(url, claim)
+    except BaseException:
+        claim.release()
+        raise
 
 
 class SerialLink:
-    """A serial port, or TCP in its place, through pyserial. Nobody else can have the port at the same time."""
+    """A serial port, or TCP in its place, through pyserial; the claim ends with it."""
 
-    def __init__(self, url: str) -> None:
+    lockstep = False
+
+    def __init__(self, url: str, claim: Claim) -> None:
         try:
             import serial
         except ImportError as missing:
             raise MissingDependency(
                 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
             ) from missing
-        self.url = url
-        self._broken: type[Exception] = serial.SerialException
+        self.url, self._claim = url, claim
+        # A port that is closed while another thread reads it is none of pyserial's own errors.
+        self._broken = (serial.SerialException, TypeError, AttributeError)
         try:
             # Only the ports of a system know of being taken; a TCP port refuses by itself.
             taken = {} if url.startswith("socket://") else {"exclusive": True}
-            self._port: Any = serial.serial_for_url(url, BAUD, timeout=0, write_timeout=1.0, **taken)
+            self._port: Any = serial.serial_for_url(url, BAUD, timeout=0, write_timeout=0, **taken)
         except (serial.SerialException, ValueError) as error:
             raise LinkError(
                 f"{url} cannot be opened: {error}; is it there, and is no other program using it?"
             ) from None
 
     def send(self, content: bytes) -> None:
-        """Send bytes."""
+        """Send bytes; never waits."""
         try:
-            self._port.write(content)
-        except (self._broken, OSError) as error:
+            taken = self._port.write(content)
+        except (*self._broken, OSError) as error:
             raise LinkError(f"{self.url} broke: {error}") from None
+        if taken != len(content):
+            raise LinkError(f"{self.url} takes no more bytes; does the module still read?")
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
         try:
-            self._port.timeout = timeout
-            first: bytes = self._port.read(1)
-            if not first:
-                return first
-            self._port.timeout = 0
-            return first + bytes(self._port.read(CHUNK))
-        except (self._broken, OSError, TypeError) as error:  # a port closed while it is read is a TypeError
+            self._wait(timeout)
+            return bytes(self._port.read(CHUNK))
+        except (*self._broken, OSError, ValueError) as error:
             raise LinkError(f"{self.url} broke: {error}") from None
+
+    def _wait(self, timeout: float) -> None:
+        """Come back when something is there to read: pyserial's own waiting sets the port up anew each time."""
+        if hasattr(self._port, "fileno"):
+            select.select([self._port.fileno()], [], [], timeout)
+            return
+        end = time.monotonic() + timeout
+        while not self._port.in_waiting and time.monotonic() < end:  # Windows cannot wait for a port's file
+            time.sleep(1e-3)
 
     def clock(self) -> float:
         """Time, in s."""
@@ -122,14 +144,20 @@ class SerialLink:
 
     def close(self) -> None:
         """Let go of the port."""
+        inner = getattr(self._port, "_socket", None)
         self._port.close()
+        if inner is not None:
+            inner.close()  # which pyserial forgets if the far end has gone
+        self._claim.release()
 
 
 class BluetoothLink:
-    """Bluetooth Classic: an RFCOMM socket, where this Python has them."""
+    """Bluetooth Classic: an RFCOMM socket, where this Python has them; the claim ends with it."""
 
-    def __init__(self, url: str) -> None:
-        self.url = url
+    lockstep = False
+
+    def __init__(self, url: str, claim: Claim) -> None:
+        self.url, self._claim = url, claim
         match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
         if match is None:
             raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")
@@ -174,10 +202,13 @@ class BluetoothLink:
     def close(self) -> None:
         """Let go of the module."""
         self._socket.close()
+        self._claim.release()
 
 
 class SimulatedLink:
     """A simulated module of this process. Its time passes while somebody waits, and where it is advanced."""
+
+    lockstep = True
 
     def __init__(self, module: SimulatedModule, url: str = "sim:") -> None:
         self.module = module
@@ -192,14 +223,15 @@ class SimulatedLink:
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes, a step of the firmware at a time."""
         self._require_open()
-        end = self.clock() + timeout
-        while not (content := self.module.transmit()) and self.clock() + STEP <= end:
+        steps = int(timeout / STEP + 1e-6)
+        while not (content := self.module.transmit()) and steps > 0:
             self.module.advance(STEP)
+            steps -= 1
         return content
 
     def clock(self) -> float:
         """Time of the module, in s."""
-        return self.module.sample.seconds
+        return self.module.seconds
 
     def close(self) -> None:
         """Let the firmware know that its link is gone."""

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Generic, Self, TypeVar
 
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.codes import Calibration, Code, Fault, State
 from tensionlab.hardware.frames import Decoder
-from tensionlab.hardware.link import Link, SimulatedLink, open_link
+from tensionlab.hardware.link import Link, open_link
 from tensionlab.hardware.protocol import (
     PROTOCOL,
     Acknowledge,
@@ -49,10 +49,11 @@ LISTEN = 0.1
 """The reader looks up so often, in s, when nothing comes."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
+Said_co = TypeVar("Said_co", bound=Message, covariant=True)
 
 
 @dataclass(frozen=True)
-class Heard:
+class Heard(Generic[Said_co]):
     """What a module has said without being asked, and when.
 
     Attributes
@@ -62,7 +63,7 @@ class Heard:
         When it came, by the clock of the link, in s.
     """
 
-    message: Message
+    message: Said_co
     time: float
 
 
@@ -94,11 +95,11 @@ class ModuleClient:
     def __init__(self, name: str, link: Link | str) -> None:
         self.name = name
         self.link = open_link(link) if isinstance(link, str) else link
-        self.telemetry: Heard | None = None
+        self.telemetry: Heard[Telemetry] | None = None
         self.state: State | None = None
         self.faults = Fault(0)
         self.session = 0
-        self.on_message: Callable[[Heard], None] | None = None
+        self.on_message: Callable[[Heard[Message]], None] | None = None
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
         self._set_point = random.randrange(256)
@@ -109,7 +110,7 @@ class ModuleClient:
         self._news = threading.Condition()
         self._closing = False
         self._reader: threading.Thread | None = None
-        if not isinstance(self.link, SimulatedLink):
+        if not self.link.lockstep:
             self._reader = threading.Thread(target=self._read, name=f"reader of {name}", daemon=True)
             self._reader.start()
 
@@ -137,7 +138,10 @@ class ModuleClient:
 
     def hello(self) -> Info:
         """What is this module? A `ProtocolError` if it speaks another protocol."""
-        info = self.ask(Hello(), Info)
+        return self.met(self.ask(Hello(), Info))
+
+    def met(self, info: Info) -> Info:
+        """Take note of what the module said of itself. A `ProtocolError` if it speaks another protocol."""
         if info.protocol != PROTOCOL:
             raise ProtocolError(
                 f'module "{self.name}" speaks protocol {info.protocol}, this host {PROTOCOL}; update the older one'
@@ -230,6 +234,11 @@ class ModuleClient:
             code = refused[-1].code
             raise ModuleFault(f'module "{self.name}" refused a set-point: {code.name}', self.name, code)
 
+    def forget_refusals(self) -> None:
+        """Do not raise what the module has refused up to now."""
+        with self._news:
+            self._refused = []
+
     @property
     def bad_frames(self) -> int:
         """How many frames came damaged, or said what nobody understands?"""
@@ -237,10 +246,14 @@ class ModuleClient:
 
     def listen(self, seconds: float = 0.0) -> None:
         """Read what a simulated module has said, and let it go on for so long; others are read all the time."""
-        if self._reader is None:
-            end = self.link.clock() + seconds
-            while content := self.link.receive(max(end - self.link.clock(), 0.0)):
+        if self._reader is not None or self._broken is not None:
+            return
+        try:
+            end = self.link.clock() + seconds if seconds else 0.0
+            while content := self.link.receive(end - self.link.clock() if seconds else 0.0):
                 self._take(content)
+        except LinkError as error:
+            self._broken = error
 
     def tell(self, command: Message, tries: tuple[float, ...] = TRIES) -> None:
         """Have a command carried out.
@@ -338,6 +351,8 @@ class ModuleClient:
 
     def _take(self, content: bytes) -> None:
         """Sort what came: answers for who waits for them, the rest for all."""
+        if not content:
+            return
         now = self.link.clock()
         for frame in self._decoder.feed(content):
             try:
@@ -355,13 +370,12 @@ class ModuleClient:
                     self._answers[frame.sequence] = message
                     self._news.notify_all()
                 continue
-            heard = Heard(message, now)
             if isinstance(message, Telemetry):
-                self.telemetry = heard
+                self.telemetry = Heard(message, now)
             if isinstance(message, Telemetry | Event):
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:
-                self.on_message(heard)
+                self.on_message(Heard(message, now))
 
 
 def known(name: str) -> str:

@@ -198,6 +198,12 @@ class SimulatedModule:
         self._module.pause(round(1e6 * seconds))
 
     @property
+    def seconds(self) -> float:
+        """Time since the start."""
+        since: float = self._module.sample()[0]
+        return since
+
+    @property
     def sample(self) -> Sample:
         """How the module is now."""
         values = self._module.sample()

@@ -1,8 +1,8 @@
 """Where are the anchors of a rig, going by the lengths of its cables?
 
-At known poses each cable is by itself: its anchor is where its lengths meet (multilateration). At unknown ones a rig
-with more cables than freedoms calibrates itself: each pose brings m lengths and n unknowns, and what is left over
-speaks of the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With Self-Calibration
+At known poses each cable is by itself: its anchor is where its lengths meet (multilateration). At unknown ones a
+rig with more cables than freedoms calibrates itself: each pose brings m lengths and n unknowns, and what is left
+over speaks of the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With Self-Calibration
 Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and for the idea in use,
 Hangprinter's auto-calibration. What lengths alone cannot tell is taken from the nominal rig: where the rig stands
 and how it is turned (the result is moved so that its anchors are closest to the nominal ones), and its mirror
@@ -22,9 +22,8 @@ import numpy as np
 
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.poses import Poses, advice
+from tensionlab.hardware.calibration.problem import Problem
 from tensionlab.hardware.calibration.regression import Floats, quantile
-from tensionlab.model import forward, kinematics
-from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 
 ITERATION_LIMIT = 200
@@ -38,7 +37,7 @@ TRIMMED = 0.7
 NEIGHBOURS = 4
 """How many neighbours each tries."""
 WEAK = 1e-5
-"""A motion of the anchors that changes lengths by less than this share of what the strongest one does goes unseen."""
+"""A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen."""
 VAGUE = 0.1
 """So does one that is sure to no more than this share of the longest cable: nothing is linear over such a span."""
 
@@ -127,8 +126,8 @@ def calibrate_anchors(
         if known:
             raise CalibrationError("known poses were announced and none given; add them, or leave them unknown")
         poses = Poses.at(rig, np.tile(rig.home, (len(lengths), 1)))
-    _require_enough(rig, len(lengths), known, offsets)
     problem = Problem(rig, lengths, known, offsets)
+    _require_enough(problem)
     shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
     shared, poses = _descend(problem, shared, problem.fitted(shared, poses))
     if not known:
@@ -138,85 +137,20 @@ def calibrate_anchors(
     return _judged(problem, shared, poses)
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """What is fitted to what. Shared parameters are the anchors, row by row, and the offsets if there are any."""
-
-    rig: Rig
-    lengths: Floats
-    known: bool
-    offsets: bool
-
-    @property
-    def gauge(self) -> int:
-        """How many combinations of anchors no length depends on: the rigid motions, at unknown poses."""
-        d = self.rig.dimension
-        return 0 if self.known else d * (d + 1) // 2
-
-    @property
-    def size(self) -> int:
-        """Number of shared parameters."""
-        return self.rig.m * (self.rig.dimension + self.offsets)
-
-    def split(self, shared: Floats) -> tuple[Floats, Floats]:
-        """Anchors and offsets."""
-        m, d = self.rig.m, self.rig.dimension
-        return shared[: m * d].reshape(m, d), shared[m * d :] if self.offsets else np.zeros(m)
-
-    def fitted(self, shared: Floats, poses: Poses) -> Poses:
-        """Which poses fit the lengths best, given the rest?"""
-        if self.known:
-            return poses
-        anchors, offsets = self.split(shared)
-        count = len(self.lengths)
-        turns = KINDS[self.rig.kind].turns
-        p, R, _, _ = forward.solve(
-            np.broadcast_to(anchors, (count, *anchors.shape)),
-            self.rig.attachments if turns else None,
-            self.lengths - offsets,
-            poses.position,
-            poses.rotation,
-        )
-        return Poses(p, R)
-
-    def residuals(self, shared: Floats, poses: Poses) -> Floats:
-        """Measured less modelled lengths, (K, m)."""
-        anchors, offsets = self.split(shared)
-        modelled, _ = kinematics.cables(anchors, poses.position, poses.arms(self.rig))
-        return self.lengths - offsets - modelled
-
-    def jacobian(self, shared: Floats, poses: Poses) -> Floats:
-        """How do the lengths change with the shared parameters, (K, m, p), but for what the poses take up?"""
-        anchors, _ = self.split(shared)
-        arms = poses.arms(self.rig)
-        _, directions = kinematics.cables(anchors, poses.position, arms)
-        count, m, d = directions.shape
-        rows = np.zeros((count, m, self.size))
-        for j in range(m):
-            rows[:, j, j * d : (j + 1) * d] = directions[:, j]
-            if self.offsets:
-                rows[:, j, m * d + j] = 1.0
-        if self.known:
-            return rows
-        q, _ = np.linalg.qr(np.swapaxes(kinematics.structure_matrix(directions, arms), -1, -2))
-        return rows - q @ (np.swapaxes(q, -1, -2) @ rows)
-
-
-def _require_enough(rig: Rig, count: int, known: bool, offsets: bool) -> None:
-    spare = rig.m if known else rig.m - rig.n
-    if spare <= 0:
+def _require_enough(problem: Problem) -> None:
+    rig, count = problem.rig, len(problem.lengths)
+    if problem.spare <= 0:
         raise CalibrationError(
-            f'rig "{rig.name}" has {rig.m} cables for {rig.n} freedoms: lengths at unknown poses say nothing about '
-            "the anchors; measure at known poses, or add modules"
+            f'rig "{rig.name}" has {rig.m} cables for {rig.n} freedoms: lengths at unknown poses say nothing '
+            "about the anchors; measure at known poses, or add modules"
         )
-    d = rig.dimension
-    unknown = rig.m * (d + offsets) - (0 if known else d * (d + 1) // 2)
-    least = math.ceil(unknown / spare)
+    unknown = problem.size - problem.gauge
+    least = math.ceil(unknown / problem.spare)
     if count < least:
         raise CalibrationError(
             f"{count} pose{'s' if count != 1 else ''} cannot tell the {unknown} unknowns of {rig.m} anchors"
-            f"{' and offsets' if offsets else ''}; measure at {least} or more, twice as many if you can, spread over "
-            "the whole workspace"
+            f"{' and offsets' if problem.offsets else ''}; measure at {least} or more, twice as many if you can, "
+            "spread over the whole workspace"
         )
 
 
@@ -228,7 +162,9 @@ def _descend(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Po
         rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
         # Rigid motions change nothing: with the damping as a ridge, steps leave them alone.
         ridge = math.sqrt(damping * float(np.mean(rows**2)) * len(rows)) * np.eye(problem.size)
-        step = np.linalg.lstsq(np.vstack([rows, ridge]), np.append(error.ravel(), np.zeros(problem.size)), rcond=None)[0]
+        step = np.linalg.lstsq(
+            np.vstack([rows, ridge]), np.append(error.ravel(), np.zeros(problem.size)), rcond=None
+        )[0]
         trial = shared + step
         trial_poses = problem.fitted(trial, poses)
         trial_error = problem.residuals(trial, trial_poses)
@@ -293,14 +229,12 @@ def _judged(problem: Problem, shared: Floats, poses: Poses) -> AnchorEstimate:
     """How sure is it? Raises if something cannot be seen."""
     anchors, offsets = problem.split(shared)
     rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
-    # The gauge: the anchors do not move as one with respect to the nominal rig. Without such a move, what remains is
-    # either seen or not.
+    # The gauge: the anchors do not move as one with respect to the nominal rig.
     held = _rigid_motions(problem.rig.anchors, problem.size)[:, : problem.gauge]
     free = np.linalg.svd(held, full_matrices=True)[0][:, held.shape[1] :]
     _, strength, vt = np.linalg.svd(rows @ free, full_matrices=False)
     error = problem.residuals(shared, poses)
-    spare = problem.rig.m if problem.known else problem.rig.m - problem.rig.n
-    freedom = len(error) * spare - (problem.size - problem.gauge)
+    freedom = len(error) * problem.spare - (problem.size - problem.gauge)
     sigma = math.sqrt(float(np.sum(error**2)) / freedom) if freedom > 0 else math.nan
     unseen = strength[-1] < WEAK * strength[0]
     if unseen or sigma / strength[-1] > VAGUE * problem.lengths.max():

@@ -1,8 +1,8 @@
 """How many newtons does a module pull for each ampere, how much is lost to friction, and where is zero?
 
 A cable that is just being reeled in under a weight w needs the current of ``k (I - I0) = w + f``; one that just
-begins to pay out, of ``k (I - I0) = w - f``. Half of the difference is the friction f, so k and the zero I0 are free
-of it. With a force sensor in place of the weight, its force takes the place of w, and the hysteresis between a
+begins to pay out, of ``k (I - I0) = w - f``. Half of the difference is the friction f, so k and the zero I0 are
+free of it. With a force sensor in place of the weight, its force takes the place of w, and the hysteresis between a
 staircase up and down that of the two directions. See Bartels et al. 2026 for the modules; separating friction by
 the direction of motion is standard in identifying robots (Armstrong-Hélouvry et al. 1994, Automatica 30(7)).
 """
@@ -87,7 +87,7 @@ def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstim
     slope = around(fitted.coefficients[0], math.sqrt(fitted.covariance[0, 0]), fitted.freedom)
     if not slope.lower > 0.0:
         raise CalibrationError(
-            "the current does not grow with the weight beyond doubt; take weights that differ more, and repeat more"
+            "the current does not grow with the weight beyond doubt; take weights that differ more"
         )
     zero = around(fitted.coefficients[2], math.sqrt(fitted.covariance[2, 2]), fitted.freedom) if several else None
     gain = Estimate(1.0 / slope.value, 1.0 / slope.upper, 1.0 / slope.lower)
@@ -124,8 +124,8 @@ def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
     )
     if len(balances) < 4 or not np.ptp(direction):
         raise CalibrationError(
-            f"{len(balances)} balances in {len(set(direction))} direction(s) are not enough; measure at least twice "
-            "in each direction"
+            f"{len(balances)} balances in {len(set(direction))} direction(s) are not enough; measure at least "
+            "twice in each direction"
         )
     return force, current, direction
 

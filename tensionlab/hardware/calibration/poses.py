@@ -16,7 +16,7 @@ from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.calibration.anchors import Problem
+    from tensionlab.hardware.calibration.problem import Problem
 
 TILT = 0.3
 """How far advised poses are turned about each axis, in rad."""
@@ -77,13 +77,14 @@ def advice(problem: Problem, shared: Floats, weak: Floats) -> str:
         turns += [sign * TILT * axis for axis in np.eye(rig.n - rig.dimension) for sign in (1.0, -1.0)]
     position = np.repeat(places, len(turns), axis=0)
     angles = np.tile(np.array(turns), (len(places), 1))
-    poses = Poses.at(rig, position, None if rig.n == rig.dimension else _rotations(angles))
+    poses = Poses.at(rig, position, None if rig.n == rig.dimension else rotations(angles))
     seen = np.linalg.norm(problem.jacobian(shared, poses) @ weak, axis=-1)
     best = np.argsort(-seen)[:3]
     return ", ".join(_words(position[k], angles[k]) for k in best)
 
 
-def _rotations(angles: Floats) -> Floats:
+def rotations(angles: Floats) -> Floats:
+    """Which matrices are turns by an axis times an angle (K, 3), or by angles in the plane (K, 1), in rad?"""
     if angles.shape[-1] == 3:
         return kinematics.exponential(angles)
     return kinematics.planar_rotation(angles[..., 0])

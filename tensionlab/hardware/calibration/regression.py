@@ -73,11 +73,12 @@ def fit(rows: Floats, values: Floats) -> LinearFit:
         Of full column rank.
     values : (k,) array
     """
-    coefficients = np.linalg.lstsq(rows, values, rcond=None)[0]
+    coefficients: Floats = np.linalg.lstsq(rows, values, rcond=None)[0]
     residuals = values - rows @ coefficients
     freedom = len(values) - rows.shape[1]
     variance = float(residuals @ residuals) / freedom if freedom > 0 else math.nan
-    return LinearFit(coefficients, variance * np.linalg.inv(rows.T @ rows), freedom, residuals)
+    covariance: Floats = variance * np.linalg.inv(rows.T @ rows)
+    return LinearFit(coefficients, covariance, freedom, residuals)
 
 
 def ratio(found: LinearFit, top: int, bottom: int) -> Estimate:

@@ -84,8 +84,9 @@ def _require_weight(client: ModuleClient, mass: float) -> None:
     if not info.tension_lower < weight < most:
         lower, upper = info.tension_lower / GRAVITY, most / GRAVITY
         raise CalibrationError(
-            f'module "{client.name}" pulls with {info.tension_lower:.2g} to {most:.2g} N for ever: hang a mass of '
-            f"{1.3 * lower:.2f} to {0.9 * upper:.2f} kg on it; {mass:g} kg is not between {lower:.3f} and {upper:.3f}"
+            f'module "{client.name}" pulls with {info.tension_lower:.2g} to {most:.2g} N for ever, so {mass:g} kg '
+            f"is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of {1.3 * lower:.2f} to "
+            f"{0.9 * upper:.2f} kg on it"
         )
 
 
