@@ -28,10 +28,12 @@ from tensionlab.model.rig import Rig
 
 ITERATION_LIMIT = 200
 FIRST_DAMPING = 1e-3
-STEP_TOLERANCE = 1e-12
+STEP_TOLERANCE = 1e-10
 """Anchors are found when the next step would be shorter than this share of the longest cable."""
 RESTARTS = 3
 """How often poses are sought again from those of their neighbours."""
+BETTER = 0.999
+"""Least gain in squared residuals to go on with that."""
 TRIMMED = 0.7
 """Share of the poses that anchors are fitted to at first then."""
 NEIGHBOURS = 4
@@ -132,7 +134,11 @@ def calibrate_anchors(
     shared, poses = _descend(problem, shared, problem.fitted(shared, poses))
     if not known:
         for _ in range(RESTARTS):
-            shared, poses = _restarted(problem, shared, poses)
+            trial, trial_poses = _restarted(problem, shared, poses)
+            before, after = problem.residuals(shared, poses), problem.residuals(trial, trial_poses)
+            if float(np.sum(after**2)) > BETTER * float(np.sum(before**2)):
+                break
+            shared, poses = trial, trial_poses
         shared, poses = _onto_nominal(problem, shared, poses)
     return _judged(problem, shared, poses)
 
@@ -186,9 +192,7 @@ def _restarted(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, 
     best = np.argsort(error)[: max(round(TRIMMED * len(error)), 2)]
     part = replace(problem, lengths=problem.lengths[best])
     trial, _ = _descend(part, shared, poses.take(best))
-    trial, trial_poses = _descend(problem, trial, _unflipped(problem, trial, problem.fitted(trial, poses)))
-    trial_error = float(np.sum(problem.residuals(trial, trial_poses) ** 2))
-    return (trial, trial_poses) if trial_error < float(np.sum(error)) else (shared, poses)
+    return _descend(problem, trial, _unflipped(problem, trial, problem.fitted(trial, poses)))
 
 
 def _unflipped(problem: Problem, shared: Floats, poses: Poses) -> Poses:

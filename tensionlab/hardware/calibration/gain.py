@@ -2,8 +2,8 @@
 
 A cable that is just being reeled in under a weight w needs the current of ``k (I - I0) = w + f``; one that just
 begins to pay out, of ``k (I - I0) = w - f``. Half of the difference is the friction f, so k and the zero I0 are
-free of it. With a force sensor in place of the weight, its force takes the place of w, and the hysteresis between a
-staircase up and down that of the two directions. See Bartels et al. 2026 for the modules; separating friction by
+free of it. With a force sensor in place of the weight, its force takes the place of w, and the hysteresis between
+a staircase up and down that of the two directions. See Bartels et al. 2026 for the modules; separating friction by
 the direction of motion is standard in identifying robots (Armstrong-Hélouvry et al. 1994, Automatica 30(7)).
 """
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.codes import Calibration, Limit, State
 from tensionlab.hardware.module import Heard, ModuleClient
-from tensionlab.hardware.protocol import Info, Telemetry
+from tensionlab.hardware.protocol import Info, Message, Telemetry
 
 PERIOD = 0.02
 """From one set-point to the next, in s."""
@@ -39,7 +39,7 @@ class Puller:
         self.info = info
         self.heard: list[Telemetry] = []
 
-    def take(self, heard: Heard) -> None:
+    def take(self, heard: Heard[Message]) -> None:
         """Keep what the module says."""
         if isinstance(heard.message, Telemetry):
             self.heard.append(heard.message)

@@ -73,11 +73,11 @@ def fit(rows: Floats, values: Floats) -> LinearFit:
         Of full column rank.
     values : (k,) array
     """
-    coefficients: Floats = np.linalg.lstsq(rows, values, rcond=None)[0]
+    coefficients = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], dtype=np.float64)
     residuals = values - rows @ coefficients
     freedom = len(values) - rows.shape[1]
     variance = float(residuals @ residuals) / freedom if freedom > 0 else math.nan
-    covariance: Floats = variance * np.linalg.inv(rows.T @ rows)
+    covariance = np.asarray(variance * np.linalg.inv(rows.T @ rows), dtype=np.float64)
     return LinearFit(coefficients, covariance, freedom, residuals)
 
 
