@@ -106,8 +106,8 @@ def simulate(
     ended = []
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, lambda number, _: ended.append(number))
-    typer.echo(text)
     with Recording(record, chosen) if record is not None else nullcontext() as recording:
+        typer.echo(text)
         watch = None if recording is None else lambda: recording.take([each.module for each in served])
         serve(served, speed, lambda: bool(ended), watch)
 
