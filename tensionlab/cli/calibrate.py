@@ -201,10 +201,9 @@ def anchors(
 ) -> None:
     """Find the anchors of a rig from cable lengths, at known or unknown poses.
 
-    Lengths come from `record`, or from a tape measure. At unknown poses the rig needs more cables than freedoms;
-    where it stands in the room, how it is turned, and its size if all lengths are off by the same share, cannot be
-    seen and are taken from the rig file. For a platform, give rough poses all the same: they are where the search
-    starts.
+    Lengths come from `record`, or from a tape measure. At unknown poses the rig needs more cables than freedoms,
+    and where it stands and how it is turned is kept as in the rig file: lengths cannot tell. Nor do they tell if
+    all are off by the same share. For a platform, give rough poses all the same: the search starts from them.
     """
     from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
     from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
@@ -358,7 +357,7 @@ def _show_anchors(
     import numpy as np
 
     poses = f"{len(found.residuals)} {'known' if known else 'unknown'} poses"
-    grid = output.table(f"{rig.name}: anchors from {poses}, ± the 95 % interval")
+    grid = output.table(f"{rig.name}: anchors from {poses} (± 95 %)")
     grid.add_column("module")
     for axis in "xyz"[: rig.dimension]:
         grid.add_column(f"{axis}\nm", justify="right", no_wrap=True)
@@ -379,4 +378,4 @@ def _show_anchors(
         soft_wrap=True,
     )
     if not known:
-        console.print("Where the rig stands and how it is turned is as in the rig file: lengths cannot tell.")
+        console.print("Where the rig stands and how it is turned is kept as in the rig file: lengths cannot tell.")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, ModuleFault
+from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.codes import Calibration, Limit, State
+from tensionlab.hardware.interrupts import ENDING, Interrupted, Interrupts
 from tensionlab.hardware.module import Heard, ModuleClient
 from tensionlab.hardware.protocol import Info, Message, Telemetry
 
@@ -81,6 +83,26 @@ def wait(client: ModuleClient, seconds: float) -> None:
 
 
 @contextmanager
+def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` in the end, whatever it is that ends this: also Ctrl-C, and signals that would end the program.
+
+    `tensionlab estop` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
+    """
+    interrupts = Interrupts()
+    with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
+        try:
+            yield
+        except BaseException as error:
+            interrupts.ignore()
+            at_once = isinstance(error, Interrupted) and error.number == ESTOP_SIGNAL
+            with suppress(HardwareError):
+                (stop_at_once if at_once else stop)()
+            raise
+        interrupts.ignore()
+        stop()
+
+
+@contextmanager
 def pulling(client: ModuleClient) -> Iterator[Puller]:
     """Arm a module, and stop it at the end, also if that is an error.
 
@@ -104,15 +126,10 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
         client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
     before, client.on_message = client.on_message, puller.take
     try:
-        client.telemetry_every(TELEMETRY_MS)
-        client.arm()
-        yield puller
-    except BaseException:
-        with suppress(HardwareError):
-            client.stop()
-        raise
-    else:
-        client.stop()
+        with stopping(client.stop, client.estop):
+            client.telemetry_every(TELEMETRY_MS)
+            client.arm()
+            yield puller
     finally:
         client.on_message = before
         with suppress(HardwareError):
