@@ -16,6 +16,9 @@ from tensionlab.hardware.protocol import Info, Message, Telemetry
 PERIOD = 0.02
 """From one set-point to the next, in s."""
 TELEMETRY_MS = 10
+PATIENCE = 25
+"""How many periods without telemetry are too many."""
+ARM_TRIES = 3
 HINDERED = {
     Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
     Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
@@ -58,12 +61,13 @@ class Puller:
         HardwareError
             It says nothing, has let go, or cannot pull with as much.
         """
-        self.client.set_tension(tension)
-        wait(self.client, PERIOD)
-        self.client.check()
-        if not self.heard:
-            wait(self.client, 0.5)
-        if not self.heard:
+        for _ in range(PATIENCE):
+            self.client.set_tension(tension)
+            wait(self.client, PERIOD)
+            self.client.check()
+            if self.heard:
+                break
+        else:
             raise HardwareError(f'module "{self.client.name}" sends no telemetry')
         latest = self.heard[-1]
         if latest.limit in HINDERED:
@@ -128,7 +132,7 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
     try:
         with stopping(client.stop, client.estop):
             client.telemetry_every(TELEMETRY_MS)
-            client.arm()
+            _arm(client, info.tension_lower)
             yield puller
     finally:
         client.on_message = before
@@ -137,3 +141,14 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
             wait(client, 0.3)  # until nothing pulls any more
             if not info.calibrated:
                 client.set_parameter("calibrated", 0.0)
+
+
+def _arm(client: ModuleClient, tension: float) -> None:
+    """Arm a module. Where the answer is lost, it may have timed out before the next one comes: then once more."""
+    for _ in range(ARM_TRIES):
+        client.arm()
+        client.set_tension(tension)
+        wait(client, 0.1)
+        if client.state is not State.TIMEOUT:
+            return
+        client.stop()
