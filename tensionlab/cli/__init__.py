@@ -18,6 +18,7 @@ from tensionlab.cli.allocate import allocate
 from tensionlab.cli.bench import bench
 from tensionlab.cli.compare import compare
 from tensionlab.cli.layout import layout
+from tensionlab.cli.log import log
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
 from tensionlab.cli.simulate import simulate
@@ -43,6 +44,7 @@ app.command()(bench)
 app.command()(simulate)
 app.add_typer(rig, name="rig")
 app.add_typer(layout, name="layout")
+app.add_typer(log, name="log")
 app.add_typer(problems, name="problems")
 
 
