@@ -21,12 +21,13 @@ from tensionlab.cli.layout import layout
 from tensionlab.cli.log import log
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
+from tensionlab.cli.run import run
 from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
 from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
 
-NUMBER_OPTIONS = ("--at", "--wrench", "--reference", "--box", "--step")
+NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 
 app = typer.Typer(
@@ -41,6 +42,7 @@ app.command()(allocate)
 app.command()(solvers)
 app.command()(workspace)
 app.command()(bench)
+app.command()(run)
 app.command()(simulate)
 app.add_typer(rig, name="rig")
 app.add_typer(layout, name="layout")
