@@ -198,7 +198,7 @@ def _modules(modules: tuple[ModuleReport, ...]) -> Table:
         grid.add_column(heading, justify="right", no_wrap=True)
     grid.add_column("held back by")
     for module in modules:
-        held = [f"{name.lower()} {100 * share:.0f} %" for name, share in module.limits.items()]
+        held = [f"{name.lower()} {_share(share)}" for name, share in module.limits.items()]
         faults = [f"fault {name}" for name in module.faults]
         lost = [] if module.lost_at is None else [f"lost at {module.lost_at:.3f} s"]
         grid.add_row(
@@ -208,6 +208,10 @@ def _modules(modules: tuple[ModuleReport, ...]) -> Table:
             ", ".join([*held, *faults, *lost]),
         )
     return grid
+
+
+def _share(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 0.005 else "<1 %"
 
 
 def _print_replay(found: Replay, title: str) -> None:

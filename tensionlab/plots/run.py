@@ -43,7 +43,7 @@ GONE = ("fault, or lost", "#000000")
 """Worse than all those."""
 NAMED = 8
 """So many events are named; of more, the others are lines only."""
-FLOOR = 1e-3
+FLOOR = 1e-2
 """Times below are drawn here, in ms."""
 LEAST = 0.05
 """Forces and torques are drawn at least so far up and down, in N and N·m."""
@@ -87,7 +87,7 @@ def plot_run(run: Run, path: str | Path) -> None:
             if axes is not ribbons:
                 axes.grid()
         if len(run):
-            times.set_xlim(run.time[0], run.time[-1] + 1.0 / run.setup.rate)
+            times.set_xlim(0.0, run.time[-1] + 1.0 / run.setup.rate)
         else:
             times.set_xlim(0.0, 1.0)
             panels[0].text(0.5, 0.5, "no cycle in the log", transform=panels[0].transAxes, ha="center", color=GREY)
@@ -95,7 +95,8 @@ def plot_run(run: Run, path: str | Path) -> None:
         _legend(panels[0], [
             *((axis, {"color": colour}) for axis, colour in zip("xyz"[:d], COLOURS, strict=False)),
             ("asked for", {"color": GREY, "linewidth": 4, "alpha": 0.35}),
-            ("rendered", {"color": GREY, "linewidth": 1.2}),
+            ("chosen", {"color": GREY, "linewidth": 1.2}),
+            ("told by the modules", {"color": GREY, "linewidth": 1.0, "linestyle": ":"}),
         ])  # fmt: skip
         _legend(tensions[0], [
             ("set-point", {"color": BLUE, "linewidth": 1.2}),
@@ -144,11 +145,13 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
 
 def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
     asked, rendered = run.demanded[:, part], run.rendered[:, part]
+    pulled = np.einsum("knm,km->kn", run.structure, run.tensions)[:, part]
     # Where there is one torque only, it is that about z.
     colours = COLOURS if asked.shape[1] > 1 else COLOURS[2:]
     for index, colour in zip(range(asked.shape[1]), colours, strict=False):
         _line(axes, run, asked[:, index], color=colour, linewidth=4, alpha=0.35)
         _line(axes, run, rendered[:, index], color=colour, linewidth=1.2)
+        _line(axes, run, pulled[:, index], color=colour, linewidth=1.0, linestyle=":")
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -LEAST), max(high, LEAST))  # rounding errors are not worth a panel
 
@@ -168,10 +171,8 @@ def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
     _line(axes, run, run.sent[:, index], color=BLUE, linewidth=1.2)
     axes.set_ylim(0.0, top)
     axes.set_ylabel("N")
-    axes.text(
-        0.004, 0.93, f"{run.rig.modules[index].name}, {lower:g} to {upper:g} N", transform=axes.transAxes, va="top",
-        fontsize=8.5, bbox=HALO, zorder=5,
-    )  # fmt: skip
+    name = f"{run.rig.modules[index].name}, {lower:g} to {upper:g} N"
+    axes.text(0.004, 0.93, name, transform=axes.transAxes, va="top", fontsize=8.5, bbox=HALO, zorder=5)
 
 
 def severity(run: Run) -> NDArray[np.int64]:
