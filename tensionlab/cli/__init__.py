@@ -16,6 +16,7 @@ import typer
 from tensionlab import __version__
 from tensionlab.cli.allocate import allocate
 from tensionlab.cli.bench import bench
+from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.compare import compare
 from tensionlab.cli.layout import layout
 from tensionlab.cli.log import log
@@ -45,6 +46,7 @@ app.command()(bench)
 app.command()(run)
 app.command()(simulate)
 app.add_typer(rig, name="rig")
+app.add_typer(calibrate, name="calibrate")
 app.add_typer(layout, name="layout")
 app.add_typer(log, name="log")
 app.add_typer(problems, name="problems")
