@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from wire import simulated
 
 from tensionlab.cli import main
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.calibration import staircase
 from tensionlab.hardware.calibration.tables import read_table, write_table
 from tensionlab.hardware.modules_file import modules_to_toml
