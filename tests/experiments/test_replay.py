@@ -47,6 +47,14 @@ def test_scores_are_what_they_say(lossy):
     assert newton.failed == newton.iteration_limit == 0
 
 
+def test_a_jump_is_from_one_cycle_to_the_next(lossy):
+    """A pause in the demands is none."""
+    pause = (lossy.cycle >= 20) & (lossy.cycle < 60)
+    paused = dataclasses.replace(lossy, demanded=np.where(pause[:, None], np.nan, lossy.demanded))
+    there = abs(lossy.chosen[60] - lossy.chosen[19]).max()
+    assert replay(paused, ["newton"]).rows[0].jump_max <= replay(lossy, ["newton"]).rows[0].jump_max < there
+
+
 def test_modules_that_took_no_part_take_none_in_the_replay(lossy, monkeypatch):
     limits = []
     real = tl.Allocator.__init__

@@ -7,6 +7,7 @@ import runs
 
 import tensionlab as tl
 from tensionlab.hardware.codes import Limit, State
+from tensionlab.hardware.columns import COLUMNS
 from tensionlab.hardware.run_record import read_run
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import BINS, HELD, severity, stretches, thinned
@@ -63,6 +64,18 @@ def test_in_a_long_run_nothing_is_overlooked(tmp_path, lossy):
     assert at[line.argmax()] == pytest.approx(123.45, abs=0.3)
     assert np.isfinite(line).all()
     assert len(stretches(count)) == BINS
+
+
+def test_one_bad_cycle_of_thousands_is_seen(tmp_path):
+    runs.logged(tmp_path / "run.mcap", runs.four(), 50)
+    short = read_run(tmp_path / "run.mcap")
+    many = {name: np.concatenate([getattr(short, name)] * 100) for name in COLUMNS}
+    long = dataclasses.replace(short, **{**many, "time": np.arange(5000) / 50.0})
+    plot_run(long, tmp_path / "good.svg")
+    assert "fault, or lost" not in words_of(tmp_path / "good.svg")
+    long.faults[3335, 1] = 1
+    plot_run(long, tmp_path / "bad.svg")
+    assert "fault, or lost" in words_of(tmp_path / "bad.svg")
 
 
 def test_the_worst_comes_first():
