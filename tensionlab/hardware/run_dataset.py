@@ -57,7 +57,7 @@ def to_dataset(run: Run) -> xarray.Dataset:
 
     Every column of `CycleTable` is a variable with the dimension ``cycle`` and its own, and has ``units`` and a
     ``long_name``. The dataset's attributes have what was around the cycles: ``rig`` in TOML; ``manifest``,
-    ``setup``, ``modules``, ``summary`` and ``events`` in JSON; ``complete``, 1 or 0.
+    ``setup``, ``modules``, ``summary`` and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
 
     Raises
     ------
@@ -89,6 +89,7 @@ def to_dataset(run: Run) -> xarray.Dataset:
             "modules": json.dumps(dict(run.modules)),
             "summary": json.dumps(dict(run.summary)),
             "events": json.dumps([asdict(event) for event in run.events]),
+            "began": run.began,
             "complete": int(run.complete),
         },
     )

@@ -24,4 +24,7 @@ def test_what_is_finished_has_an_end(tmp_path):
     writer = McapWriter(file, {"numbers": SCHEMA})
     writer.message("numbers", 10, 20, b'{"value": 1}')
     writer.finish()
-    assert list(read_records(file)) == [Record("message", "numbers", b'{"value": 1}'), Record("end", "", b"")]
+    assert list(read_records(file)) == [
+        Record("message", "numbers", b'{"value": 1}', 10),
+        Record("end", "", b""),
+    ]

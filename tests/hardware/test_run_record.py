@@ -1,5 +1,6 @@
 import json
 import random
+import time
 from dataclasses import asdict
 
 import numpy as np
@@ -69,6 +70,14 @@ def test_what_was_around_the_cycles_is_in_the_log_too(seven):
     assert (armed.kind, armed.cycle, armed.module) == ("armed", -1, "")
     assert (lost.kind, lost.cycle, lost.time, lost.module) == ("lost", 60, 1.2, run.rig.modules[2].name)
     assert (stopped.kind, stopped.cycle) == ("ended", 119)
+
+
+def test_a_run_tells_the_time_of_day_when_it_began(tmp_path):
+    before = time.time()
+    runs.logged(tmp_path / "run.mcap", runs.four(), 5)
+    assert before <= read_run(tmp_path / "run.mcap").began <= time.time()
+    runs.logged(tmp_path / "none.mcap", runs.four(), 0)
+    assert np.isnan(read_run(tmp_path / "none.mcap").began)
 
 
 def test_a_log_may_be_cut_anywhere(tmp_path, seven):
