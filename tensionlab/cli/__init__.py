@@ -19,6 +19,7 @@ from tensionlab.cli.bench import bench
 from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.compare import compare
 from tensionlab.cli.layout import layout
+from tensionlab.cli.log import log
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
 from tensionlab.cli.run import run
@@ -47,6 +48,7 @@ app.command()(simulate)
 app.add_typer(rig, name="rig")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(layout, name="layout")
+app.add_typer(log, name="log")
 app.add_typer(problems, name="problems")
 
 
