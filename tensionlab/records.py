@@ -29,6 +29,7 @@ LIBRARIES = [
     "xarray",
     "zarr",
     "distributed",
+    "mcap",
 ]
 """Distributions whose version may change a result."""
 

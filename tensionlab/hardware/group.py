@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.link import Link
-from tensionlab.hardware.module import TRIES, ModuleClient
-from tensionlab.hardware.protocol import Arm, EmergencyStop, Info, Message, Stop
+from tensionlab.hardware.module import TRIES, AnswerType, ModuleClient
+from tensionlab.hardware.protocol import (
+    Acknowledge,
+    Arm,
+    ConfigureTelemetry,
+    EmergencyStop,
+    GetParameter,
+    Hello,
+    Info,
+    Message,
+    ParameterValue,
+    Stop,
+)
+from tensionlab.hardware.simulated import PARAMETERS
 from tensionlab.model.rig import Rig
 
+PATIENT_TRIES = (*TRIES, *(TRIES[-1],) * 5)
+"""How long each try waits for an answer, in s. They are more than the protocol's: a bad link is no reason to give
+up before a run, and less so at its end."""
 BREATH = 2e-3
 """How long to wait, in s, before looking again whether an answer has come."""
 KEPT_ALIVE = 0.04
@@ -53,7 +68,7 @@ class ModuleGroup:
         HardwareError
             Naming the module: it is in use, has a fault, is not calibrated, or has other limits than the rig.
         """
-        self.infos = tuple(client.hello() for client in self.clients)
+        self.infos = tuple(client.met(info) for client, info in self._all(Hello(), Info))
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
             if info.state in (State.ARMED, State.RUNNING):
                 raise LinkError(f'module "{client.name}" at {client.link.url} is in use: somebody has it armed')
@@ -76,10 +91,10 @@ class ModuleGroup:
                     f"the rig wants {module.lower:g} to {module.upper:g} N; change the rig's limits, or the "
                     f"module's parameters tension_lower and tension_upper"
                 )
-            if info.state is State.TIMEOUT:
-                client.stop()
-            client.telemetry_every(telemetry_ms)
-        self.slews = tuple(client.parameter("slew") for client in self.clients)
+        self._all(Stop(), Acknowledge)  # one that timed out in an earlier run is still in it
+        self._all(ConfigureTelemetry(telemetry_ms), Acknowledge)
+        slew = GetParameter(PARAMETERS["slew"].index)
+        self.slews = tuple(found.value for _, found in self._all(slew, ParameterValue))
 
     def require_lengths(self) -> None:
         """Make sure that all know how long their cable is; a `HardwareError` names those that do not."""
@@ -98,41 +113,26 @@ class ModuleGroup:
         Raises
         ------
         ModuleFault, LinkTimeout, LinkError
-            A module refuses, or does not answer. Those that are armed by then stay so: `stop` them.
+            A module refuses, or does not answer. The others may be armed by then: `stop` them.
         """
-        taut = dict(zip(self.clients, tensions, strict=True))
-        commands = {}
+        commands: dict[ModuleClient, Message] = {}
         for client in self.clients:
             client.begin_session()
             commands[client] = Arm(client.session)
-        waiting = {client: client.post(command) for client, command in commands.items()}
-        for timeout in TRIES:
-            end, again = time.monotonic() + timeout, 0.0
-            while waiting and time.monotonic() < end:
-                for client, sequence in list(waiting.items()):
-                    client.listen()
-                    if client.answer(commands[client], sequence) is not None:
-                        del waiting[client]
-                if time.monotonic() >= again:
-                    again = time.monotonic() + KEPT_ALIVE
-                    for client in self.clients:
-                        if client not in waiting:
-                            client.set_tension(taut[client])
-                if waiting:
-                    self._breathe()
-            for client, sequence in waiting.items():
-                client.post(commands[client], sequence)
-        if waiting:
-            listed = ", ".join(f'"{client.name}"' for client in waiting)
-            raise LinkTimeout(f"modules that did not answer ARM in {len(TRIES)} tries: {listed}; are they on?")
+        taut = dict(zip(self.clients, tensions, strict=True))
+        _, failed = self._together(commands, taut)
+        for client in self.clients:
+            client.forget_refusals()  # of set-points that were there before the module was armed
+        for error in failed.values():
+            raise error
 
     def stop(self) -> dict[str, HardwareError]:
         """Have all modules let go: all are told before any is waited for. Which did not confirm it, and why?"""
-        return self._all_at_once(Stop())
+        return self._let_go(Stop())
 
     def emergency_stop(self) -> dict[str, HardwareError]:
         """Have all modules let go at once, and stay so. Which did not confirm it, and why?"""
-        return self._all_at_once(EmergencyStop())
+        return self._let_go(EmergencyStop())
 
     def close(self) -> None:
         """Close all links. Modules that are still pulling notice, and let go by themselves."""
@@ -140,26 +140,72 @@ class ModuleGroup:
             with suppress(HardwareError):
                 client.close()
 
-    def _all_at_once(self, command: Message) -> dict[str, HardwareError]:
-        for client in self.clients:
-            with suppress(HardwareError):
-                client.post(command)
-        failed: dict[str, HardwareError] = {}
-        for client in self.clients:
-            try:
-                client.tell(command)
-            except ModuleFault as fault:
-                if client.state not in LET_GO:
-                    failed[client.name] = fault
-            except HardwareError as error:
-                failed[client.name] = error
-        return failed
+    def _let_go(self, command: Message) -> dict[str, HardwareError]:
+        _, failed = self._together(dict.fromkeys(self.clients, command), {})
+        there = {client for client in failed if isinstance(failed[client], ModuleFault) and client.state in LET_GO}
+        return {client.name: error for client, error in failed.items() if client not in there}
+
+    def _all(self, command: Message, kind: type[AnswerType]) -> list[tuple[ModuleClient, AnswerType]]:
+        """What does each answer? The first failure is raised."""
+        answers, failed = self._together(dict.fromkeys(self.clients, command), {})
+        for error in failed.values():
+            raise error
+        found = [(client, answers[client]) for client in self.clients]
+        return [(client, answer) for client, answer in found if isinstance(answer, kind)]
+
+    def _together(
+        self, commands: Mapping[ModuleClient, Message], taut: Mapping[ModuleClient, float]
+    ) -> tuple[dict[ModuleClient, Message], dict[ModuleClient, HardwareError]]:
+        """Have commands carried out by all modules at the same time: answers, and why there is none.
+
+        Meanwhile, modules in ``taut`` are sent that tension, so that none times out while another is waited for.
+        """
+        answers: dict[ModuleClient, Message] = {}
+        failed: dict[ModuleClient, HardwareError] = {}
+        waiting: dict[ModuleClient, int] = {}
+        left = set(commands)
+        alive = 0.0
+        for timeout in PATIENT_TRIES:
+            for client in left:
+                with _kept(failed, client):
+                    waiting[client] = client.post(commands[client], waiting.get(client))
+            end = time.monotonic() + timeout
+            while (left := {client for client in waiting if client not in failed}) and time.monotonic() < end:
+                for client in left:
+                    client.listen()
+                    with _kept(failed, client):
+                        if (found := client.answer(commands[client], waiting[client])) is not None:
+                            answers[client] = found
+                            del waiting[client]
+                if time.monotonic() >= alive:
+                    alive = time.monotonic() + KEPT_ALIVE
+                    for client, tension in taut.items():
+                        with _kept(failed, client):
+                            client.set_tension(tension)
+                if waiting:
+                    self._breathe()
+        for client in left:
+            failed[client] = LinkTimeout(
+                f'module "{client.name}" at {client.link.url} did not answer {type(commands[client]).__name__} in '
+                f"{len(PATIENT_TRIES)} tries; is it on, and in range?"
+            )
+        return answers, failed
 
     def _breathe(self) -> None:
-        """Let time pass: here, and in simulated modules of this process."""
+        """Let time pass: here, or in simulated modules of this process."""
         for client in self.clients:
             client.listen(BREATH)
-        time.sleep(BREATH)
+        if not all(client.link.lockstep for client in self.clients):
+            time.sleep(BREATH)
+
+
+@contextmanager
+def _kept(failed: dict[ModuleClient, HardwareError], client: ModuleClient) -> Iterator[None]:
+    """Keep the error of one module, and go on with the others."""
+    try:
+        yield
+    except HardwareError as error:
+        failed[client] = error
 
 
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:

@@ -12,8 +12,6 @@ ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
 )
 """What ends a program."""
-ESTOP = tuple(getattr(signal, name) for name in ("SIGUSR1",) if hasattr(signal, name))
-"""What asks a program, from outside, for an emergency stop of its modules."""
 
 
 class Interrupted(KeyboardInterrupt):

@@ -101,34 +101,42 @@ class SerialLink:
                 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
             ) from missing
         self.url, self._claim = url, claim
-        self._broken: type[Exception] = serial.SerialException
+        # A port that is closed while another thread reads it is none of pyserial's own errors.
+        self._broken = (serial.SerialException, TypeError, AttributeError)
         try:
             # Only the ports of a system know of being taken; a TCP port refuses by itself.
             taken = {} if url.startswith("socket://") else {"exclusive": True}
-            self._port: Any = serial.serial_for_url(url, BAUD, timeout=0, write_timeout=1.0, **taken)
+            self._port: Any = serial.serial_for_url(url, BAUD, timeout=0, write_timeout=0, **taken)
         except (serial.SerialException, ValueError) as error:
             raise LinkError(
                 f"{url} cannot be opened: {error}; is it there, and is no other program using it?"
             ) from None
 
     def send(self, content: bytes) -> None:
-        """Send bytes."""
+        """Send bytes; never waits."""
         try:
-            self._port.write(content)
-        except (self._broken, OSError) as error:
+            taken = self._port.write(content)
+        except (*self._broken, OSError) as error:
             raise LinkError(f"{self.url} broke: {error}") from None
+        if taken != len(content):
+            raise LinkError(f"{self.url} takes no more bytes; does the module still read?")
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
         try:
-            self._port.timeout = timeout
-            first: bytes = self._port.read(1)
-            if not first:
-                return first
-            self._port.timeout = 0
-            return first + bytes(self._port.read(CHUNK))
-        except (self._broken, OSError, TypeError, AttributeError) as error:  # the latter: closed while it is read
+            self._wait(timeout)
+            return bytes(self._port.read(CHUNK))
+        except (*self._broken, OSError, ValueError) as error:
             raise LinkError(f"{self.url} broke: {error}") from None
+
+    def _wait(self, timeout: float) -> None:
+        """Come back when something is there to read: pyserial's own waiting sets the port up anew each time."""
+        if hasattr(self._port, "fileno"):
+            select.select([self._port.fileno()], [], [], timeout)
+            return
+        end = time.monotonic() + timeout
+        while not self._port.in_waiting and time.monotonic() < end:  # Windows cannot wait for a port's file
+            time.sleep(1e-3)
 
     def clock(self) -> float:
         """Time, in s."""

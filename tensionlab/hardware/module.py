@@ -49,11 +49,11 @@ LISTEN = 0.1
 """The reader looks up so often, in s, when nothing comes."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
-SaidType = TypeVar("SaidType", bound=Message, covariant=True)
+Said_co = TypeVar("Said_co", bound=Message, covariant=True)
 
 
 @dataclass(frozen=True)
-class Heard(Generic[SaidType]):
+class Heard(Generic[Said_co]):
     """What a module has said without being asked, and when.
 
     Attributes
@@ -63,7 +63,7 @@ class Heard(Generic[SaidType]):
         When it came, by the clock of the link, in s.
     """
 
-    message: SaidType
+    message: Said_co
     time: float
 
 
@@ -138,7 +138,10 @@ class ModuleClient:
 
     def hello(self) -> Info:
         """What is this module? A `ProtocolError` if it speaks another protocol."""
-        info = self.ask(Hello(), Info)
+        return self.met(self.ask(Hello(), Info))
+
+    def met(self, info: Info) -> Info:
+        """Take note of what the module said of itself. A `ProtocolError` if it speaks another protocol."""
         if info.protocol != PROTOCOL:
             raise ProtocolError(
                 f'module "{self.name}" speaks protocol {info.protocol}, this host {PROTOCOL}; update the older one'
@@ -231,6 +234,11 @@ class ModuleClient:
             code = refused[-1].code
             raise ModuleFault(f'module "{self.name}" refused a set-point: {code.name}', self.name, code)
 
+    def forget_refusals(self) -> None:
+        """Do not raise what the module has refused up to now."""
+        with self._news:
+            self._refused = []
+
     @property
     def bad_frames(self) -> int:
         """How many frames came damaged, or said what nobody understands?"""
@@ -238,14 +246,14 @@ class ModuleClient:
 
     def listen(self, seconds: float = 0.0) -> None:
         """Read what a simulated module has said, and let it go on for so long; others are read all the time."""
-        if self._reader is not None:
+        if self._reader is not None or self._broken is not None:
             return
-        if seconds <= 0.0:
-            self._take(self.link.receive(0.0))
-            return
-        end = self.link.clock() + seconds
-        while content := self.link.receive(max(end - self.link.clock(), 0.0)):
-            self._take(content)
+        try:
+            end = self.link.clock() + seconds if seconds else 0.0
+            while content := self.link.receive(end - self.link.clock() if seconds else 0.0):
+                self._take(content)
+        except LinkError as error:
+            self._broken = error
 
     def tell(self, command: Message, tries: tuple[float, ...] = TRIES) -> None:
         """Have a command carried out.

@@ -44,6 +44,6 @@ def observe(group: ModuleGroup) -> Observation:
         state = said.state if client.state is None else client.state
         codes = (state, client.faults, said.limit, said.sequence)
         rows.append((said.length, said.speed, said.tension, age, *codes, said.thermal))
-    lengths, speeds, tensions, ages, *codes, thermal = np.array(rows).T
-    states, faults, limits, taken = np.array(codes, dtype=np.int64)
+    lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
+    states, faults, limits, taken = np.array(numbers, dtype=np.int64)
     return Observation(lengths, speeds, tensions, ages, states, faults, limits, taken, thermal)

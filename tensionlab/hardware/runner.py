@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensionlab.errors import HardwareError, LinkTimeout
+from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.clock import Clock, RealClock
 from tensionlab.hardware.cycle import Cycle, DemandSource, Pose, RigState
 from tensionlab.hardware.demands import require_demand
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.guard import GuardedAllocator, approach, require_within
-from tensionlab.hardware.interrupts import ENDING, ESTOP, Interrupted, Interrupts
+from tensionlab.hardware.interrupts import ENDING, Interrupted, Interrupts
 from tensionlab.hardware.observe import Observation, observe
 from tensionlab.hardware.pose_tracker import PoseTracker, velocity
 from tensionlab.hardware.roll import Roll
@@ -118,7 +119,7 @@ class Runner:
             come through as they are.
         """
         interrupts = Interrupts()
-        with interrupts.caught((*ENDING, *ESTOP)):
+        with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
             gc.collect()
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             at_once = False
@@ -126,7 +127,7 @@ class Runner:
                 self._begin()
                 self.statistics.ended = self._render(seconds)
             except Interrupted as interrupted:
-                at_once = interrupted.number in ESTOP
+                at_once = interrupted.number == ESTOP_SIGNAL
                 self.statistics.ended = f"signal {interrupted}"
             except BaseException as error:
                 self.statistics.ended = f"{type(error).__name__}: {error}"

@@ -1,0 +1,163 @@
+"""Files in the MCAP format: what the log of a run is written to and read from. The only importer of mcap."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+from tensionlab.errors import LogError, MissingDependency
+
+PROFILE = "tensionlab-run-1"
+"""Says in a file's header that it is the log of a run, and which version of it."""
+EXTRA = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
+
+
+class McapWriter:
+    """Write a log: metadata, attachments, then messages in JSON.
+
+    Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run.
+    A chunk ends with `flush`; what came after the last one is lost where the process is killed.
+
+    Parameters
+    ----------
+    path : path
+        A new or an empty file.
+    schemas : mapping of str to JSON schema
+        Of the messages of each channel.
+
+    Raises
+    ------
+    LogError
+        If there is something in the file already.
+    OSError
+        Here and in all methods, if the system can't write.
+    """
+
+    def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
+        try:
+            from mcap.writer import Writer
+        except ImportError as error:
+            raise MissingDependency(EXTRA) from error
+        self._file = _open_new(path)
+        self._writer = Writer(self._file)
+        self._writer.start(profile=PROFILE, library="tensionlab")
+        self._channels = {}
+        for topic, schema in schemas.items():
+            number = self._writer.register_schema(schema["title"], "jsonschema", json.dumps(schema).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "json", number)
+
+    def metadata(self, name: str, values: Mapping[str, Any]) -> None:
+        """Add values under a name, each written in JSON."""
+        self._writer.add_metadata(name, {key: json.dumps(value, default=str) for key, value in values.items()})
+
+    def attachment(self, name: str, media_type: str, content: bytes) -> None:
+        """Add a file within the file."""
+        self._writer.add_attachment(0, 0, name, media_type, content)
+
+    def message(self, topic: str, time_ns: int, written_ns: int, content: bytes) -> None:
+        """Add a message of a channel: when it holds, and when it was handed over, in ns since 1970."""
+        self._writer.add_message(self._channels[topic], time_ns, content, written_ns)
+
+    def flush(self) -> None:
+        """Have all that was added in the hands of the system."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write the index, which marks the file as complete, and close it."""
+        self._writer.finish()
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is, incomplete."""
+        with suppress(OSError):
+            self._file.close()
+
+
+def _open_new(path: Path) -> IO[bytes]:
+    try:
+        return path.open("xb")
+    except FileExistsError:
+        if path.is_dir() or path.stat().st_size:
+            raise LogError(f"{path}: there is something already; name a new file for the log") from None
+        return path.open("wb")
+
+
+class Record(NamedTuple):
+    """One thing in a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end".
+
+    ``name`` is that of the metadata or the attachment, or the message's channel.
+    """
+
+    kind: str
+    name: str
+    content: Any
+
+
+class _Whole:
+    """A file from which one reads what one asks for, or nothing: mcap takes half a record for a whole one."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+
+    def read(self, size: int) -> bytes:
+        content = self._file.read(size)
+        if len(content) < size:
+            raise EOFError
+        return content
+
+
+def read_records(path: Path) -> Iterator[Record]:
+    """What is in a log? All records that are whole, up to the first that is not.
+
+    Raises
+    ------
+    LogError
+        If it can't be read, or is no log of a run.
+    """
+    try:
+        from mcap.exceptions import McapError
+        from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
+        from mcap.stream_reader import StreamReader
+        from zstandard import ZstdError
+    except ImportError as error:
+        raise MissingDependency(EXTRA) from error
+    channels: dict[int, str] = {}
+    known = complete = False
+    with _open(path) as file:
+        whole: Any = _Whole(file)
+        # No record is larger than its file; a length that was damaged would ask for all the memory there is.
+        reader = StreamReader(whole, validate_crcs=True, record_size_limit=path.stat().st_size)
+        try:
+            for record in reader.records:
+                if isinstance(record, Header):
+                    known = record.profile == PROFILE
+                if not known:
+                    break
+                if isinstance(record, Channel):
+                    channels[record.id] = record.topic
+                elif isinstance(record, Metadata):
+                    values = {key: json.loads(value) for key, value in record.metadata.items()}
+                    yield Record("metadata", record.name, values)
+                elif isinstance(record, Attachment):
+                    yield Record("attachment", record.name, record.data)
+                elif isinstance(record, Message):
+                    yield Record("message", channels[record.channel_id], record.data)
+                elif isinstance(record, Footer):
+                    complete = True
+        except (EOFError, McapError, ZstdError, struct.error, ValueError, KeyError):
+            complete = False  # cut or damaged: what came before counts
+    if not known:
+        raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")
+    if complete:
+        yield Record("end", "", b"")
+
+
+def _open(path: Path) -> IO[bytes]:
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror}); give the log of a run (*.mcap)") from None
