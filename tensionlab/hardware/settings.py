@@ -7,7 +7,7 @@
     firmware = "0.1"
 
     [parameters]
-    tension_lower = 0.5                          # N, from 0.1 to 2: the taut minimum
+    tension_lower = 0.5                          # N, 0.1 to 2: the taut minimum
     ...
 
 A file may leave parameters out; those stay as they are.
@@ -35,7 +35,7 @@ ROOMIER_LESS = frozenset({"tension_lower", "length_lower", "supply_lower"})
 """The less of these, the more room for others."""
 FORGETTING = frozenset({"spool_radius", "motor_direction"})
 """A module that gets another of these no longer knows how long its cable is."""
-COLUMN = 36
+COLUMN = 34
 """Where the comments begin."""
 
 
@@ -59,11 +59,9 @@ def dump(client: ModuleClient) -> str:
         "[parameters]",
     ]
     for name, found in parameters(client).items():
-        bounds = f"{plain(found.lower)} to {plain(found.upper)}"
-        lines.append(
-            f"{name} = {plain(found.value)}".ljust(COLUMN)
-            + f" # {PARAMETERS[name].unit}, {bounds}: {PARAMETER_MEANINGS[name]}"
-        )
+        bounds = "" if name in CHOICES else f", {found.lower:g} to {found.upper:g}"
+        comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_MEANINGS[name]}"
+        lines.append(f"{name} = {plain(found.value)}".ljust(COLUMN) + comment)
     return "\n".join([*lines, ""])
 
 
@@ -171,11 +169,10 @@ def plain(value: float) -> str:
 def _require_allowed(name: str, number: float, found: ParameterValue, origin: str) -> None:
     if not found.lower <= number <= found.upper:
         raise HardwareError(
-            f"{origin}: {name} is from {plain(found.lower)} to {plain(found.upper)} {PARAMETERS[name].unit}; "
-            f"got {plain(number)}"
+            f"{origin}: {name} is from {found.lower:g} to {found.upper:g} {PARAMETERS[name].unit}; got {number:g}"
         )
     if name in CHOICES and number not in (found.lower, found.upper):
-        raise HardwareError(f"{origin}: {name} is {PARAMETERS[name].unit}; got {plain(number)}")
+        raise HardwareError(f"{origin}: {name} is {PARAMETERS[name].unit}; got {number:g}")
 
 
 def _require_consistent(values: Mapping[str, float], origin: str) -> None:
@@ -190,8 +187,8 @@ def _require_consistent(values: Mapping[str, float], origin: str) -> None:
     )
     for less, more, holds in rules:
         if not holds:
-            limit = plain(values.get(more, forever))
-            raise HardwareError(f"{origin}: {less} would be {plain(values[less])}, but {more} {limit}; change either")
+            limit = values.get(more, forever)
+            raise HardwareError(f"{origin}: {less} would be {values[less]:g}, but {more} {limit:g}; change either")
 
 
 def _turn(change: Change) -> int:

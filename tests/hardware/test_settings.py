@@ -30,8 +30,8 @@ def test_a_dump_has_all_parameters_with_units_and_the_module_for_information(cli
     assert list(document["parameters"]) == list(PARAMETERS)
     values = {name: float(np.float32(value)) for name, value in document["parameters"].items()}
     assert values == client.link.module.parameters
-    assert "spool_radius = 0.0195                # m, 0.005 to 0.1: from encoder angle to cable length\n" in text
-    assert max(map(len, text.splitlines())) < 130
+    assert "spool_radius = 0.0195             # m, 0.005 to 0.1: from encoder angle to cable length\n" in text
+    assert max(map(len, text.splitlines())) < 135
 
 
 def test_what_was_dumped_comes_back_and_is_not_stored(client):
@@ -57,24 +57,27 @@ def test_a_part_of_a_file_changes_that_part(client):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("tension_lower = 1", r'my\.toml: unknown key "tension_lower"; the file has \[module\] and \[parameters\]'),
+        (
+            "tension_lower = 1",
+            r'my\.toml: unknown key "tension_lower"; the file has \[module\] and \[parameters\]',
+        ),
         ("[parameters]\n", r"my\.toml: no parameters; write"),
         ("[parameters", r"my\.toml: not valid TOML"),
         ("[parameters]\nslew = 70\nspeed = 1", r"my\.toml: parameters: modules have no parameter 'speed'"),
-        ("[parameters]\nslew = 70\nttl = 10", r"my\.toml: parameters: ttl is from 50\.0 to 2000\.0 ms; got 10\.0"),
-        ("[parameters]\nslew = 70\nttl = nan", r"ttl is from 50\.0 to 2000\.0 ms; got nan"),
+        ("[parameters]\nslew = 70\nttl = 10", r"my\.toml: parameters: ttl is from 50 to 2000 ms; got 10"),
+        ("[parameters]\nslew = 70\nttl = nan", r"ttl is from 50 to 2000 ms; got nan"),
         ("[parameters]\nslew = 70\nttl = 1e60", r"ttl is from .* got inf"),
         ('[parameters]\nslew = 70\nttl = "10"', r"my\.toml: parameters: ttl is '10'; give a number"),
         ("[parameters]\nslew = 70\ncalibrated = true", r"calibrated is True; give a number"),
         ("[parameters]\nslew = 70\ncalibrated = 0.5", r"calibrated is 0 or 1; got 0\.5"),
-        ("[parameters]\nslew = 70\nmotor_direction = 0", r"motor_direction is 1 or -1; got 0\.0"),
+        ("[parameters]\nslew = 70\nmotor_direction = 0", r"motor_direction is 1 or -1; got 0"),
         (
             "[parameters]\nslew = 70\ntension_upper = 1\ntension_lower = 1.5",
-            r"tension_lower would be 1\.5, but tension_upper 1\.0; change either",
+            r"tension_lower would be 1\.5, but tension_upper 1; change either",
         ),
         (
             "[parameters]\nslew = 70\nlength_lower = 5",
-            r"length_lower would be 5\.0, but length_upper 5\.0; change either",
+            r"length_lower would be 5, but length_upper 5; change either",
         ),
         (
             "[parameters]\nslew = 70\ncurrent_continuous = 0.1\ntension_lower = 0.4",
