@@ -1,8 +1,8 @@
-"""Is a damaged frame ever taken for a whole one? Streams of frames, damaged in many ways, through the host's decoder.
+"""Is a damaged frame ever taken for a whole one? Streams of frames, damaged in many ways, through the host's codec.
 
-The CRC finds all errors of up to three bits in what it covers: no frame may pass with one. It is stuffed together
-with what it covers, though, so an error in a byte of the stuffing, or one that makes or removes a zero, moves other
-bytes as well. Like all other damage it passes with a chance of 2^-16, or less where the length must be right too.
+The CRC finds all errors of up to three bits in what it covers: no frame may pass with one. But frames are stuffed
+after the CRC was added. An error in a byte of the stuffing, or one that makes or removes a zero, moves other bytes
+as well, and like all other damage it passes with a chance of 2^-16, or less where the length must be right too.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from math import sqrt
 
 from tensionlab.errors import ProtocolError
 from tensionlab.hardware.codes import Type
-from tensionlab.hardware.frames import MAX_FRAME, MAX_PAYLOAD, Decoder, Frame
+from tensionlab.hardware.frames import MAX_PAYLOAD, Decoder, Frame
 from tensionlab.hardware.protocol import read
 
 CHANCE = 2.0**-16
@@ -179,7 +179,7 @@ def _follow(tally: Tally, sent: set[Frame], stream: bytes, rng: random.Random) -
         for begin, end in zip((0, *cuts), (*cuts, len(stream)), strict=True)
         for frame in decoder.feed(stream[begin:end])
     ]
-    assert frames and frames[-1] == AFTER, "a whole frame was lost after damage"
+    assert frames[-1:] == [AFTER], "a whole frame was lost after damage"
     tally.streams += 1
     tally.pieces += decoder.bad_frames
     for frame in frames[:-1]:
@@ -210,7 +210,7 @@ def _covered(stream: bytearray) -> list[int]:
 
 
 def allowed(kind: str, tally: Tally) -> float:
-    """How many wrong frames may there be? None where the CRC is certain; else chance and five standard deviations."""
+    """How many wrong frames may there be? None where the CRC is certain; else by chance, and five sigma more."""
     if kind in CERTAIN:
         return 0.0
     mean = CHANCE * tally.pieces

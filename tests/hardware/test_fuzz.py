@@ -38,7 +38,7 @@ def test_all_errors_of_one_and_two_bits_in_what_the_crc_covers_are_found(count):
 
 
 def test_the_crc_does_not_cover_the_stuffing():
-    # Known: one bit of a stuffing byte moves several bytes, and then a CRC of 16 bits is right once in 65,536 times.
+    # Known: one bit of a stuffing byte moves several bytes, and then a CRC of 16 bits is right once in 65,536.
     sent = "058d9c86fe010101010103a18201010101010322b402ed022201010429d87002f201010101010101027f03cbfa00"
     damaged = bytearray.fromhex(sent)
     damaged[8] ^= 1 << 4
@@ -61,7 +61,7 @@ def test_it_finds_a_decoder_whose_crc_is_too_short(monkeypatch, bits):
 
     monkeypatch.setattr(frames, "unpack", unpack)
     tallies = fuzz(6_000)
-    assert all(tallies[kind].wrong > allowed(kind, tallies[kind]) for kind in CERTAIN)
+    assert any(tallies[kind].wrong > allowed(kind, tallies[kind]) for kind in CERTAIN)
 
 
 def test_it_finds_a_decoder_that_loses_its_way(monkeypatch):
