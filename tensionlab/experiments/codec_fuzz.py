@@ -1,4 +1,4 @@
-"""Is a damaged frame ever taken for a whole one? Streams of frames, damaged in many ways, through the host's codec.
+"""Is a damaged frame ever taken for a whole one? Streams of frames, damaged in many ways, through the codec.
 
 The CRC finds all errors of up to three bits in what it covers: no frame may pass with one. But frames are stuffed
 after the CRC was added. An error in a byte of the stuffing, or one that makes or removes a zero, moves other bytes
