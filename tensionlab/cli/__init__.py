@@ -20,12 +20,13 @@ from tensionlab.cli.compare import compare
 from tensionlab.cli.layout import layout
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
+from tensionlab.cli.run import run
 from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
 from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
 
-NUMBER_OPTIONS = ("--at", "--wrench", "--reference", "--box", "--step")
+NUMBER_OPTIONS = ("--at", "--force", "--wrench", "--reference", "--box", "--step")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 
 app = typer.Typer(
@@ -40,6 +41,7 @@ app.command()(allocate)
 app.command()(solvers)
 app.command()(workspace)
 app.command()(bench)
+app.command()(run)
 app.command()(simulate)
 app.add_typer(rig, name="rig")
 app.add_typer(layout, name="layout")

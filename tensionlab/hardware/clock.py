@@ -40,7 +40,7 @@ class WorldClock:
     world : World
         Whose time it is.
     paced : bool
-        Whether it passes no faster than real time.
+        Whether it is real time.
     """
 
     def __init__(self, world: World, *, paced: bool = False) -> None:
@@ -50,12 +50,11 @@ class WorldClock:
 
     def now(self) -> float:
         """What time is it?"""
-        return self._world.time
+        return time.monotonic() - self._start if self._paced else self._world.time
 
     def wait_until(self, when: float) -> None:
         """Let it pass in the modules."""
         if self._paced:
-            left = self._start + when - time.monotonic()
-            if left > 0.0:
-                time.sleep(left)
+            time.sleep(max(when - self.now(), 0.0))
+            when = self.now()
         self._world.advance(max(when - self._world.time, 0.0))

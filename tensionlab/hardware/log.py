@@ -188,7 +188,7 @@ class RunLog:
             If not all of it could be written.
         """
         if self._thread.is_alive():
-            self._summary = {} if statistics is None else summary(statistics)
+            self._summary = {} if statistics is None else statistics.summary()
             self._queue.put(None)
             self._thread.join(CLOSING)
             if self._thread.is_alive():
@@ -246,18 +246,6 @@ class RunLog:
         else:
             content = columns.encode(what, self._rig) if topic == "cycle" else json.dumps(what).encode()
             self._file.message(topic, when, now, content)
-
-
-def summary(statistics: Statistics) -> dict[str, Any]:
-    """What is kept of the statistics of a run? What its cycles do not tell."""
-    return {
-        "ended": statistics.ended,
-        "missed": statistics.missed,
-        "slewed": statistics.slewed,
-        "late_telemetry": dict(statistics.late_telemetry),
-        "lost": statistics.lost,
-        "unconfirmed": statistics.unconfirmed,
-    }
 
 
 def _unwritable(path: Path, error: OSError) -> LogError:

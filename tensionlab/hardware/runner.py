@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -33,6 +34,8 @@ FIRST_TELEMETRY = 2.0
 """How long to wait for it, in s."""
 BACK = 1e-3
 """A cycle that begins so long before its deadline, in s, means that the clock went back."""
+SWITCH = 5e-4
+"""How long a cycle that is due may wait for another thread of this process, in s."""
 
 Tracker = Callable[[float], Pose]
 """Where is the point or the platform, at a time of the run in s?"""
@@ -122,6 +125,8 @@ class Runner:
         with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
             gc.collect()
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
+            patience = sys.getswitchinterval()
+            sys.setswitchinterval(SWITCH)
             at_once = False
             try:
                 self._begin()
@@ -134,6 +139,7 @@ class Runner:
                 raise
             finally:
                 interrupts.ignore()
+                sys.setswitchinterval(patience)
                 gc.unfreeze()
                 self._end(at_once=at_once)
         return self.statistics
@@ -141,6 +147,8 @@ class Runner:
     def _begin(self) -> None:
         """Have all modules report, and arm them."""
         self.modules.prepare(self.rig, self.settings.telemetry_ms)
+        if self._log is not None:
+            self._log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
             self.modules.require_lengths()
         deadline = self._clock.now() + FIRST_TELEMETRY

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -69,4 +70,21 @@ class Statistics:
         return {
             name: tuple(float(value) for value in np.percentile(list(times) or [0.0], PERCENTILES))
             for name, times in (("late", self.late), ("work", self.work))
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """The same as plain numbers and texts; times in s."""
+        named = ("median", "p99", "largest")
+        times = {name: dict(zip(named, values, strict=True)) for name, values in self.percentiles().items()}
+        return {
+            "ended": self.ended,
+            "cycles": self.cycles,
+            "missed": self.missed,
+            "replaced": self.replaced,
+            "slewed": self.slewed,
+            "statuses": {status.name: self.statuses[status] for status in Status},
+            "late_telemetry": dict(self.late_telemetry),
+            "lost": self.lost,
+            "unconfirmed": self.unconfirmed,
+            **times,
         }

@@ -1,0 +1,178 @@
+"""``tensionlab run``: render forces on the modules of a rig."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli import output
+
+if TYPE_CHECKING:
+    from tensionlab.hardware.cycle import DemandSource
+    from tensionlab.hardware.log import RunLog
+    from tensionlab.hardware.run_settings import RunSettings
+    from tensionlab.hardware.runner import Tracker
+    from tensionlab.model.rig import Rig
+
+REFRESH = 5.0
+"""How often a second the live table is drawn anew."""
+
+
+def run(
+    rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
+    modules: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|URL,...",
+            help="Modules file, or links in the rig's order. Simulated modules in this process if left out.",
+        ),
+    ] = None,
+    solver: Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")] = "newton",
+    nearest: Annotated[
+        str | None, typer.Option(help="Out of reach: force, tension or direction; the solver's own if left out.")
+    ] = None,
+    force: Annotated[
+        str | None, typer.Option(metavar="X Y Z", help="Force in N; torques in N·m after it, else none.")
+    ] = None,
+    program: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Program (TOML): wrenches one after another.")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(metavar="X Y Z", help="Where the point is, in m; told by the lengths if left out."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Cycles a second.")] = 50.0,
+    seconds: Annotated[
+        float | None, typer.Option(help="How long; until the program's end or Ctrl-C if left out.")
+    ] = None,
+    on_loss: Annotated[
+        str, typer.Option(help="When a module drops out: stop all, or continue with the others.")
+    ] = "stop",
+    log: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", callback=output.output_file, help="Keep every cycle there.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print how it went as JSON; no live table.")] = False,
+) -> None:
+    """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
+
+    Ctrl-C ends the run; all modules are stopped then, and whatever else ends it. Exit status 1 where something
+    went wrong with a module, or a module did not confirm that it has stopped.
+    """
+    from tensionlab.cli.run_table import Screen, summary_table
+    from tensionlab.errors import HardwareError
+    from tensionlab.hardware.clock import RealClock, WorldClock
+    from tensionlab.hardware.group import connect
+    from tensionlab.hardware.run_settings import RunSettings
+    from tensionlab.hardware.runner import Runner
+    from tensionlab.hardware.world import World
+    from tensionlab.model.files import load_rig
+
+    loaded = load_rig(rig)
+    demand = _demand(loaded, force, program)
+    settings = RunSettings(rate=rate, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
+    _check_solver(loaded, solver, nearest)
+    place = _place(loaded, at)
+    clock: RealClock | WorldClock
+    if modules is None:
+        typer.echo("no --modules: these are simulated, in this process", err=True)
+        world = World(loaded, place)
+        group, clock = world.group(), WorldClock(world, paced=True)
+        links = dict.fromkeys((module.name for module in loaded.modules), "sim:")
+    else:
+        links = _links(loaded, modules)
+        group, clock = connect(loaded, links), RealClock()
+    failure: HardwareError | None = None
+    try:
+        kept = None if log is None else _log(log, loaded, solver, settings, links)
+        runner = Runner(loaded, group, solver, demand, settings, log=kept, clock=clock, tracker=place)
+        shown = sys.stdout.isatty() and not json
+        with Screen(runner, REFRESH) if shown else nullcontext():
+            try:
+                runner.run(seconds)
+            except HardwareError as error:
+                failure = error
+    finally:
+        group.close()
+    statistics = runner.statistics
+    if json:
+        output.print_json(statistics.summary())
+    else:
+        output.console().print(summary_table(runner))
+    if failure is not None:
+        typer.echo(f"tensionlab: {failure}", err=True)
+    for name, why in statistics.unconfirmed.items():
+        typer.echo(f'tensionlab: module "{name}" did not confirm that it has stopped: {why}', err=True)
+    if failure is not None or statistics.unconfirmed or statistics.lost:
+        raise typer.Exit(1)
+
+
+def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
+    """What is to be rendered?"""
+    import numpy as np
+
+    from tensionlab.hardware.cycle import Demand
+    from tensionlab.hardware.program import load_program
+
+    if force is not None and program is not None:
+        raise typer.BadParameter("--force and --program are both given; give one of them")
+    if program is not None:
+        return load_program(program, rig)
+    if force is None:
+        return lambda state: Demand()
+    wrench = np.array(output.numbers(force))
+    if wrench.size not in (rig.dimension, rig.n):
+        names = ", ".join(output.components(rig))
+        raise typer.BadParameter(f"--force has {wrench.size} components; {rig.name} needs {rig.n}: {names}")
+    constant = Demand(np.pad(wrench, (0, rig.n - wrench.size)))
+    return lambda state: constant
+
+
+def _place(rig: Rig, at: str | None) -> Tracker | None:
+    """Where is the point at each time? None if the cable lengths are to tell."""
+    import numpy as np
+
+    from tensionlab.hardware.cycle import Pose
+
+    if at is None:
+        return None
+    position = np.array(output.numbers(at))
+    rig.lengths(position, frames=rig.at_rest)  # refuses what is no place
+    pose = Pose(position, frames=rig.at_rest)
+    return lambda time: pose
+
+
+def _check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
+    """Refuse a solver that does not serve this rig."""
+    from tensionlab.experiments.lineup import lineup
+
+    try:
+        lineup([solver], nearest, (rig.n, rig.m))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+def _links(rig: Rig, modules: str) -> dict[str, str]:
+    """Where is each module reached?"""
+    from tensionlab.hardware.modules_file import load_modules
+
+    if modules.endswith(".toml"):
+        return load_modules(modules)
+    urls = [url.strip() for url in modules.split(",") if url.strip()]
+    if len(urls) != rig.m:
+        names = ", ".join(module.name for module in rig.modules)
+        raise typer.BadParameter(
+            f"--modules has {len(urls)} links, {rig.name} has {rig.m} modules ({names}); give a link for each, "
+            "or a file that ends in .toml"
+        )
+    return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
+
+
+def _log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
+    from tensionlab.hardware.log import RunLog
+    from tensionlab.records import manifest
+
+    return RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)
