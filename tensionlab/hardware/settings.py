@@ -15,6 +15,7 @@ A file may leave parameters out; those stay as they are.
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ import numpy as np
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.meanings import PARAMETER_MEANINGS
-from tensionlab.hardware.module import ModuleClient, known
+from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.hardware.simulated import PARAMETERS
 
@@ -66,16 +67,24 @@ def dump(client: ModuleClient) -> str:
 
 
 def restore(client: ModuleClient, text: str, origin: str = "settings") -> list[Change]:
-    """Which parameters did a file change? As `change` does it.
+    """Which parameters did a file change? As `parse` and `change` say."""
+    return change(client, parse(text, origin), origin)
+
+
+def parse(text: str, origin: str) -> dict[str, float]:
+    """Which values do these settings have?
 
     Parameters
     ----------
-    client : ModuleClient
-        Of a module that is idle.
     text : str
         What `dump` gave, or part of it.
     origin : str
         The file, for messages.
+
+    Raises
+    ------
+    HardwareError
+        Naming file and key.
     """
     try:
         document = tomllib.loads(text)
@@ -87,10 +96,31 @@ def restore(client: ModuleClient, text: str, origin: str = "settings") -> list[C
     values = document.get("parameters")
     if not isinstance(values, dict) or not values:
         raise HardwareError(f"{origin}: no parameters; write [parameters] and lines such as slew = 60")
-    return change(client, values, f"{origin}: parameters")
+    return checked(values, origin)
 
 
-def change(client: ModuleClient, values: Mapping[str, object], origin: str) -> list[Change]:
+def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
+    """Which values would a module have? A `HardwareError` names what is no parameter, or out of bounds."""
+    found = {}
+    for name, value in values.items():
+        if name not in PARAMETERS:
+            close = difflib.get_close_matches(name, PARAMETERS)
+            advice = f"is it {' or '.join(close)}?" if close else f"they have {', '.join(PARAMETERS)}"
+            raise HardwareError(f'{origin}: modules have no parameter "{name}"; {advice}')
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise HardwareError(f"{origin}: {name} is {value!r}; give a number")
+        row, number = PARAMETERS[name], single(value)
+        if not row.lower <= number <= row.upper:
+            raise HardwareError(
+                f"{origin}: {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}"
+            )
+        if name in CHOICES and number not in (row.lower, row.upper):
+            raise HardwareError(f"{origin}: {name} is {row.unit}; got {value:g}")
+        found[name] = number
+    return found
+
+
+def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> list[Change]:
     """Which parameters did a module have to change to have these values? It forgets them when it is switched off.
 
     All values are checked before the first is changed, together with those that stay. They are changed in an order
@@ -112,19 +142,9 @@ def change(client: ModuleClient, values: Mapping[str, object], origin: str) -> l
     ModuleFault, LinkTimeout, LinkError
         The module refuses, because it is not idle; it does not answer; the link broke.
     """
-    for name, value in values.items():
-        try:
-            known(name)
-        except HardwareError as error:
-            raise HardwareError(f"{origin}: {error}") from None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise HardwareError(f"{origin}: {name} is {value!r}; give a number")
-    present = parameters(client)
-    before = {name: found.value for name, found in present.items()}
-    wanted = {name: single(float(str(value))) for name, value in values.items()}
-    for name, number in wanted.items():
-        _require_allowed(name, number, present[name], origin)
-    _require_consistent({**before, **wanted}, origin)
+    wanted = checked(values, origin)
+    before = {name: found.value for name, found in parameters(client).items()}
+    _require_consistent({**before, **wanted}, f'{origin}: module "{client.name}"')
 
     changes = [Change(name, before[name], number) for name, number in wanted.items() if number != before[name]]
     changes.sort(key=_turn)
@@ -164,15 +184,6 @@ def single(value: float) -> float:
 def plain(value: float) -> str:
     """How does one write a module's number, in as few digits as give it back?"""
     return str(np.float32(value))
-
-
-def _require_allowed(name: str, number: float, found: ParameterValue, origin: str) -> None:
-    if not found.lower <= number <= found.upper:
-        raise HardwareError(
-            f"{origin}: {name} is from {found.lower:g} to {found.upper:g} {PARAMETERS[name].unit}; got {number:g}"
-        )
-    if name in CHOICES and number not in (found.lower, found.upper):
-        raise HardwareError(f"{origin}: {name} is {PARAMETERS[name].unit}; got {number:g}")
 
 
 def _require_consistent(values: Mapping[str, float], origin: str) -> None:
