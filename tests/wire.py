@@ -87,6 +87,8 @@ def simulated(*words):
         while lines[-1].strip():
             lines.append(process.stdout.readline())
         yield tomllib.loads("".join(lines))["modules"], process
+        if process.returncode is not None:  # the test has ended it
+            return
         process.send_signal(signal.SIGTERM)
         assert process.wait(5.0) == 0
         assert "Traceback" not in process.stderr.read()

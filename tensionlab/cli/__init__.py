@@ -28,7 +28,7 @@ from tensionlab.cli.solvers import solvers
 from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
 
-NUMBER_OPTIONS = ("--at", "--force", "--wrench", "--reference", "--box", "--step")
+NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 
 app = typer.Typer(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,6 +44,20 @@ def simulate(
         typer.Option(metavar="WHAT@WHEN", help="Such as encoder@2s, or floor-1:cable@800ms; also repeated."),
     ] = None,
     speed: Annotated[float, typer.Option(help="How fast time passes; all times are the modules' own.")] = 1.0,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Only these modules of the rig; also repeated.")
+    ] = None,
+    orbit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RADIUS PERIOD",
+            help="The point goes round its home in so many s, m away from it; in step with other such processes.",
+        ),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(callback=output.output_file, help="Write there (CSV) what the cables really pull with."),
+    ] = None,
     config_file: Annotated[
         Path | None,
         typer.Option(
@@ -53,19 +69,22 @@ def simulate(
 ) -> None:
     """Simulate one module for each cable of a rig, with its own firmware, until Ctrl-C.
 
-    The cable's far end stays where the rig's home puts it. Prints a modules file, and an empty line after it:
-    names, and links that pyserial opens. A module has one client at a time; a second one is refused, and one that
-    goes away is a link that closed.
+    The cable's far end stays where the rig's home puts it, or goes round it. Prints a modules file, and an empty
+    line after it: names, and links that pyserial opens. A module has one client at a time; a second one is
+    refused, and one that goes away is a link that closed.
     """
     from tensionlab.hardware.channel import Conditions
     from tensionlab.hardware.modules_file import modules_to_toml
     from tensionlab.hardware.ports import PtyPort, TcpPort
+    from tensionlab.hardware.recording import Recording
     from tensionlab.hardware.serve import ServedModule, serve
 
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
     simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file)
+    chosen = _only(only, list(simulated))
+    far_ends = {} if orbit is None else _orbit(rig, output.numbers(orbit))
     faults = _faults(fault or [], list(simulated))
     served = [
         ServedModule(
@@ -75,18 +94,22 @@ def simulate(
             seed=seed + index,
             faults=faults[name],
             settings_file=settings_file,
+            far_end=far_ends.get(name),
         )
         for index, (name, (module, settings_file)) in enumerate(simulated.items())
+        if name in chosen
     ]
-    text = modules_to_toml({name: each.port.url for name, each in zip(simulated, served, strict=True)})
+    text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
     if modules is not None:
         modules.write_text(text, encoding="utf-8")
 
     ended = []
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, lambda number, _: ended.append(number))
-    typer.echo(text)
-    serve(served, speed, lambda: bool(ended))
+    with Recording(record, chosen) if record is not None else nullcontext() as recording:
+        typer.echo(text)
+        watch = None if recording is None else lambda: recording.take([each.module for each in served])
+        serve(served, speed, lambda: bool(ended), watch)
 
 
 def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
@@ -114,6 +137,24 @@ def _rig(path: Path, seed: int, config_file: Path | None) -> dict[str, tuple[Sim
         _complain(module, at)
         simulated[each.name] = (module, at)
     return simulated
+
+
+def _only(only: list[str] | None, names: list[str]) -> list[str]:
+    """Which modules are served? All, if none is named."""
+    for name in only or []:
+        if name not in names:
+            raise typer.BadParameter(f"--only {name}: no such module; there are {', '.join(names)}")
+    return [name for name in names if not only or name in only]
+
+
+def _orbit(path: Path | None, numbers: list[float]) -> dict[str, Callable[[], float]]:
+    """How long is each cable now, if the point goes round its home? By the time of day, which processes share."""
+    from tensionlab.hardware.orbit import cable_lengths
+    from tensionlab.model.files import load_rig
+
+    if path is None or len(numbers) != 2:
+        raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")
+    return cable_lengths(load_rig(path), *numbers)
 
 
 def _settings(path: Path | None) -> bytes | None:

@@ -66,7 +66,7 @@ class Run(CycleTable):
     modules : mapping of str to mapping
         What each module, by its name, said it is: the fields of `protocol.Info`. Empty if none was asked.
     summary : mapping
-        What the runner said at the end, as `tensionlab.hardware.log.summary`; empty if it did not come so far.
+        What the runner said at the end, as `Statistics.summary`; empty if it did not come so far.
     events : tuple of RunEvent
         In their order.
     complete : bool

@@ -182,7 +182,7 @@ class Runner:
         """Do one cycle; False if the demand is to stop."""
         began = time.perf_counter()
         seen = observe(self.modules)
-        self._roll.call(seen.ages)
+        self._roll.call(seen)
         state = self._state(now, seen)
         demand = require_demand(self._demand(state), self.rig, f"demand of cycle {state.cycle}")
         if demand.stop:

@@ -64,6 +64,8 @@ class ServedModule:
         What breaks, and when.
     settings_file : Path, optional
         Written when the module saves.
+    far_end : callable, optional
+        How long the cable is in m, asked at each step; as at the start if left out.
     """
 
     def __init__(
@@ -75,8 +77,9 @@ class ServedModule:
         seed: int = 0,
         faults: Sequence[PlannedFault] = (),
         settings_file: Path | None = None,
+        far_end: Callable[[], float] | None = None,
     ) -> None:
-        self.module, self.port = module, port
+        self.module, self.port, self._far_end = module, port, far_end
         conditions = Conditions() if conditions is None else conditions
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
@@ -119,14 +122,19 @@ class ServedModule:
             self.module.damage(self._faults.pop().part)
         steps = int(now / STEP) - self._steps
         self._steps += steps
-        self.module.advance(steps * STEP)
+        self.module.advance(steps * STEP, None if self._far_end is None else self._far_end())
         if self._settings_file is not None and self.module.settings != self._settings:
             self._settings = self.module.settings
             write_settings(self._settings_file, self._settings)
 
 
-def serve(modules: Sequence[ServedModule], speed: float, stopped: Callable[[], bool]) -> None:
-    """Let time pass in all modules, `speed` times as fast as here, until it is to stop.
+def serve(
+    modules: Sequence[ServedModule],
+    speed: float,
+    stopped: Callable[[], bool],
+    watch: Callable[[], None] | None = None,
+) -> None:
+    """Let time pass in all modules, `speed` times as fast as here, until it is to stop; ``watch`` sees each step.
 
     One thread for all: a module needs some 3 % of a processor, and they can't keep each other from running.
     Deadlines are absolute, so that no delay adds to another. Ports are closed at the end.
@@ -145,6 +153,8 @@ def serve(modules: Sequence[ServedModule], speed: float, stopped: Callable[[], b
                 now -= late
             for served in modules:
                 served.serve(now)
+            if watch is not None:
+                watch()
     finally:
         for served in modules:
             served.port.close()

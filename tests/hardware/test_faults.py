@@ -1,0 +1,222 @@
+"""What can go wrong in a run, and that it leaves all tensions at the taut minimum or off within ttl and a cycle.
+
+In lockstep, where time is exact; `test_fault_processes.py` has what takes real processes.
+"""
+
+import resource
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
+from tensionlab.hardware.codes import Code, Fault, Limit, State
+from tensionlab.hardware.cycle import Demand
+from tensionlab.hardware.log import RunLog
+from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.simulated_rig import simulated_module
+from tensionlab.records import manifest
+from tests.hardware.rehearsal import GENTLE, Rehearsal
+
+TTL, CYCLE = 0.25, 0.02
+TAUT = 0.5
+
+
+@pytest.fixture
+def published_rig():
+    return tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+
+
+@pytest.fixture
+def rehearsal(published_rig):
+    return Rehearsal(published_rig)
+
+
+def assert_let_go(rehearsal):
+    """All tensions are at the taut minimum, or off, at ttl and a cycle after the trouble, and stay so."""
+    end = rehearsal.trouble_at + TTL + CYCLE
+    assert rehearsal.world.time <= end
+    assert rehearsal.let_pass(end) <= TAUT + 1e-6
+    assert rehearsal.let_pass(end + 3.0) == 0.0
+
+
+def test_a_cut_link_stops_all(rehearsal):
+    runner = rehearsal.runner(rehearsal.demand(trouble=rehearsal.links["top"].cut))
+    with pytest.raises(LinkError, match="it was cut"):
+        runner.run(2.0)
+    assert list(runner.statistics.lost) == ["top"]
+    assert list(runner.statistics.unconfirmed) == ["top"]
+    assert_let_go(rehearsal)
+
+
+def test_silence_stops_all(rehearsal):
+    runner = rehearsal.runner(rehearsal.demand(trouble=rehearsal.links["top"].freeze))
+    with pytest.raises(LinkTimeout, match=r'module "top" at sim: has been silent for 0\.2'):
+        runner.run(2.0)
+    # It is waited for at the end, and then its time is over; the others were told before, as this shows.
+    assert rehearsal.let_pass(0.0) == 0.0
+    assert rehearsal.states() == {"floor-1": "IDLE", "floor-2": "IDLE", "floor-3": "IDLE", "top": "TIMEOUT"}
+
+
+def test_a_module_that_starts_anew_stops_all(rehearsal):
+    def reboot():
+        index = list(rehearsal.links).index("top")
+        old = rehearsal.world.modules[index]
+        new = simulated_module(rehearsal.rig.modules[index], old.sample.length, serial_number=4)
+        new.advance(old.seconds - new.seconds)  # the link's clock is this module's, and does not go back
+        rehearsal.links["top"].inner.module = new
+        rehearsal.world.modules = (*rehearsal.world.modules[:index], new, *rehearsal.world.modules[index + 1 :])
+
+    with pytest.raises(ModuleFault) as caught:
+        rehearsal.runner(rehearsal.demand(trouble=reboot)).run(2.0)
+    assert caught.value.module == "top"
+    assert caught.value.code in (Code.BAD_STATE, Code.BAD_SESSION, State.IDLE)
+    assert_let_go(rehearsal)
+
+
+@pytest.mark.parametrize(("part", "fault"), [("encoder", Fault.ENCODER), ("supply", Fault.SUPPLY)])
+def test_a_fault_of_one_stops_all(rehearsal, part, fault):
+    runner = rehearsal.runner(rehearsal.demand(trouble=lambda: rehearsal.module("floor-2").damage(part)))
+    with pytest.raises(ModuleFault, match='module "floor-2" has let go') as caught:
+        runner.run(2.0)
+    assert caught.value.code == fault
+    assert_let_go(rehearsal)
+
+
+def test_a_module_that_gets_too_hot_stops_all(rehearsal):
+    rehearsal.trouble_at = 1e9
+    runner = rehearsal.runner(rehearsal.demand(np.array([0.0, 4.5, 0.0])))
+    with pytest.raises(ModuleFault, match='module "top" is too hot') as caught:
+        runner.run(20.0)
+    assert caught.value.code is Limit.THERMAL
+    assert 2.0 < rehearsal.world.time < 8.0
+    rehearsal.trouble_at = rehearsal.world.time
+    assert_let_go(rehearsal)
+
+
+def test_nan_from_the_demand(rehearsal):
+    wrong = Demand(np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(HardwareError, match=r"demand of cycle 25: wrench is \[ 0. nan  0.\]; all of it must be"):
+        rehearsal.runner(rehearsal.demand(trouble=lambda: wrong)).run(2.0)
+    assert_let_go(rehearsal)
+
+
+def test_a_demand_that_raises(rehearsal):
+    with pytest.raises(ZeroDivisionError):
+        rehearsal.runner(rehearsal.demand(trouble=lambda: 1 / 0)).run(2.0)
+    assert_let_go(rehearsal)
+
+
+@dataclass(frozen=True)
+class Raises:
+    """Solves until it is told not to."""
+
+    broken: list
+    policies = ("force",)
+
+    def solve(self, problem):
+        if self.broken:
+            raise RuntimeError("no idea")
+        return tl.solvers.make("newton").solve(problem)
+
+
+def test_a_solver_that_raises(rehearsal):
+    broken = []
+    runner = rehearsal.runner(rehearsal.demand(trouble=lambda: broken.append(1)), solver=Raises(broken))
+    with pytest.raises(RuntimeError, match="no idea"):
+        runner.run(2.0)
+    assert runner.statistics.ended == "RuntimeError: no idea"
+    assert_let_go(rehearsal)
+
+
+def test_a_disk_that_is_full(rehearsal, tmp_path):
+    rig = rehearsal.rig
+    log = RunLog(
+        tmp_path / "run.mcap", rig, manifest(["test"]), "newton", RunSettings(), dict.fromkeys("abcd", "")
+    )
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill():
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "run.mcap").stat().st_size, before[1]))
+
+    class Slow:
+        """Cycles take as long as they do, so that the log's thread comes to write."""
+
+        now = rehearsal.clock.now
+
+        @staticmethod
+        def wait_until(when):
+            time.sleep(0.02)
+            rehearsal.clock.wait_until(when)
+
+    try:
+        with pytest.raises(LogError, match=r"run.mcap: the log cannot be written \(File too large\)"):
+            rehearsal.runner(rehearsal.demand(trouble=fill), log=log, clock=Slow()).run(5.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert rehearsal.world.time < 2.0
+    rehearsal.trouble_at = rehearsal.world.time
+    assert_let_go(rehearsal)
+
+
+class Jumping:
+    """A clock that shows a wrong time from some moment on."""
+
+    def __init__(self, clock):
+        self.clock, self.off = clock, 0.0
+
+    def now(self):
+        return self.clock.now() + self.off
+
+    def wait_until(self, when):
+        self.clock.wait_until(when - self.off)
+
+
+@pytest.mark.parametrize("jump", [-100.0, 100.0])
+def test_a_clock_that_jumps_back_or_far_ahead(rehearsal, jump):
+    clock = Jumping(rehearsal.clock)
+    runner = rehearsal.runner(rehearsal.demand(trouble=lambda: setattr(clock, "off", jump)), clock=clock)
+    if jump > 0.0:
+        runner.run(2.0)  # for this clock, the run is over
+        assert runner.statistics.missed > 1000
+        assert_let_go(rehearsal)
+    else:
+        # Waiting for a time that is far off, the host hangs: modules time out, and say so when it comes back.
+        with pytest.raises(HardwareError, match=r"has let go \(TIMEOUT\)|the clock went back"):
+            runner.run(2.0)
+        assert rehearsal.let_pass(0.0) <= TAUT + 1e-6
+
+
+def test_one_that_is_lost_is_done_without_by_the_others(published_rig):
+    rig = tl.load_rig("datasets/rigs/cube-8.toml")
+    rehearsal = Rehearsal(rig)
+    wrench = np.zeros(rig.n)
+    wrench[0] = 1.0
+    name = rig.modules[0].name
+    runner = rehearsal.runner(rehearsal.demand(wrench, rehearsal.links[name].cut), on_loss="continue")
+    statistics = runner.run(1.0)
+    assert list(statistics.lost) == [name]
+    assert statistics.ended == "after 1 s"
+    last = runner.latest
+    assert not last.state.active[0]
+    assert last.state.active[1:].all()
+    np.testing.assert_allclose(last.allocation.wrench, wrench, atol=1e-6)
+    assert last.allocation.tensions[0] == 0.0
+    # Within one cycle: the first one after the cut has neither asked nor told the lost module anything.
+    after = [state for state in rehearsal.cycles if state.time > rehearsal.trouble_at]
+    assert not after[0].active[0]
+    assert rehearsal.module(name).sample.commanded <= TAUT
+    rehearsal.let_pass(rehearsal.world.time + 3.0)
+    assert not any(module.sample.driver_on for module in rehearsal.world.modules)
+
+
+def test_when_all_are_lost_there_is_nothing_to_go_on_with(rehearsal):
+    def cut():
+        for link in rehearsal.links.values():
+            link.cut()
+
+    with pytest.raises(HardwareError, match="no module is left"):
+        rehearsal.runner(rehearsal.demand(GENTLE, cut), on_loss="continue").run(2.0)
+    assert_let_go(rehearsal)
