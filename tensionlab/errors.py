@@ -14,6 +14,7 @@
         ├── ProtocolError                    a frame or message that cannot be sent, or was not understood
         ├── LinkError (OSError)              a link that cannot be opened, or broke; names its URL
         ├── LinkTimeout (TimeoutError)       a module that does not answer; names it
+        ├── CalibrationError                 measurements that do not tell what they should; says which to add
         ├── LogError                         a log that cannot be written or read; names its file
         └── ModuleFault                      a module that refuses, or lets go; carries its name and the code
 """
@@ -83,6 +84,10 @@ class LinkError(HardwareError, OSError):
 
 class LinkTimeout(HardwareError, TimeoutError):  # noqa: N818 - pinned name
     """A module that does not answer; the message names it and its link."""
+
+
+class CalibrationError(HardwareError):
+    """Measurements that do not tell what was to be calibrated; the message says what to measure instead."""
 
 
 class LogError(HardwareError):

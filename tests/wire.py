@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 import time
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import serial
 
 from tensionlab.hardware.frames import Decoder
 from tensionlab.hardware.protocol import Acknowledge, Message, Ping, Pong, read
-
-ROOT = Path(__file__).parents[1]
 
 
 class Client:
@@ -73,27 +65,3 @@ def connected(url: str) -> Iterator[Client]:
         yield client
     finally:
         client.close()
-
-
-@contextmanager
-def simulated(*words):
-    """Run `tensionlab simulate`; gives the links by name, and the process, which must end well when told to."""
-    command = [sys.executable, "-m", "tensionlab", "simulate", *(str(word) for word in words)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
-    try:
-        lines = [process.stdout.readline()]
-        assert lines == ["[modules]\n"], process.stderr.read()
-        while lines[-1].strip():
-            lines.append(process.stdout.readline())
-        yield tomllib.loads("".join(lines))["modules"], process
-        if process.returncode is not None:  # the test has ended it
-            return
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(5.0) == 0
-        assert "Traceback" not in process.stderr.read()
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-        process.stderr.close()

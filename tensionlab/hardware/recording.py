@@ -14,7 +14,7 @@ from tensionlab.hardware.simulated import SimulatedModule
 PERIOD = 5e-3
 """Time from one row to the next of a module, in s, at least."""
 COLUMNS = ("time", "module", "tension", "commanded", "distance", "state")
-"""Monotonic time of this machine in s, name, N, N, m and the state's name."""
+"""Time of day in s since 1970, name, N, N, m and the state's name."""
 
 
 class Recording:
@@ -52,7 +52,7 @@ class Recording:
 
     def take(self, modules: Sequence[SimulatedModule]) -> None:
         """Write how the modules are, if it is time to."""
-        now = time.monotonic()
+        now = time.time()
         if now < self._due:
             return
         self._due = now + PERIOD

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 import serial
-from wire import Client, connected, simulated
+from wire import Client, connected
 
 from tensionlab.cli import main
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.codes import Calibration, Code, Fault, State
 from tensionlab.hardware.modules_file import load_modules
 from tensionlab.hardware.protocol import (

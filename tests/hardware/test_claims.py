@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from wire import ROOT, simulated
 
 from tensionlab.errors import LinkError
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware import claims
 from tensionlab.hardware.claims import Claim, holder, normalised
 from tensionlab.hardware.link import open_link
@@ -31,8 +31,7 @@ def folder(tmp_path, monkeypatch):
 def another_process(statement):
     """Run a statement in another process, which then stays; `statement` is what it does first."""
     command = [sys.executable, "-c", HOLD.format(statement), "a", "word"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout.readline() == "\n"
         yield process

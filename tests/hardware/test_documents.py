@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
-from wire import simulated
 
 from tensionlab.errors import HardwareError
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware import documents
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.protocol import Info, Telemetry

@@ -1,21 +1,18 @@
 """What can go wrong in a run that takes real processes: hosts and modules that are killed, hung, or two at once.
 
-What the cables really pull with comes from the recording of the simulated modules, by the clock of this machine.
+What the cables really pull with comes from the recording of the simulated modules.
 """
 
 import csv
-import os
 import random
 import signal
 import subprocess
-import sys
 import time
-from contextlib import contextmanager
 
 import pytest
 
+from tensionlab.experiments.processes import command, process, simulated
 from tensionlab.hardware.run_record import read_run
-from tests.wire import ROOT, simulated
 
 RIG = "datasets/rigs/bartels2026-validation.toml"
 TTL, CYCLE = 0.25, 0.02
@@ -24,26 +21,9 @@ SLACK = 0.03
 """Time from one row of the recording to the next, and what a busy machine is late, in s."""
 
 
-@contextmanager
 def host(modules_file, *words):
     """Run `tensionlab run` on these modules until somebody ends it."""
-    command = [sys.executable, "-m", "tensionlab", "run", RIG, "--modules", str(modules_file)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen(
-        [*command, "--force", "0", "0", "0.5", *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        cwd=ROOT,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-        process.stderr.close()
+    return process("run", RIG, "--modules", modules_file, "--force", 0, 0, 0.5, *words)
 
 
 def rows(recording):
@@ -54,8 +34,8 @@ def rows(recording):
 
 def wait_for_running(recording, modules=4, within=20.0):
     """Wait until all modules follow set-points that pull with more than the taut minimum in one of them."""
-    end = time.monotonic() + within
-    while time.monotonic() < end:
+    end = time.time() + within
+    while time.time() < end:
         latest = {row["module"]: row for row in rows(recording)[-3 * modules :]}
         running = [row for row in latest.values() if row["state"] == "RUNNING"]
         if len(running) == modules and max(float(row["commanded"]) for row in running) > TAUT + 0.3:
@@ -66,7 +46,7 @@ def wait_for_running(recording, modules=4, within=20.0):
 
 def assert_let_go(recording, since, names=None):
     """All tensions are at the taut minimum or off at ttl and a cycle after a time, and no module comes back."""
-    time.sleep(max(since + TTL + CYCLE + 5 * SLACK - time.monotonic(), 0.0))
+    time.sleep(max(since + TTL + CYCLE + 5 * SLACK - time.time(), 0.0))
     late = [row for row in rows(recording) if float(row["time"]) >= since + TTL + CYCLE + SLACK]
     late = [row for row in late if names is None or row["module"] in names]
     assert late
@@ -84,38 +64,37 @@ def rig(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_host_that_is_killed_or_hangs(rig, number):
     modules, recording = rig
-    with host(modules) as process:
+    with host(modules) as running:
         wait_for_running(recording)
-        process.send_signal(number)
-        assert_let_go(recording, time.monotonic())
+        running.send_signal(number)
+        assert_let_go(recording, time.time())
         if number == signal.SIGSTOP:  # when it comes back, it finds out, and ends
-            process.send_signal(signal.SIGCONT)
-            assert process.wait(15.0) == 1
-            assert "has let go (TIMEOUT)" in process.stderr.read()
+            running.send_signal(signal.SIGCONT)
+            assert running.wait(15.0) == 1
+            assert "has let go (TIMEOUT)" in running.stderr.read()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_host_that_is_told_to_end(rig, number):
     modules, recording = rig
-    with host(modules) as process:
+    with host(modules) as running:
         wait_for_running(recording)
-        process.send_signal(number)
-        since = time.monotonic()
-        assert process.wait(10.0) == 0
-        assert f"ended by: signal {signal.Signals(number).name}" in process.stdout.read()
+        running.send_signal(number)
+        since = time.time()
+        assert running.wait(10.0) == 0
+        assert f"ended by: signal {signal.Signals(number).name}" in running.stdout.read()
         assert_let_go(recording, since)
     assert {row["state"] for row in rows(recording)[-4:]} == {"IDLE"}
 
 
 def test_an_emergency_stop_from_elsewhere(rig):
     modules, recording = rig
-    with host(modules) as process:
+    with host(modules) as running:
         wait_for_running(recording)
-        since = time.monotonic()
-        command = [sys.executable, "-m", "tensionlab", "estop", "--modules", str(modules)]
-        subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, timeout=20.0)
-        assert process.wait(10.0) == 1
-        assert "ended by: signal SIGUSR1" in process.stdout.read()
+        since = time.time()
+        subprocess.run(command("estop", "--modules", modules), check=True, timeout=20.0)
+        assert running.wait(10.0) == 1
+        assert "ended by: signal SIGUSR1" in running.stdout.read()
         assert {row["state"] for row in rows(recording)[-4:]} == {"ESTOP"}
         off = [row for row in rows(recording) if row["state"] == "ESTOP"]
         assert float(off[0]["time"]) > since
@@ -137,16 +116,16 @@ def test_a_module_whose_process_is_killed(tmp_path):
     others = (RIG, "--only", "floor-1", "--only", "floor-2", "--only", "floor-3")
     with (
         simulated(*others, "--record", tmp_path / "record.csv") as (three, _),
-        simulated(RIG, "--only", "top") as (one, process),
+        simulated(RIG, "--only", "top") as (one, top),
     ):
         modules = tmp_path / "modules.toml"
         links = "\n".join(f'{name} = "{url}"' for name, url in {**three, **one}.items())
         modules.write_text(f"[modules]\n{links}\n")
         with host(modules) as running:
             wait_for_running(tmp_path / "record.csv", 3)
-            process.kill()
-            process.wait()
-            since = time.monotonic()
+            top.kill()
+            top.wait()
+            since = time.time()
             assert running.wait(10.0) == 1
             assert "lost: top" in running.stdout.read()
             assert_let_go(tmp_path / "record.csv", since)
@@ -158,13 +137,13 @@ def test_logs_of_runs_that_are_killed_hold_all_but_the_last_second(rig, tmp_path
     draw = random.Random(5)
     for index in range(5):
         path = tmp_path / f"run-{index}.mcap"
-        with host(modules, "--log", str(path)) as process:
+        with host(modules, "--log", path) as running:
             wait_for_running(recording)
-            began = time.monotonic()
+            began = time.time()
             time.sleep(draw.uniform(0.2, 1.5))
-            process.kill()
-            killed = time.monotonic()
-            process.wait()
+            running.kill()
+            killed = time.time()
+            running.wait()
         run = read_run(path)
         assert not run.complete
         assert run.time[-1] >= killed - began - 1.0

@@ -3,9 +3,9 @@
 import time
 
 import pytest
-from wire import simulated
 
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.channel import Conditions
 from tensionlab.hardware.codes import Calibration, State
 from tensionlab.hardware.faulty import FaultyLink

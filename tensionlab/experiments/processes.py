@@ -1,0 +1,74 @@
+"""Modules and hosts in processes of their own, as `tensionlab simulate` and `tensionlab run` make them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from tensionlab.errors import HardwareError
+
+ENDING = 10.0
+"""How long a process may take to end, in s, once it is told to."""
+
+
+def command(*words: object) -> list[str]:
+    """Which words call ``tensionlab`` with this interpreter?"""
+    return [sys.executable, "-m", "tensionlab", *(str(word) for word in words)]
+
+
+@contextmanager
+def process(*words: object) -> Iterator[subprocess.Popen[str]]:
+    """Run a verb of ``tensionlab`` beside this process; killed at the end, if it still runs."""
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    running = subprocess.Popen(
+        command(*words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    )
+    try:
+        yield running
+    finally:
+        running.kill()
+        running.wait()
+        for stream in (running.stdout, running.stderr):
+            if stream is not None:
+                stream.close()
+
+
+@contextmanager
+def simulated(*words: object) -> Iterator[tuple[dict[str, str], subprocess.Popen[str]]]:
+    """Run ``tensionlab simulate``; gives the links by name, and the process.
+
+    Raises
+    ------
+    HardwareError
+        If it does not start, or does not end well when it is told to (it may be gone by then).
+    """
+    with process("simulate", *words) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        lines = [running.stdout.readline()]
+        if lines != ["[modules]\n"]:
+            raise HardwareError(f"tensionlab simulate did not start: {running.stderr.read()}")
+        while lines[-1].strip():
+            lines.append(running.stdout.readline())
+        yield tomllib.loads("".join(lines))["modules"], running
+        if running.poll() is not None:
+            return
+        running.send_signal(signal.SIGTERM)
+        code, said = running.wait(ENDING), running.stderr.read()
+        if code != 0 or "Traceback" in said:
+            raise HardwareError(f"tensionlab simulate ended with {code}: {said}")
+
+
+@contextmanager
+def each_simulated(calls: list[tuple[object, ...]]) -> Iterator[dict[str, str]]:
+    """Run several of them; gives all links by name."""
+    with ExitStack() as stack:
+        links: dict[str, str] = {}
+        for words in calls:
+            links.update(stack.enter_context(simulated(*words))[0])
+        yield links

@@ -1,0 +1,279 @@
+"""Where are the anchors of a rig, going by the lengths of its cables?
+
+At known poses each cable is by itself: its anchor is where its lengths meet (multilateration). At unknown ones a
+rig with more cables than freedoms calibrates itself: each pose brings m lengths and n unknowns, and what is left
+over speaks of the anchors. See Borgstrom et al. 2009, "NIMS-PL: A Cable-Driven Robot With Self-Calibration
+Capabilities", IEEE Transactions on Robotics 25(5); Jin et al. 2018, Sensors 18(7); and for the idea in use,
+Hangprinter's auto-calibration. What lengths alone cannot tell is taken from the nominal rig: where the rig stands
+and how it is turned (the result is moved so that its anchors are closest to the nominal ones), and its mirror
+image. An error of all lengths in the same proportion, such as a wrong spool radius, cannot be seen either: the rig
+is found larger by as much.
+
+Poses are eliminated (variable projection, Golub and Pereyra 1973, in Kaufman's approximation): for given anchors
+forward kinematics finds them, and each Gauss-Newton step is taken in what the poses cannot explain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tensionlab.errors import CalibrationError
+from tensionlab.hardware.calibration.poses import Poses, advice
+from tensionlab.hardware.calibration.problem import Problem
+from tensionlab.hardware.calibration.regression import Floats, quantile
+from tensionlab.model.rig import Rig
+
+ITERATION_LIMIT = 200
+FIRST_DAMPING = 1e-3
+STEP_TOLERANCE = 1e-10
+"""Anchors are found when the next step would be shorter than this share of the longest cable."""
+RESTARTS = 3
+"""How often poses are sought again from those of their neighbours."""
+BETTER = 0.999
+"""Least gain in squared residuals to go on with that."""
+TRIMMED = 0.7
+"""Share of the poses that anchors are fitted to at first then."""
+NEIGHBOURS = 4
+"""How many neighbours each tries."""
+WEAK = 1e-5
+"""A motion of the anchors that changes lengths by less than this share of what the strongest does goes unseen."""
+VAGUE = 0.1
+"""So does one that is sure to no more than this share of the longest cable: nothing is linear over such a span."""
+
+
+@dataclass(frozen=True, eq=False)
+class AnchorEstimate:
+    """Anchors found from cable lengths, and how sure they are.
+
+    Attributes
+    ----------
+    anchors : (m, d) array
+        In world axes, in m.
+    offsets : (m,) array
+        What each measured length is too long by, in m; zeros if they were not asked for.
+    covariance : (p, p) array
+        Of the anchors, row by row, and then of the offsets if they were asked for, in m². NaN without a degree of
+        freedom.
+    sigma : float
+        Estimated standard deviation of one measured length, in m; NaN without a degree of freedom.
+    freedom : int
+        Lengths less all that was fitted to them.
+    residuals : (K, m) array
+        Measured less modelled lengths, in m.
+    poses : Poses
+        The known ones, or those that were found.
+    """
+
+    anchors: Floats
+    offsets: Floats
+    covariance: Floats
+    sigma: float
+    freedom: int
+    residuals: Floats
+    poses: Poses
+
+    @property
+    def deviations(self) -> Floats:
+        """Standard deviation of each coordinate of the anchors, (m, d), in m."""
+        return np.sqrt(np.diag(self.covariance)[: self.anchors.size]).reshape(self.anchors.shape)
+
+    @property
+    def intervals(self) -> Floats:
+        """Half of the 95 % interval of each coordinate, (m, d), in m."""
+        return quantile(self.freedom) * self.deviations
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals, in m."""
+        return math.sqrt(float(np.mean(self.residuals**2)))
+
+
+def calibrate_anchors(
+    rig: Rig, lengths: Floats, poses: Poses | None = None, *, known: bool = False, offsets: bool = False
+) -> AnchorEstimate:
+    """Where are the anchors?
+
+    Parameters
+    ----------
+    rig : Rig
+        The nominal one: attachments, a first guess of the anchors, and which of all equal answers is meant.
+    lengths : (K, m) array
+        Measured, in m, a row for each pose.
+    poses : Poses, optional
+        Of each row; the rig's home if left out.
+    known : bool
+        Whether the poses are known; they are a first guess if not.
+    offsets : bool
+        Whether each cable's length may be off by a constant, to be found as well.
+
+    Raises
+    ------
+    CalibrationError
+        Too few poses, or such that not all anchors can be seen; the message says which to add.
+    """
+    if rig.frames:
+        raise CalibrationError(
+            f'rig "{rig.name}": modules ride on {", ".join(rig.frames)}; only anchors that stand still can be '
+            "calibrated: hold the bodies still, and give a rig in which they are the world"
+        )
+    if lengths.ndim != 2 or lengths.shape[1] != rig.m or not np.isfinite(lengths).all() or (lengths <= 0.0).any():
+        raise CalibrationError(
+            f'rig "{rig.name}": give finite lengths above 0 m, a row for each pose and a column for each of its '
+            f"{rig.m} modules; got shape {lengths.shape}"
+        )
+    if poses is None:
+        if known:
+            raise CalibrationError("known poses were announced and none given; add them, or leave them unknown")
+        poses = Poses.at(rig, np.tile(rig.home, (len(lengths), 1)))
+    problem = Problem(rig, lengths, known, offsets)
+    _require_enough(problem)
+    shared = np.concatenate([rig.anchors.ravel(), np.zeros(rig.m * offsets)])
+    shared, poses = _descend(problem, shared, problem.fitted(shared, poses))
+    if not known:
+        for _ in range(RESTARTS):
+            trial, trial_poses = _restarted(problem, shared, poses)
+            before, after = problem.residuals(shared, poses), problem.residuals(trial, trial_poses)
+            if float(np.sum(after**2)) > BETTER * float(np.sum(before**2)):
+                break
+            shared, poses = trial, trial_poses
+        shared, poses = _onto_nominal(problem, shared, poses)
+    return _judged(problem, shared, poses)
+
+
+def _require_enough(problem: Problem) -> None:
+    rig, count = problem.rig, len(problem.lengths)
+    if problem.spare <= 0:
+        raise CalibrationError(
+            f'rig "{rig.name}" has {rig.m} cables for {rig.n} freedoms: lengths at unknown poses say nothing '
+            "about the anchors; measure at known poses, or add modules"
+        )
+    unknown = problem.size - problem.gauge
+    least = math.ceil(unknown / problem.spare)
+    if count < least:
+        raise CalibrationError(
+            f"{count} pose{'s' if count != 1 else ''} cannot tell the {unknown} unknowns of {rig.m} anchors"
+            f"{' and offsets' if problem.offsets else ''}; measure at {least} or more, twice as many if you can, "
+            "spread over the whole workspace"
+        )
+
+
+def _descend(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+    """Levenberg-Marquardt in the shared parameters."""
+    error = problem.residuals(shared, poses)
+    damping, longest = FIRST_DAMPING, float(problem.lengths.max())
+    for _ in range(ITERATION_LIMIT):
+        rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
+        # Rigid motions change nothing: with the damping as a ridge, steps leave them alone.
+        ridge = math.sqrt(damping * float(np.mean(rows**2)) * len(rows)) * np.eye(problem.size)
+        step = np.linalg.lstsq(
+            np.vstack([rows, ridge]), np.append(error.ravel(), np.zeros(problem.size)), rcond=None
+        )[0]
+        trial = shared + step
+        trial_poses = problem.fitted(trial, poses)
+        trial_error = problem.residuals(trial, trial_poses)
+        better = float(np.sum(trial_error**2)) < float(np.sum(error**2))
+        if better:
+            shared, poses, error = trial, trial_poses, trial_error
+        damping = max(damping / 10.0, 1e-14) if better else damping * 10.0
+        if float(np.abs(step).max()) <= STEP_TOLERANCE * longest or damping > 1e8:
+            break
+    return shared, poses
+
+
+def _restarted(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+    """Is there a better answer when the poses that fit worst do not bend the anchors at first?
+
+    Forward kinematics has many answers, and a pose on a wrong branch pulls all anchors with it.
+    """
+    error = np.sum(problem.residuals(shared, poses) ** 2, axis=1)
+    best = np.argsort(error)[: max(round(TRIMMED * len(error)), 2)]
+    part = replace(problem, lengths=problem.lengths[best])
+    trial, _ = _descend(part, shared, poses.take(best))
+    return _descend(problem, trial, _unflipped(problem, trial, problem.fitted(trial, poses)))
+
+
+def _unflipped(problem: Problem, shared: Floats, poses: Poses) -> Poses:
+    """Which poses fit better if each is sought anew, from neighbours that fit well?
+
+    Forward kinematics has many answers; one on a wrong branch bends all anchors.
+    """
+    error = np.sum(problem.residuals(shared, poses) ** 2, axis=1)
+    good = np.argsort(error)[: max(len(error) // 2, 1)]
+    apart = np.linalg.norm(problem.lengths[:, None] - problem.lengths[None, good], axis=-1)
+    nearest = good[np.argsort(apart, axis=1)[:, :NEIGHBOURS]]
+    for start in (poses.take(column) for column in nearest.T):
+        trial = problem.fitted(shared, start)
+        trial_error = np.sum(problem.residuals(shared, trial) ** 2, axis=1)
+        better = trial_error < error
+        poses, error = poses.replaced(better, trial), np.where(better, trial_error, error)
+    return poses
+
+
+def _onto_nominal(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
+    """Move the rig as one so that its anchors are closest to the nominal ones (Kabsch 1976), without mirroring."""
+    anchors, offsets = problem.split(shared)
+    nominal = problem.rig.anchors
+    here, there = anchors.mean(axis=0), nominal.mean(axis=0)
+    u, _, vt = np.linalg.svd((anchors - here).T @ (nominal - there))
+    flip = np.ones(len(here))
+    flip[-1] = np.sign(np.linalg.det(u @ vt))
+    turn = vt.T @ np.diag(flip) @ u.T
+    moved = (anchors - here) @ turn.T + there
+    rotation = None if poses.rotation is None else turn @ poses.rotation
+    return (
+        np.concatenate([moved.ravel(), offsets if problem.offsets else []]),
+        Poses((poses.position - here) @ turn.T + there, rotation),
+    )
+
+
+def _judged(problem: Problem, shared: Floats, poses: Poses) -> AnchorEstimate:
+    """How sure is it? Raises if something cannot be seen."""
+    anchors, offsets = problem.split(shared)
+    rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
+    # The gauge: the anchors do not move as one with respect to the nominal rig.
+    held = _rigid_motions(problem.rig.anchors, problem.size)[:, : problem.gauge]
+    free = np.linalg.svd(held, full_matrices=True)[0][:, held.shape[1] :]
+    _, strength, vt = np.linalg.svd(rows @ free, full_matrices=False)
+    error = problem.residuals(shared, poses)
+    freedom = len(error) * problem.spare - (problem.size - problem.gauge)
+    sigma = math.sqrt(float(np.sum(error**2)) / freedom) if freedom > 0 else math.nan
+    unseen = strength[-1] < WEAK * strength[0]
+    if unseen or sigma / strength[-1] > VAGUE * problem.lengths.max():
+        names = [module.name for module in problem.rig.modules]
+        weak = free @ vt[-1]
+        moved = np.linalg.norm(problem.split(weak)[0], axis=1)
+        worst = [names[j] for j in np.argsort(-moved) if moved[j] > 0.3 * moved.max()]
+        raise CalibrationError(
+            f"these poses do not tell where the anchors of {', '.join(worst)} are: they could move and "
+            f"hardly change a length. Add poses such as {advice(problem, shared, weak)}"
+        )
+    root = free @ vt.T / strength
+    return AnchorEstimate(anchors, offsets, sigma**2 * (root @ root.T), sigma, freedom, error, poses)
+
+
+def _rigid_motions(anchors: Floats, size: int) -> Floats:
+    """How do the shared parameters change in each rigid motion? (size, d (d + 1) / 2), about the centre."""
+    m, d = anchors.shape
+    arms = anchors - anchors.mean(axis=0)
+    motions = [np.tile(axis, (m, 1)) for axis in np.eye(d)]
+    for i in range(d):
+        for j in range(i):
+            turn = np.zeros((d, d))
+            turn[i, j], turn[j, i] = 1.0, -1.0
+            motions.append(arms @ turn.T)
+    columns = np.zeros((size, len(motions)))
+    for index, motion in enumerate(motions):
+        columns[: m * d, index] = motion.ravel()
+    return columns
+
+
+def calibrated_rig(rig: Rig, found: AnchorEstimate, how: str) -> Rig:
+    """Which rig is it, then? The nominal one with the anchors found; its source says how."""
+    modules = tuple(
+        replace(module, anchor=anchor) for module, anchor in zip(rig.modules, found.anchors, strict=True)
+    )
+    source = f"{rig.source}; {how}" if rig.source else how
+    return replace(rig, modules=modules, source=source)

@@ -1,0 +1,145 @@
+"""How many newtons does a module pull for each ampere, how much is lost to friction, and where is zero?
+
+A cable that is just being reeled in under a weight w needs the current of ``k (I - I0) = w + f``; one that just
+begins to pay out, of ``k (I - I0) = w - f``. Half of the difference is the friction f, so k and the zero I0 are
+free of it. With a force sensor in place of the weight, its force takes the place of w, and the hysteresis between
+a staircase up and down that of the two directions. See Bartels et al. 2026 for the modules; separating friction by
+the direction of motion is standard in identifying robots (Armstrong-Hélouvry et al. 1994, Automatica 30(7)).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensionlab.errors import CalibrationError
+from tensionlab.hardware.calibration.regression import Estimate, Floats, around, fit, ratio
+
+GRAVITY = 9.80665
+"""In m/s²; the true one differs by up to 0.4 % over the Earth, and N/A with it."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A force at the cable, and the current that goes with it.
+
+    Attributes
+    ----------
+    force : float
+        Of the cable's far end: a weight, or what a sensor shows; in N.
+    current : float
+        As the module measures it, in A.
+    direction : int
+        1 while the cable is being reeled in, -1 while it pays out.
+    """
+
+    force: float
+    current: float
+    direction: int
+
+
+@dataclass(frozen=True)
+class GainEstimate:
+    """What a module's current means.
+
+    Attributes
+    ----------
+    gain : Estimate
+        In N/A.
+    friction : Estimate
+        At the cable, in N: what it takes to set it in motion, cogging included.
+    zero : Estimate or None
+        Current that pulls with nothing, in A; None with a single weight, where it is taken to be 0.
+    believed : float
+        What the module has taken for its N/A, until now.
+    before, after : float
+        Root mean square error of the tension that the currents stand for, in N: as the module believed, and as
+        found. Friction is not counted.
+    balances : tuple of Balance
+        What it was found from.
+    """
+
+    gain: Estimate
+    friction: Estimate
+    zero: Estimate | None
+    believed: float
+    before: float
+    after: float
+    balances: tuple[Balance, ...]
+
+
+def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstimate:
+    """Which N/A, friction and zero explain the currents that weights needed?
+
+    The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``.
+
+    Raises
+    ------
+    CalibrationError
+        Too few balances, only one direction, or currents that do not grow with the weight.
+    """
+    force, current, direction = _columns(balances)
+    several = float(np.ptp(force)) > 0.0
+    fitted = fit(np.column_stack([force, direction, *([np.ones(len(force))] if several else [])]), current)
+    slope = around(fitted.coefficients[0], math.sqrt(fitted.covariance[0, 0]), fitted.freedom)
+    if not slope.lower > 0.0:
+        raise CalibrationError(
+            "the current does not grow with the weight beyond doubt; take weights that differ more"
+        )
+    zero = around(fitted.coefficients[2], math.sqrt(fitted.covariance[2, 2]), fitted.freedom) if several else None
+    gain = Estimate(1.0 / slope.value, 1.0 / slope.upper, 1.0 / slope.lower)
+    return _judged(balances, gain, ratio(fitted, 1, 0), zero, believed)
+
+
+def gain_from_sensor(balances: Sequence[Balance], believed: float) -> GainEstimate:
+    """Which N/A, friction and zero explain the forces that a sensor showed at some currents?
+
+    Forces are fitted: ``F = k I - f direction - k I0``. A zero of the sensor itself shows as one of the current.
+
+    Raises
+    ------
+    CalibrationError
+        Too few balances, only one direction, or forces that do not grow with the current.
+    """
+    force, current, direction = _columns(balances)
+    fitted = fit(np.column_stack([current, -direction, -np.ones(len(force))]), force)
+    deviations = np.sqrt(np.diag(fitted.covariance))
+    gain = around(fitted.coefficients[0], deviations[0], fitted.freedom)
+    if not gain.lower > 0.0:
+        raise CalibrationError(
+            "the force does not grow with the current beyond doubt; do the sensor's file and the record belong "
+            "together, and is pulling positive?"
+        )
+    friction = around(fitted.coefficients[1], deviations[1], fitted.freedom)
+    return _judged(balances, gain, friction, ratio(fitted, 2, 0), believed)
+
+
+def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
+    force, current, direction = (
+        np.array([getattr(each, name) for each in balances], dtype=np.float64)
+        for name in ("force", "current", "direction")
+    )
+    if len(balances) < 4 or not np.ptp(direction):
+        raise CalibrationError(
+            f"{len(balances)} balances in {len(set(direction))} direction(s) are not enough; measure at least "
+            "twice in each direction"
+        )
+    return force, current, direction
+
+
+def _judged(
+    balances: Sequence[Balance], gain: Estimate, friction: Estimate, zero: Estimate | None, believed: float
+) -> GainEstimate:
+    force, current, direction = _columns(balances)
+    pulled = force + friction.value * direction
+    after = gain.value * (current - (zero.value if zero else 0.0)) - pulled
+    return GainEstimate(
+        gain, friction, zero, believed, _rms(believed * current - pulled), _rms(after), tuple(balances)
+    )
+
+
+def _rms(errors: Floats) -> float:
+    return math.sqrt(float(np.mean(errors**2)))

@@ -1,0 +1,189 @@
+"""Cable lengths of a rig: their zero, and those of many poses as a person moves the handle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+
+from tensionlab.errors import CalibrationError, HardwareError
+from tensionlab.hardware.calibration.poses import Poses, rotations
+from tensionlab.hardware.calibration.regression import Floats
+from tensionlab.hardware.calibration.tables import read_table
+from tensionlab.hardware.clock import Clock
+from tensionlab.hardware.codes import Calibration
+from tensionlab.hardware.group import ModuleGroup
+from tensionlab.hardware.protocol import Telemetry
+from tensionlab.model.module import KINDS
+from tensionlab.model.rig import Rig
+
+PERIOD = 0.02
+TAUT_FOR, LOOSE_FOR = 1.0, 0.5
+"""How long cables are pulled tight before their length is set, and how long a module takes to let go, in s."""
+STILL, STILL_FOR, APART = 0.001, 0.4, 0.03
+"""A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before."""
+AXES = "xyz"
+TURNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
+"""Columns of a rotation: in the plane an angle, in space an axis times an angle, in rad."""
+
+
+def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
+    """Tell all modules how long their cables are: the platform is held at the rig's home.
+
+    Cables are pulled tight first. A module forgets its length at SAVE and when it restarts.
+
+    Returns
+    -------
+    (m,) array
+        The lengths that the modules had before, in m; NaN where one knew none.
+
+    Raises
+    ------
+    HardwareError
+        A module that is in use, refuses, or does not answer; all are stopped.
+    """
+    group.prepare(rig, 20)
+    before = np.full(rig.m, np.nan)
+    with closing(_taut(group, rig, clock, TAUT_FOR)) as ticks:
+        for _ in ticks:
+            before = np.array([each.length for each in _telemetry(group)])
+    known = [info.length_known for info in group.infos]
+    clock.wait_until(clock.now() + LOOSE_FOR)
+    for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):
+        client.calibrate(Calibration.LENGTH, float(length))
+    return np.where(known, before, np.nan)
+
+
+def record_lengths(
+    group: ModuleGroup,
+    rig: Rig,
+    clock: Clock,
+    poses: int,
+    seconds: float,
+    found: Callable[[int], None] | None = None,
+) -> Floats:
+    """Which lengths do the cables have wherever a person holds the platform still?
+
+    The modules pull with the rig's lower limits, so that the cables are tight. A pose counts when all cables have
+    been still for a while, and have other lengths than at each pose before.
+
+    Parameters
+    ----------
+    group : ModuleGroup
+    rig : Rig
+    clock : Clock
+    poses : int
+        Ends after so many.
+    seconds : float
+        Ends after that time at the latest.
+    found : callable, optional
+        Told how many poses there are, whenever there is a new one.
+
+    Returns
+    -------
+    (K, m) array
+        In m, a row for each pose.
+
+    Raises
+    ------
+    HardwareError
+        A module that is in use, does not know its length, lets go, or does not answer; all are stopped.
+    """
+    group.prepare(rig, 20)
+    for client, info in zip(group.clients, group.infos, strict=True):
+        if not info.length_known:
+            raise HardwareError(
+                f'module "{client.name}" does not know the length of its cable; bring the platform to its home '
+                "and calibrate lengths first"
+            )
+    rows: list[Floats] = []
+    window: list[Floats] = []
+    with closing(_taut(group, rig, clock, seconds)) as ticks:
+        for _ in ticks:
+            window = [*window, np.array([each.length for each in _telemetry(group)])][-round(STILL_FOR / PERIOD) :]
+            if len(window) < round(STILL_FOR / PERIOD) or np.ptp(window, axis=0).max() > STILL:
+                continue
+            row = np.mean(window, axis=0)
+            if all(np.abs(row - other).max() > APART for other in rows):
+                rows.append(row)
+                if found:
+                    found(len(rows))
+                if len(rows) == poses:
+                    break
+    if not rows:
+        raise CalibrationError(
+            f"the cables were never still for {STILL_FOR} s; hold the platform still at each pose"
+        )
+    return np.array(rows)
+
+
+def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float) -> Generator[None, None, None]:
+    """Pull with the lower limits for a while, and come by every period; then, or on any error, stop all."""
+    try:
+        group.arm(rig.limits.lower)
+        now, end = clock.now(), clock.now() + seconds
+        while now < end:
+            for client, tension in zip(group.clients, rig.limits.lower, strict=True):
+                client.set_tension(float(tension))
+            now += PERIOD
+            clock.wait_until(now)
+            for client in group.clients:
+                client.listen()
+                client.check()
+            yield
+    except BaseException:
+        group.stop()
+        raise
+    failed = group.stop()
+    for error in failed.values():
+        raise error
+
+
+def _telemetry(group: ModuleGroup) -> Sequence[Telemetry]:
+    told = []
+    for client in group.clients:
+        heard = client.telemetry
+        if heard is None or client.link.clock() - heard.time > 0.5:
+            raise HardwareError(f'module "{client.name}" sends no telemetry')
+        told.append(heard.message)
+    return told
+
+
+def columns(rig: Rig, lengths: Floats) -> dict[str, Floats]:
+    """Which table holds these lengths? A column a module, as `load_lengths` reads them."""
+    return {module.name: lengths[:, index] for index, module in enumerate(rig.modules)}
+
+
+def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
+    """Which lengths were measured, and at which poses if the file says so?
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV with a column of lengths, in m, for each module, by its name; and perhaps ``x``, ``y`` and ``z`` of the
+        reference point in m, and of the rotation ``angle`` (planar) or ``rx``, ``ry`` and ``rz`` (axis times
+        angle), in rad.
+
+    Raises
+    ------
+    CalibrationError
+        What is wrong with the file.
+    """
+    names = [module.name for module in rig.modules]
+    axes, turns = tuple(AXES[: rig.dimension]), TURNS.get(rig.n - rig.dimension, ())
+    table = read_table(path, names, (*axes, *turns))
+    lengths = np.column_stack([table[name] for name in names])
+    if not any(name in table for name in (*axes, *turns)):
+        return lengths, None
+    for group in (axes, turns):
+        there = [name for name in group if name in table]
+        if (there and len(there) < len(group)) or not all(axis in table for axis in axes):
+            raise CalibrationError(
+                f"{path}: a pose has the columns {', '.join((*axes, *turns))}; give all, or none"
+            )
+    position = np.column_stack([table[axis] for axis in axes])
+    if not turns or turns[0] not in table or not KINDS[rig.kind].turns:
+        return lengths, Poses.at(rig, position)
+    return lengths, Poses.at(rig, position, rotations(np.column_stack([table[turn] for turn in turns])))

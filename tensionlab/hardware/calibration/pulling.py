@@ -1,0 +1,122 @@
+"""One module, pulled with by the host for a while and stopped whatever happens."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from tensionlab.errors import HardwareError, ModuleFault
+from tensionlab.hardware.codes import Calibration, Limit, State
+from tensionlab.hardware.module import Heard, ModuleClient
+from tensionlab.hardware.protocol import Info, Message, Telemetry
+
+PERIOD = 0.02
+"""From one set-point to the next, in s."""
+TELEMETRY_MS = 10
+HINDERED = {
+    Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
+    Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
+    Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
+}
+"""What keeps a module from pulling what it is told to, and what to do about it."""
+
+
+class Puller:
+    """A module that is armed, and all that it says meanwhile.
+
+    Attributes
+    ----------
+    client : ModuleClient
+    info : Info
+        What the module said of itself.
+    heard : list of Telemetry
+        Since `forget`, or since it was armed.
+    """
+
+    def __init__(self, client: ModuleClient, info: Info) -> None:
+        self.client = client
+        self.info = info
+        self.heard: list[Telemetry] = []
+
+    def take(self, heard: Heard[Message]) -> None:
+        """Keep what the module says."""
+        if isinstance(heard.message, Telemetry):
+            self.heard.append(heard.message)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.heard.clear()
+
+    def hold(self, tension: float) -> Telemetry:
+        """Pull with so many N for a period. What does the module say at its end?
+
+        Raises
+        ------
+        HardwareError
+            It says nothing, has let go, or cannot pull with as much.
+        """
+        self.client.set_tension(tension)
+        wait(self.client, PERIOD)
+        self.client.check()
+        if not self.heard:
+            wait(self.client, 0.5)
+        if not self.heard:
+            raise HardwareError(f'module "{self.client.name}" sends no telemetry')
+        latest = self.heard[-1]
+        if latest.limit in HINDERED:
+            raise HardwareError(
+                f'module "{self.client.name}" does not pull with {tension:.2f} N: {HINDERED[latest.limit]}'
+            )
+        return latest
+
+
+def wait(client: ModuleClient, seconds: float) -> None:
+    """Let time pass by the module's link: a simulated one goes on meanwhile, a real one does so anyway."""
+    end = client.link.clock() + seconds
+    client.listen(seconds)
+    left = end - client.link.clock()
+    if left > 1e-3:  # a simulated module goes by its steps
+        time.sleep(left)
+
+
+@contextmanager
+def pulling(client: ModuleClient) -> Iterator[Puller]:
+    """Arm a module, and stop it at the end, also if that is an error.
+
+    A module whose N/A was never calibrated refuses to be armed; for as long as this lasts it is taken for
+    calibrated.
+
+    Raises
+    ------
+    ModuleFault
+        The module is in use, has a fault, or has let go.
+    """
+    info = client.hello()
+    if info.state is not State.IDLE:
+        raise ModuleFault(
+            f'module "{client.name}" is {info.state.name}, not IDLE; stop it first (after a fault: clear it)',
+            client.name,
+            info.state,
+        )
+    puller = Puller(client, info)
+    if not info.calibrated:
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
+    before, client.on_message = client.on_message, puller.take
+    try:
+        client.telemetry_every(TELEMETRY_MS)
+        client.arm()
+        yield puller
+    except BaseException:
+        with suppress(HardwareError):
+            client.stop()
+        raise
+    else:
+        client.stop()
+    finally:
+        client.on_message = before
+        with suppress(HardwareError):
+            client.telemetry_every(0)
+            wait(client, 0.3)  # until nothing pulls any more
+            if not info.calibrated:
+                client.set_parameter("calibrated", 0.0)

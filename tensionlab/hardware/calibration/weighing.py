@@ -1,0 +1,162 @@
+"""Which current just lifts a mass that hangs on the cable, and which one just lets it down?
+
+The set-point goes up slowly until the cable reels in, and down until it pays out. Force that grows evenly moves a
+mass at rest by the cube of time, so the cube root of the way leads back to the moment at which friction gave in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tensionlab.errors import CalibrationError
+from tensionlab.hardware.calibration.gain import GRAVITY, Balance
+from tensionlab.hardware.calibration.pulling import PERIOD, Puller, pulling
+from tensionlab.hardware.module import ModuleClient
+
+SEARCH, RAMP = 0.5, 0.1
+"""How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it."""
+LIFT, MOVED, STARTED = 0.01, 0.003, 0.0005
+"""Of cable, in m: lifted off what it stood on; surely moving; and moving by more than a tooth of cogging."""
+DAMPING = 1.0
+"""N s/m, by which the host calms a mass."""
+STILL, STILL_FOR = 0.0003, 0.2
+"""At rest: no more than so many m for so many s."""
+PATIENCE = 5.0
+"""How long a mass may take to come to rest, in s."""
+TREND = 0.5
+"""Time before it moves, in s, whose currents are taken."""
+
+
+def weigh(
+    client: ModuleClient, mass: float, repeats: int = 5, progress: Callable[[float], None] | None = None
+) -> list[Balance]:
+    """Which currents lift a mass, and let it down?
+
+    The mass stands or hangs still with its cable straight, and has 5 cm to rise. The module is stopped at the end.
+
+    Parameters
+    ----------
+    client : ModuleClient
+    mass : float
+        In kg.
+    repeats : int
+        How often it is let down and lifted.
+    progress : callable, optional
+        Told the share that is done.
+
+    Raises
+    ------
+    CalibrationError
+        The mass is too light or too heavy for the module, or does not come to rest.
+    HardwareError
+        The module lets go, or does not answer.
+    """
+    weight = mass * GRAVITY
+    _require_weight(client, mass)
+    balances = []
+    with pulling(client) as puller:
+        lower = puller.info.tension_lower
+        _calm(puller, lower)  # reels in what is slack
+        lifted = _ramp(puller, lower, SEARCH, LIFT, DAMPING)
+        lowered = _ramp(puller, lifted, -SEARCH, MOVED, DAMPING)
+        middle = (lifted + lowered) / 2.0
+        _calm(puller, middle)
+        _ramp(puller, middle, SEARCH, LIFT, DAMPING)  # off whatever it was let down to
+        for turn in range(repeats):
+            for direction in (-1, 1):
+                _calm(puller, middle)
+                _ramp(puller, middle, direction * RAMP, MOVED)
+                balances.append(Balance(weight, _current_at_start(puller, direction), direction))
+                if progress:
+                    progress((2 * turn + (direction + 3) / 2) / (2 * repeats))
+        _calm(puller, middle)
+        _let_down(puller, middle)
+    return balances
+
+
+def _require_weight(client: ModuleClient, mass: float) -> None:
+    """Refuse what the module can surely not hold, before it tries."""
+    info = client.hello()
+    weight = mass * GRAVITY
+    most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
+    if not info.tension_lower < weight < most:
+        lower, upper = info.tension_lower / GRAVITY, most / GRAVITY
+        raise CalibrationError(
+            f'module "{client.name}" pulls with {info.tension_lower:.2g} to {most:.2g} N for ever, so {mass:g} kg '
+            f"is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of {1.3 * lower:.2f} to "
+            f"{0.9 * upper:.2f} kg on it"
+        )
+
+
+def _ramp(puller: Puller, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
+    """Change the set-point until the cable has moved so far. At which set-point did it start?"""
+    info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
+    puller.forget()
+    told = puller.hold(tension)
+    started, turned = None, direction * told.length
+    while (moved := turned - direction * told.length) < way:
+        if started is None and moved > STARTED:
+            started = tension
+        tension += rate * PERIOD
+        if not info.tension_lower <= tension <= info.tension_upper:
+            raise CalibrationError(
+                f'module "{puller.client.name}": at {tension:.2f} N the cable does not '
+                f"{'reel in' if rate > 0.0 else 'pay out'} yet; hang a {'lighter' if rate > 0.0 else 'heavier'} "
+                "mass on it, and let nothing touch it"
+            )
+        told = puller.hold(max(tension + damping * told.speed, info.tension_lower))
+        turned = max(turned, direction * told.length)  # it may still be on its way back
+    return tension if started is None else started
+
+
+def _calm(puller: Puller, tension: float) -> None:
+    """Hold the mass with what friction needs no help for, until it is at rest."""
+    puller.forget()
+    told = puller.hold(tension)
+    for _ in range(round(PATIENCE / PERIOD)):
+        told = puller.hold(max(tension + DAMPING * told.speed, puller.info.tension_lower))
+        first, last = puller.heard[0].time_us, puller.heard[-1].time_us
+        if (last - first) % (1 << 32) > 1e6 * STILL_FOR:
+            if np.ptp([each.length for each in puller.heard]) < STILL:
+                return
+            del puller.heard[: len(puller.heard) // 2]
+    raise CalibrationError(
+        f'module "{puller.client.name}": the mass does not come to rest at {tension:.2f} N; does it swing, or is '
+        "there hardly any friction?"
+    )
+
+
+def _let_down(puller: Puller, tension: float) -> None:
+    """Lower the mass for a second, slowly, so that it does not fall when the module stops."""
+    told = puller.hold(tension)
+    for _ in range(round(1.0 / PERIOD)):
+        tension = max(tension - 4.0 * RAMP * PERIOD, puller.info.tension_lower)
+        told = puller.hold(max(tension + 4.0 * DAMPING * told.speed, puller.info.tension_lower))
+
+
+def _current_at_start(puller: Puller, direction: int) -> float:
+    """Which current did the module measure when the cable began to move?"""
+    heard = puller.heard
+    time = 1e-6 * np.array([(told.time_us - heard[0].time_us) % (1 << 32) for told in heard])
+    current = np.array([told.current for told in heard])
+    way = direction * (np.median([told.length for told in heard[:10]]) - np.array([told.length for told in heard]))
+    last_still = int(np.flatnonzero(way < STARTED)[-1])
+    moving = slice(last_still + 1, None)
+    slope, offset = np.polyfit(time[moving], np.cbrt(way[moving]), 1)
+    start = float(np.clip(-offset / slope, time[max(last_still - 50, 0)], time[last_still]))
+    near = time > start - TREND
+    trend = np.polyfit(time[near] - start, current[near], 1)
+    return float(trend[1])
+
+
+def weigh_all(
+    client: ModuleClient, masses: Sequence[float], hang: Callable[[float], None], repeats: int = 5
+) -> list[Balance]:
+    """Weigh several masses, one after the other; `hang` comes back when the next one hangs on the cable."""
+    balances = []
+    for mass in masses:
+        hang(mass)
+        balances += weigh(client, mass, repeats)
+    return balances

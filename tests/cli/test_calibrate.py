@@ -1,0 +1,177 @@
+"""`calibrate` by the command line: in lockstep, on files, and over TCP with modules in a process of their own."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.experiments.processes import simulated
+from tensionlab.hardware.calibration import staircase
+from tensionlab.hardware.calibration.tables import read_table, write_table
+from tensionlab.hardware.modules_file import modules_to_toml
+from tensionlab.model.files import load_rig
+
+RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab module calibrate` in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main(["calibrate", *(str(word) for word in words)])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+@pytest.fixture
+def measured(tmp_path):
+    """Lengths of a rig that was built with some centimetres of error, at known places."""
+    rng = np.random.default_rng(1)
+    nominal = load_rig(RIG)
+    moved = nominal.anchors + rng.normal(0.0, 0.02, nominal.anchors.shape)
+    true = replace(
+        nominal, modules=tuple(replace(m, anchor=a) for m, a in zip(nominal.modules, moved, strict=True))
+    )
+    places = nominal.home + rng.uniform([-0.3, 0.0, -0.3], [0.3, 1.2, 0.3], (25, 3))
+    lengths = true.lengths(places) + rng.normal(0.0, 1e-3, (25, 4))
+    table = {m.name: lengths[:, j] for j, m in enumerate(nominal.modules)}
+    write_table(tmp_path / "lengths.csv", table)
+    write_table(tmp_path / "known.csv", {**dict(zip("xyz", places.T, strict=True)), **table})
+    return tmp_path, true
+
+
+def test_masses_on_a_simulated_module_tell_its_gain(run):
+    code, out, err = run("gain", "sim:", "--mass", 0.1, "--mass", 0.2, "--repeat", 3, "--json")
+    assert code == 0
+    assert "a module with 3.3 N/A and a mass on its cable" in err
+    found = json.loads(out)
+    assert found["newton_per_ampere"]["value"] == pytest.approx(3.3, rel=0.02)
+    assert found["newton_per_ampere_before"] == 3.0
+    assert found["error_after"] < 0.02 < found["error_before"]
+    assert len(found["balances"]) == 12
+    assert found["written"] is False
+
+
+def test_what_is_sure_is_written_and_what_is_vague_is_not(run, monkeypatch):
+    code, out, _ = run("gain", "sim:", "--mass", 0.1, "--mass", 0.2, "--repeat", 3, "--write")
+    assert code == 0
+    assert "Written and saved" in out
+    assert "tension for each ampere" in out
+    monkeypatch.setattr(sys.modules["tensionlab.cli.calibrate"], "SURE", 1e-6)
+    code, out, err = run("gain", "sim:", "--mass", 0.1, "--repeat", 2, "--write")
+    assert code == 1
+    assert "not written: N/A is only sure to" in err
+    assert "Written" not in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "give either --mass"),
+        (("--mass", 0.1, "--sensor", "a.csv"), "give either --mass"),
+        (("--sensor", "a.csv"), "belong together"),
+        (("--mass", 0.1, "--staircase", "a.csv"), "belong together"),
+        (("--mass", -1), "give kg, above 0"),
+        (("--mass", 0.01), "0.01 kg is too light: hang a mass of 0.07 to 0.28 kg"),
+        (("--sensor", "no.csv", "--staircase", "no.csv"), "no.csv: cannot be read"),
+    ],
+)
+def test_bad_input_is_refused_with_what_to_do(run, words, message):
+    code, out, err = run("gain", "sim:", *words)
+    assert (code, out) == (2, "")
+    assert message in " ".join(err.replace("│", " ").split())
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_anchors_are_found_and_written(run, measured, known):
+    folder, true = measured
+    words = [RIG, folder / "known.csv", "--known"] if known else [RIG, folder / "lengths.csv"]
+    code, out, _ = run("anchors", *words, "--out", folder / "new.toml")
+    assert code == 0
+    assert f"25 {'known' if known else 'unknown'} poses" in out
+    new = load_rig(folder / "new.toml")
+    old = load_rig(RIG)
+    assert new.source.startswith(old.source)
+    assert "anchors calibrated from 25" in new.source
+    assert (new.name, new.description, new.home.tolist()) == (old.name, old.description, old.home.tolist())
+    places = old.home + np.random.default_rng(9).uniform([-0.3, 0.0, -0.3], [0.3, 1.2, 0.3], (20, 3))
+    # The truth's own place in the room is not seen at unknown poses: compare what is, how far places are apart.
+    apart = [
+        np.linalg.norm(np.diff(rig.forward_kinematics(true.lengths(places), places).position, axis=0), axis=1)
+        for rig in (new, old, true)
+    ]
+    assert np.abs(apart[0] - apart[2]).max() < 0.006
+    assert np.abs(apart[1] - apart[2]).max() > 0.01
+    found = json.loads(run("anchors", *words, "--json")[1])
+    assert found["misfit"]["before"] > 4 * found["misfit"]["held_out"] > found["misfit"]["after"]
+    assert found["length_deviation"] == pytest.approx(1e-3, rel=0.3)
+
+
+def test_lengths_that_do_not_tell_are_refused(run, measured):
+    folder, _ = measured
+    lines = (folder / "lengths.csv").read_text().splitlines()
+    (folder / "few.csv").write_text("\n".join(lines[:4]))
+    code, _, err = run("anchors", RIG, folder / "few.csv")
+    assert code == 2
+    assert "3 poses cannot tell the 6 unknowns of 4 anchors; measure at 6 or more" in err
+    code, _, err = run("anchors", RIG, folder / "lengths.csv", "--known")
+    assert code == 2
+    assert "has no columns x, y" in err
+    code, _, err = run("anchors", RIG, RIG)
+    assert code == 2
+    assert 'column "floor-1" is missing' in err
+
+
+# With modules in a process of their own, over TCP. Their cables' far ends stand still: only the lockstep of the
+# tests above can hang a mass on one.
+
+
+def test_over_tcp_lengths_are_told_and_recorded(run, tmp_path):
+    with simulated(RIG) as (links, _):
+        (tmp_path / "modules.toml").write_text(modules_to_toml(links))
+        code, out, err = run("lengths", RIG, "--modules", tmp_path / "modules.toml")
+        assert code == 0, err
+        assert "floor-2" in out
+        assert "Hold the platform at (0, 0.3, 0) m" in err
+        where = tmp_path / "lengths.csv"
+        code, out, err = run("record", RIG, "--modules", tmp_path / "modules.toml", "--out", where, "--poses", 1)
+        assert code == 0, err
+        assert "1 poses" in out
+    rig = load_rig(RIG)
+    table = read_table(where, [module.name for module in rig.modules])
+    np.testing.assert_allclose([table[m.name][0] for m in rig.modules], rig.lengths(rig.home), atol=2e-3)
+
+
+def test_over_tcp_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(staircase, "LEVELS", 4)
+    monkeypatch.setattr(staircase, "DWELL", 0.2)
+    monkeypatch.setattr(staircase, "RATE", 3.0)
+    with simulated() as (links, _):
+        url = links["module"]
+        code, out, err = run("staircase", url, "--out", tmp_path / "up-and-down.csv")
+        assert code == 0, err
+        assert "up to 2.7" in out
+        taken = staircase.load_staircase(tmp_path / "up-and-down.csv")
+        assert set(taken.step) == {-1, 0, 1, 2, 3, 4, 5, 6}
+        # This module has 3 N/A; what it pulled with is what a sensor would have shown, but for friction.
+        force = 3.0 * taken.current
+        lines = [f"{t},{f}" for t, f in zip(taken.time, force, strict=True)]
+        (tmp_path / "sensor.csv").write_text("time,force\n" + "\n".join(lines))
+        words = ["gain", url, "--sensor", tmp_path / "sensor.csv", "--staircase", tmp_path / "up-and-down.csv"]
+        code, out, err = run(*words, "--json", "--write")
+        assert code == 0, err
+        assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
+        assert json.loads(out)["written"] is True
+        monkeypatch.setattr("typer.prompt", lambda *words, **options: "")
+        monkeypatch.setattr("tensionlab.hardware.calibration.weighing.SEARCH", 3.0)
+        code, _, err = run("gain", url, "--mass", 0.1)
+        assert code == 2
+        assert "the cable does not reel in yet; hang a lighter mass" in err

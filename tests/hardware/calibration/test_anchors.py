@@ -1,0 +1,210 @@
+"""Anchors from cable lengths: planted ones come back, and the intervals hold what they promise."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import CalibrationError
+from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
+from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
+from tensionlab.hardware.calibration.poses import Poses, rotations
+from tensionlab.hardware.calibration.regression import quantile
+from tensionlab.model.files import load_rig
+
+RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
+POINT, SEVEN, CUBE, PLANAR, PLATFORM = (
+    load_rig(RIGS / f"{name}.toml")
+    for name in ("bartels2026-validation", "seven-modules", "cube-8", "kntu-planar", "ipanema-1")
+)
+NOISE = 1e-3
+
+
+def displaced(rig, rng, size=0.02):
+    """The same rig, built with some centimetres of error."""
+    moved = rig.anchors + rng.normal(0.0, size, rig.anchors.shape)
+    return replace(rig, modules=tuple(replace(m, anchor=a) for m, a in zip(rig.modules, moved, strict=True)))
+
+
+def sampled(rig, count, rng):
+    """Poses all over a box inside the anchors, somewhat turned."""
+    low, high = rig.anchors.min(axis=0), rig.anchors.max(axis=0)
+    position = (low + high) / 2 + (high - low) * rng.uniform(-0.3, 0.3, (count, rig.dimension))
+    turn = rotations(rng.uniform(-0.4, 0.4, (count, rig.n - rig.dimension))) if rig.n > rig.dimension else None
+    return Poses.at(rig, position, turn)
+
+
+def lengths_at(rig, poses):
+    turn = poses.rotation
+    if turn is not None and rig.dimension == 2:
+        turn = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
+    return rig.lengths(poses.position, turn)
+
+
+def onto(anchors, nominal):
+    """Moved and turned as one onto the nominal anchors: what unknown poses can tell."""
+    from scipy.spatial.transform import Rotation
+
+    here, there = anchors.mean(axis=0), nominal.mean(axis=0)
+    if anchors.shape[1] == 3:
+        turn = Rotation.align_vectors(nominal - there, anchors - here)[0].as_matrix()
+    else:
+        a, b = anchors - here, nominal - there
+        angle = np.arctan2(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]), np.sum(a * b))
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return (anchors - here) @ turn.T + there
+
+
+@pytest.mark.parametrize("offsets", [False, True])
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("rig", [POINT, SEVEN, CUBE, PLANAR, PLATFORM], ids=lambda rig: rig.name)
+def test_without_noise_the_anchors_come_back(rig, known, offsets):
+    rng = np.random.default_rng(7)
+    true = displaced(rig, rng)
+    poses = sampled(rig, 30, rng)
+    off = rng.normal(0.0, 0.01, rig.m) * offsets
+    found = calibrate_anchors(
+        rig, lengths_at(true, poses) + off, poses if known else None, known=known, offsets=offsets
+    )
+    expected = true.anchors if known else onto(true.anchors, rig.anchors)
+    np.testing.assert_allclose(found.anchors, expected, atol=1e-9)
+    np.testing.assert_allclose(found.offsets, off, atol=1e-9)
+    assert found.rms < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("rig", "known", "offsets"),
+    [
+        (POINT, True, False),
+        (POINT, False, False),
+        (POINT, True, True),
+        (SEVEN, False, True),
+        (PLANAR, False, False),
+    ],
+)
+def test_intervals_hold_the_true_anchors_95_times_in_100(rig, known, offsets):
+    rng = np.random.default_rng(3)
+    inside, total = 0, 0
+    spread, claimed = [], []
+    true = displaced(rig, rng)
+    expected = true.anchors if known else onto(true.anchors, rig.anchors)
+    for _ in range(100):
+        poses = sampled(rig, 16, rng)
+        measured = lengths_at(true, poses) + rng.normal(0.0, NOISE, (16, rig.m))
+        found = calibrate_anchors(rig, measured, poses, known=known, offsets=offsets)
+        error = np.abs(found.anchors - expected)
+        inside += int((error <= found.intervals).sum())
+        total += error.size
+        spread.append(found.sigma**2)
+        claimed.append(found.freedom)
+    assert 0.90 <= inside / total <= 0.98
+    assert np.mean(spread) == pytest.approx(NOISE**2, rel=0.1)
+    assert claimed[0] == 16 * (rig.m if known else rig.m - rig.n) - (
+        rig.m * (rig.dimension + offsets) - (0 if known else rig.dimension * (rig.dimension + 1) // 2)
+    )
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_lengths_at_poses_it_never_saw_fit_better_than_before(known):
+    rng = np.random.default_rng(5)
+    true, poses = displaced(POINT, rng), sampled(POINT, 30, rng)
+    measured = lengths_at(true, poses) + rng.normal(0.0, NOISE, (30, POINT.m))
+    before = nominal_misfit(POINT, measured, poses, known=known)
+    after = held_out_misfit(POINT, measured, poses, known=known, offsets=False)
+    assert after == pytest.approx(NOISE, rel=0.4)
+    assert before > 4.0 * after
+    # And the positions that the rig finds from lengths are those it was at.
+    rig = calibrated_rig(POINT, calibrate_anchors(POINT, measured, poses, known=True), "here")
+    new = sampled(POINT, 50, rng)
+    off = [
+        np.linalg.norm(each.forward_kinematics(lengths_at(true, new)).position - new.position, axis=1).max()
+        for each in (POINT, rig)
+    ]
+    assert off[1] < 0.005
+    assert off[0] > 0.01
+
+
+def test_the_error_of_all_lengths_by_the_same_share_makes_a_larger_rig():
+    rng = np.random.default_rng(2)
+    poses = sampled(SEVEN, 40, rng)
+    found = calibrate_anchors(SEVEN, 1.02 * lengths_at(SEVEN, poses))
+    assert found.rms < 1e-11
+    centre = SEVEN.anchors.mean(axis=0)
+    np.testing.assert_allclose(found.anchors - centre, 1.02 * (SEVEN.anchors - centre), atol=1e-9)
+
+
+def test_a_calibrated_rig_says_how_and_keeps_the_rest():
+    poses = sampled(POINT, 10, np.random.default_rng(0))
+    found = calibrate_anchors(POINT, lengths_at(POINT, poses), poses, known=True)
+    rig = calibrated_rig(POINT, found, "anchors calibrated")
+    assert rig.source == POINT.source + "; anchors calibrated"
+    assert (rig.name, rig.description) == (POINT.name, POINT.description)
+    np.testing.assert_allclose(rig.anchors, POINT.anchors, atol=1e-9)
+    np.testing.assert_array_equal(rig.limits.upper, POINT.limits.upper)
+
+
+# What cannot be told
+
+
+def test_too_few_poses_say_how_many_it_takes():
+    poses = sampled(POINT, 5, np.random.default_rng(0))
+    with pytest.raises(CalibrationError, match=r"5 poses cannot tell the 6 unknowns of 4 anchors; measure at 6"):
+        calibrate_anchors(POINT, lengths_at(POINT, poses))
+    with pytest.raises(CalibrationError, match="10 unknowns of 4 anchors and offsets; measure at 10"):
+        calibrate_anchors(POINT, lengths_at(POINT, poses), offsets=True)
+    with pytest.raises(CalibrationError, match="2 poses cannot tell the 12 unknowns of 4 anchors; measure at 3"):
+        calibrate_anchors(POINT, lengths_at(POINT, poses)[:2], poses.take(np.arange(2)), known=True)
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_poses_in_a_plane_do_not_tell_how_far_anchors_are_off_it(noise):
+    rng = np.random.default_rng(0)
+    poses = sampled(CUBE, 20, rng)
+    flat = replace(poses, position=poses.position * [1.0, 1.0, 0.0] + [0.0, 0.0, CUBE.anchors[:, 2].mean()])
+    flat.position[:, 2] = CUBE.anchors[0, 2]  # in the plane of the first anchors
+    measured = lengths_at(CUBE, flat) + rng.normal(0.0, 1.0, (20, 8)) * noise
+    with pytest.raises(
+        CalibrationError, match=r"do not tell where the anchors of .* Add poses such as \("
+    ) as caught:
+        calibrate_anchors(CUBE, measured, flat, known=True)
+    # Doing as it says helps.
+    advised = re.findall(r"\(([-\d., e]+)\) m", str(caught.value))
+    places = [[float(x) for x in place.split(",")] for place in advised]
+    more = Poses.at(CUBE, np.vstack([flat.position, *[[place] * 3 for place in places]]))
+    measured = lengths_at(CUBE, more) + rng.normal(0.0, 1.0, (len(more.position), 8)) * noise
+    found = calibrate_anchors(CUBE, measured, more, known=True)
+    np.testing.assert_allclose(found.anchors, CUBE.anchors, atol=1e-9 if noise == 0.0 else 0.01)
+
+
+def test_one_pose_many_times_is_one_pose():
+    rng = np.random.default_rng(0)
+    poses = Poses.at(POINT, np.tile(POINT.home, (30, 1)))
+    measured = lengths_at(POINT, poses) + rng.normal(0.0, NOISE, (30, 4))
+    with pytest.raises(CalibrationError, match="do not tell where the anchors"):
+        calibrate_anchors(POINT, measured)
+
+
+def test_a_rig_without_a_cable_to_spare_needs_known_poses():
+    rig = load_rig(RIGS / "floor-3.toml")
+    poses = sampled(rig, 30, np.random.default_rng(0))
+    with pytest.raises(CalibrationError, match="measure at known poses, or add modules"):
+        calibrate_anchors(rig, np.full((30, rig.m), 0.5))
+    assert poses.position.shape == (30, 3)
+
+
+def test_anchors_on_a_body_and_bad_lengths_are_refused():
+    body = load_rig(RIGS / "body-mounted.toml")
+    with pytest.raises(CalibrationError, match="only anchors that stand still"):
+        calibrate_anchors(body, np.ones((30, body.m)))
+    for wrong in (np.ones((30, 3)), np.full((30, 4), np.nan), np.zeros((30, 4))):
+        with pytest.raises(CalibrationError, match="finite lengths above 0 m"):
+            calibrate_anchors(POINT, wrong)
+    with pytest.raises(CalibrationError, match="known poses were announced"):
+        calibrate_anchors(POINT, np.ones((30, 4)), known=True)
+
+
+def test_a_single_degree_of_freedom_has_wide_intervals():
+    assert quantile(1) == pytest.approx(12.706, abs=1e-3)
+    assert np.isnan(quantile(0))

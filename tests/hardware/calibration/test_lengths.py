@@ -1,0 +1,136 @@
+"""Cable lengths of simulated modules whose handle somebody moves, in lockstep."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import CalibrationError, HardwareError, LinkError
+from tensionlab.hardware.calibration.anchors import calibrate_anchors
+from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
+from tensionlab.hardware.calibration.tables import write_table
+from tensionlab.hardware.clock import WorldClock
+from tensionlab.hardware.codes import State
+from tensionlab.hardware.cycle import Pose
+from tensionlab.hardware.world import World
+from tensionlab.model.files import load_rig
+
+RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
+RIG, PLANAR = load_rig(RIGS / "bartels2026-validation.toml"), load_rig(RIGS / "kntu-planar.toml")
+STAY, GO = 1.0, 0.5
+PLACES = RIG.home + np.random.default_rng(4).uniform([-0.2, 0.0, -0.2], [0.2, 0.4, 0.2], (15, 3))
+PLACES[0] = RIG.home
+
+
+def hand(time):
+    """A person who goes from place to place, and stays a second at each."""
+    index, since = divmod(time, STAY + GO)
+    here, there = (PLACES[min(int(index) + step, len(PLACES) - 1)] for step in (0, 1))
+    return Pose(here + (there - here) * np.clip((since - STAY) / GO, 0.0, 1.0))
+
+
+@pytest.fixture
+def held():
+    world = World(RIG)
+    group = world.group()
+    yield world, group
+    group.close()
+
+
+def test_lengths_at_home_are_told_to_all_modules(held):
+    world, group = held
+    before = zero_lengths(group, RIG, WorldClock(world))
+    np.testing.assert_allclose(before, RIG.lengths(RIG.home), atol=2e-3)
+    assert all(module.sample.state is State.IDLE for module in world.modules)
+    for client, length in zip(group.clients, RIG.lengths(RIG.home), strict=True):
+        client.telemetry_every(5)
+        client.listen(0.02)
+        assert client.telemetry.message.length == pytest.approx(length, abs=1e-4)
+
+
+def test_poses_are_where_the_hand_stays():
+    world = World(RIG, hand)
+    group = world.group()
+    try:
+        seen = []
+        measured = record_lengths(group, RIG, WorldClock(world), len(PLACES), 60.0, seen.append)
+    finally:
+        group.close()
+    assert seen == list(range(1, len(PLACES) + 1))
+    np.testing.assert_allclose(measured, RIG.lengths(PLACES), atol=1e-3)
+    assert all(module.sample.state is State.IDLE for module in world.modules)
+    found = calibrate_anchors(RIG, measured)
+    assert np.abs(found.anchors - RIG.anchors).max() < 0.01
+
+
+def test_a_hand_that_never_stays_gives_no_pose():
+    world = World(RIG, lambda time: Pose(RIG.home + 0.05 * np.sin(6.0 * time) * np.array([0.0, 1.0, 0.0])))
+    group = world.group()
+    try:
+        with pytest.raises(CalibrationError, match="never still"):
+            record_lengths(group, RIG, WorldClock(world), 5, 2.0)
+    finally:
+        group.close()
+    assert all(module.sample.state is State.IDLE for module in world.modules)
+
+
+def test_modules_that_do_not_know_their_lengths_are_not_recorded(held):
+    world, group = held
+    group.clients[1].set_parameter("spool_radius", 0.02)  # which makes it forget
+    with pytest.raises(HardwareError, match='"floor-2" does not know the length of its cable'):
+        record_lengths(group, RIG, WorldClock(world), 5, 2.0)
+
+
+def test_modules_in_use_are_left_alone(held):
+    world, group = held
+    group.clients[0].arm()
+    with pytest.raises(LinkError, match="in use"):
+        zero_lengths(group, RIG, WorldClock(world))
+
+
+def test_whatever_goes_wrong_all_modules_are_stopped(held):
+    world, group = held
+
+    def interrupt(count):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        record_lengths(group, RIG, WorldClock(world), 5, 5.0, interrupt)
+    assert all(module.sample.state is State.IDLE for module in world.modules)
+    world.modules[2].damage("encoder")
+    with pytest.raises(HardwareError):
+        record_lengths(group, RIG, WorldClock(world), 5, 5.0)
+    assert all(module.sample.state in (State.IDLE, State.FAULT) for module in world.modules)
+
+
+def test_lengths_come_back_from_a_file_with_poses_and_without(tmp_path):
+    lengths = RIG.lengths(PLACES)
+    write_table(tmp_path / "lengths.csv", columns(RIG, lengths))
+    again, poses = load_lengths(tmp_path / "lengths.csv", RIG)
+    np.testing.assert_allclose(again, lengths, rtol=1e-9)
+    assert poses is None
+    write_table(
+        tmp_path / "known.csv", {"x": PLACES[:, 0], **columns(RIG, lengths), "y": PLACES[:, 1], "z": PLACES[:, 2]}
+    )
+    poses = load_lengths(tmp_path / "known.csv", RIG)[1]
+    np.testing.assert_allclose(poses.position, PLACES, rtol=1e-9)
+    with pytest.raises(CalibrationError, match='column "floor-1" is missing'):
+        load_lengths(_without(tmp_path, "floor-1"), RIG)
+    with pytest.raises(CalibrationError, match="a pose has the columns x, y, z; give all, or none"):
+        load_lengths(_without(tmp_path, "z"), RIG)
+
+
+def _without(folder, name):
+    lines = [line.split(",") for line in (folder / "known.csv").read_text().splitlines()]
+    index = lines[0].index(name)
+    path = folder / f"without-{name}.csv"
+    path.write_text("\n".join(",".join(line[:index] + line[index + 1 :]) for line in lines))
+    return path
+
+
+def test_planar_poses_have_an_angle(tmp_path):
+    lengths = PLANAR.lengths(PLANAR.home, 0.1)[None]
+    pose = {"x": [PLANAR.home[0]], "y": [PLANAR.home[1]], "angle": [0.1]}
+    write_table(tmp_path / "a.csv", columns(PLANAR, lengths) | pose)
+    poses = load_lengths(tmp_path / "a.csv", PLANAR)[1]
+    assert poses.rotation[0, 1, 0] == pytest.approx(np.sin(0.1))
