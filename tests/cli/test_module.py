@@ -4,21 +4,20 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 import tomllib
 from pathlib import Path
 
 import pytest
-from wire import ROOT, simulated
 
 from tensionlab.cli import main
+from tensionlab.experiments.processes import command, simulated
 from tensionlab.hardware import discover
 from tensionlab.hardware.link import SerialPort
 from tensionlab.hardware.module import ModuleClient
 
-RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
+RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 
 
 @pytest.fixture(scope="module")
@@ -172,9 +171,8 @@ def test_monitor_says_when_a_module_is_gone(run):
 
 
 def test_ctrl_c_ends_the_monitor_in_good_order(modules):
-    command = [sys.executable, "-m", "tensionlab", "module", "monitor", "--modules", str(modules)]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+    words = command("module", "monitor", "--modules", modules)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         time.sleep(1.5)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=10)

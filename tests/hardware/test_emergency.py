@@ -1,22 +1,23 @@
 """All modules of a rig let go at once, whoever has them."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
-from wire import ROOT, connected, simulated
+from wire import connected
 
 from tensionlab.cli import main
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware import emergency
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.emergency import emergency_stop
 from tensionlab.hardware.protocol import Clear, Hello, Info, Stop
 
-RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
+RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 HOST = """
 import signal, sys, time
 from tensionlab.hardware.claims import ESTOP_SIGNAL
@@ -58,9 +59,8 @@ def links():
 @contextmanager
 def host(manner, urls):
     """Another process that has modules, and pulls with them."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", HOST, manner, *urls]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout.readline() == "\n"
         yield process
@@ -103,7 +103,7 @@ def test_a_process_that_does_not_let_go_is_named_and_the_rest_let_go(links, mann
         if manner == "is stopped":
             process.send_signal(signal.SIGSTOP)
         outcomes = list(emergency_stop(links).values())
-        assert outcomes[0].error.startswith(f"process {process.pid} (-c {manner.split()[0]} socket://")
+        assert outcomes[0].error.startswith(f"process {process.pid} (-c {manner} socket://")
         assert outcomes[0].error.endswith(f"still has it; end it (kill -9 {process.pid}), and its modules let go")
         assert [each.error for each in outcomes[1:]] == [""] * 3
     time.sleep(0.1)
