@@ -51,9 +51,15 @@ def _own_claims(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def links():
+def served():
     with simulated(RIG) as (found, _):
         yield found
+
+
+@pytest.fixture
+def links(served):
+    yield served
+    states(served)  # idle for the next test
 
 
 @contextmanager
@@ -96,11 +102,12 @@ def test_modules_that_another_process_has_let_go_and_the_rest_too(links, manner)
     assert states(links) == [State.ESTOP] * 4
 
 
-@pytest.mark.parametrize("manner", ["ignores", "is stopped"])
-def test_a_process_that_does_not_let_go_is_named_and_the_rest_let_go(links, manner, monkeypatch):
+@pytest.mark.parametrize("hangs", [False, True])
+def test_a_process_that_does_not_let_go_is_named_and_the_rest_let_go(links, hangs, monkeypatch):
     monkeypatch.setattr(emergency, "PATIENCE", 0.5)
+    manner = "handles" if hangs else "ignores"
     with host(manner, list(links.values())[:1]) as process:
-        if manner == "is stopped":
+        if hangs:
             process.send_signal(signal.SIGSTOP)
         outcomes = list(emergency_stop(links).values())
         assert outcomes[0].error.startswith(f"process {process.pid} (-c {manner} socket://")
