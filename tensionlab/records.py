@@ -73,8 +73,10 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
     }
 
 
-def write_parquet(path: str | Path, rows: Sequence[Mapping[str, Any]], manifest: Mapping[str, Any]) -> None:
-    """Write a table with its manifest, one column for each key of the rows.
+def write_parquet(
+    path: str | Path, table: Sequence[Mapping[str, Any]] | Mapping[str, Any], manifest: Mapping[str, Any]
+) -> None:
+    """Write a table with its manifest: rows, with a column for each of their keys; or columns, by name.
 
     The manifest is JSON under the key ``tensionlab`` of the schema's metadata:
     ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``.
@@ -89,8 +91,11 @@ def write_parquet(path: str | Path, rows: Sequence[Mapping[str, Any]], manifest:
         import pyarrow.parquet as pq
     except ImportError as error:
         raise MissingDependency("writing Parquet needs pyarrow: pip install pyarrow") from error
-    table = pa.Table.from_pylist([dict(row) for row in rows])
-    pq.write_table(table.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), path)
+    if isinstance(table, Mapping):
+        written = pa.table(dict(table))
+    else:
+        written = pa.Table.from_pylist([dict(row) for row in table])
+    pq.write_table(written.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), path)
 
 
 def _git_commit() -> str | None:

@@ -35,7 +35,7 @@ ALLOWED = {
         "hardware",
         "haptics",
     },
-    "plots": {"model", "solvers", "allocation", "measure", "workspace", "experiments"},
+    "plots": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "experiments"},
     "cli": {
         "model",
         "solvers",

@@ -20,6 +20,7 @@ from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.compare import compare
 from tensionlab.cli.estop import estop
 from tensionlab.cli.layout import layout
+from tensionlab.cli.log import log
 from tensionlab.cli.module import module
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
@@ -51,6 +52,7 @@ app.add_typer(module, name="module")
 app.add_typer(rig, name="rig")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(layout, name="layout")
+app.add_typer(log, name="log")
 app.add_typer(problems, name="problems")
 
 

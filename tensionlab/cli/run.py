@@ -46,6 +46,9 @@ def run(
         typer.Option(metavar="X Y Z", help="Where the point is, in m; told by the lengths if left out."),
     ] = None,
     rate: Annotated[float, typer.Option(help="Cycles a second.")] = 50.0,
+    ttl: Annotated[
+        float, typer.Option(help="How long a set-point lives in a module, in s; so long may one be silent.")
+    ] = 0.25,
     seconds: Annotated[
         float | None, typer.Option(help="How long; until the program's end or Ctrl-C if left out.")
     ] = None,
@@ -73,7 +76,7 @@ def run(
 
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)
-    settings = RunSettings(rate=rate, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
+    settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
     _check_solver(loaded, solver, nearest)
     place = _place(loaded, at)
     clock: RealClock | WorldClock

@@ -82,9 +82,9 @@ def simulate(
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
-    simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file)
-    chosen = _only(only, list(simulated))
     far_ends = {} if orbit is None else _orbit(rig, output.numbers(orbit))
+    simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file, far_ends)
+    chosen = _only(only, list(simulated))
     faults = _faults(fault or [], list(simulated))
     served = [
         ServedModule(
@@ -121,7 +121,9 @@ def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModu
     return {ALONE: (module, settings_file)}
 
 
-def _rig(path: Path, seed: int, config_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
+def _rig(
+    path: Path, seed: int, config_file: Path | None, far_ends: dict[str, Callable[[], float]]
+) -> dict[str, tuple[SimulatedModule, Path | None]]:
     """Which modules are simulated, and where does each keep its settings?"""
     from tensionlab.hardware.simulated_rig import simulated_module
     from tensionlab.model.files import load_rig
@@ -131,9 +133,8 @@ def _rig(path: Path, seed: int, config_file: Path | None) -> dict[str, tuple[Sim
     simulated = {}
     for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
         at = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
-        module = simulated_module(
-            each, float(length), serial_number=index + 1, seed=seed + index, settings=_settings(at)
-        )
+        start = far_ends[each.name]() if far_ends else float(length)
+        module = simulated_module(each, start, serial_number=index + 1, seed=seed + index, settings=_settings(at))
         _complain(module, at)
         simulated[each.name] = (module, at)
     return simulated

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 from tensionlab.allocation import Allocator
 from tensionlab.errors import ShapeError
 from tensionlab.experiments.lineup import lineup
+from tensionlab.experiments.score import Score, finite, score
 from tensionlab.measure import Allocation
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
@@ -27,21 +27,11 @@ TURN = 10
 
 
 @dataclass(frozen=True)
-class Row:
-    """What one solver did with one policy; NaN where nothing was measured.
+class Row(Score):
+    """What one solver did with one policy, on so many vectors; NaN where nothing was measured.
 
     Attributes
     ----------
-    solver, nearest : str
-        Name of the solver, and its policy where the force is out of reach; None if it honours no policy.
-    exact, nearest_count, iteration_limit, failed : int
-        How many vectors ended with which proved status.
-    residual_mean, residual_max : float
-        Norm of desired minus rendered wrench, over all vectors that did not fail, in N.
-    angle_mean_deg, angle_max_deg : float
-        Angle between desired and rendered force; vectors that render no force at all have none.
-    tension_sq_mean : float
-        Mean of the squared tensions, over modules and vectors, in N².
     gap_max : float
         Largest difference of a tension to the exact optimum of the same policy, in N. For a solver without a
         policy, over the vectors within reach only: out of reach it promises nothing to compare with.
@@ -51,17 +41,6 @@ class Row:
         Time of one `Allocator` call for all vectors, divided by their number.
     """
 
-    solver: str
-    nearest: Nearest | None
-    exact: int
-    nearest_count: int
-    iteration_limit: int
-    failed: int
-    residual_mean: float
-    residual_max: float
-    angle_mean_deg: float
-    angle_max_deg: float
-    tension_sq_mean: float
     gap_max: float
     call_median_s: float
     call_p99_s: float
@@ -180,52 +159,14 @@ def compare(
     rows = []
     for column, (name, policy) in enumerate(runs):
         found = allocations[column]
-        angle = angles(wrenches[:, : rig.dimension], found.wrench[:, : rig.dimension])
         optimum = optima[policy or POLICIES[0]]
         comparable = optimum.status == Status.EXACT if policy is None else np.full(len(wrenches), True)
         row = Row(
-            solver=name,
-            nearest=policy,
-            exact=int(np.sum(found.status == Status.EXACT)),
-            nearest_count=int(np.sum(found.status == Status.NEAREST)),
-            iteration_limit=int(np.sum(found.status == Status.ITERATION_LIMIT)),
-            failed=int(np.sum(found.status == Status.FAILED)),
-            residual_mean=_finite(np.mean, found.residual),
-            residual_max=_finite(np.max, found.residual),
-            angle_mean_deg=_finite(np.mean, angle),
-            angle_max_deg=_finite(np.max, angle),
-            tension_sq_mean=_finite(np.mean, found.tensions**2),
-            gap_max=_finite(np.max, abs(found.tensions - optimum.tensions)[comparable]),
+            **vars(score(name, policy, wrenches, found, rig.dimension)),
+            gap_max=finite(np.max, abs(found.tensions - optimum.tensions)[comparable]),
             call_median_s=float(np.median(calls[:, column])),
             call_p99_s=float(np.quantile(calls[:, column], 0.99)),
             batch_s=batch[column],
         )
         rows.append(row)
     return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing)
-
-
-def angles(desired: Floats, rendered: Floats) -> Floats:
-    """How far each rendered force points away from the desired one.
-
-    Parameters
-    ----------
-    desired, rendered : (K, d) array
-        Forces in N, d = 2 or 3.
-
-    Returns
-    -------
-    (K,) array
-        Degrees; NaN where either force is zero or NaN and so has no direction.
-    """
-    length = np.linalg.norm(desired, axis=1) * np.linalg.norm(rendered, axis=1)
-    # arccos of the cosine loses small angles to rounding; lengths of sum and difference (Kahan) do not.
-    a = desired * np.linalg.norm(rendered, axis=1)[:, None]
-    b = rendered * np.linalg.norm(desired, axis=1)[:, None]
-    half = np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
-    return np.where(length > 0, np.degrees(2 * half), np.nan)
-
-
-def _finite(measure: Callable[[Floats], Any], values: Floats) -> float:
-    """Mean or largest of the entries that are numbers; NaN where there is none."""
-    values = values[np.isfinite(values)]
-    return float(measure(values)) if values.size else np.nan

@@ -22,12 +22,16 @@ LINK = ("--latency-ms", 30, "--jitter-ms", 10, "--drop-pct", 1, "--corrupt-pct",
 """Of each module: per cent of the bytes."""
 ORBIT = ("--orbit", "0.05,10")
 """The hand goes round, 5 cm from its home, once in 10 s."""
-TTL, LARGEST_ERROR = 0.25, 0.05
-PROGRAM = """name = "the force goes round"
+TTL, LARGEST_ERROR = 0.5, 0.05
+HEAD = """name = "the force goes round"
 repeat = true
+
+[[steps]]
+seconds = 1.0
+wrench = [0.0, -0.5, -1.5]
 """
 CORNERS = ((1.5, 0.3, 0.0), (0.0, 0.8, 1.5), (-1.5, 0.3, 0.0), (0.0, -0.5, -1.5))
-STEP_SECONDS = 8.0
+STEP_SECONDS = 15.0
 OLDEST_LOST = 1.0
 """A log may lack the last second before its host was killed."""
 
@@ -35,7 +39,7 @@ OLDEST_LOST = 1.0
 def program() -> str:
     """A program whose force goes round, slowly: a bad link is some 0.1 s behind."""
     steps = [f"[[steps]]\nseconds = {STEP_SECONDS}\nwrench = {list(corner)}\nramp = true\n" for corner in CORNERS]
-    return PROGRAM + "\n" + "\n".join(steps)
+    return HEAD + "\n" + "\n".join(steps)
 
 
 def soak(seconds: float, folder: Path) -> Findings:
@@ -64,7 +68,7 @@ def soak(seconds: float, folder: Path) -> Findings:
     with each_simulated(calls) as links:
         (folder / "modules.toml").write_text(modules_to_toml(links), encoding="utf-8")
         words = ("--modules", folder / "modules.toml", "--program", folder / "program.toml", "--log", log)
-        with process("run", RIG, *words, "--seconds", seconds, "--json") as host:
+        with process("run", RIG, *words, "--ttl", TTL, "--seconds", seconds, "--json") as host:
             said, complaint = host.communicate(timeout=seconds + 120.0)
     if host.returncode != 0:
         print(said, complaint, file=sys.stderr)

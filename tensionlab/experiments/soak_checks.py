@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tensionlab.hardware.codes import State
+from tensionlab.hardware.codes import Limit, State
 from tensionlab.hardware.run_record import Run
 from tensionlab.solvers.contract import Integers, Status
 
@@ -66,7 +66,9 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     """What does a run show?
 
     The force is that of the tensions which the modules said they pull with, at the pose by their cable lengths,
-    against the demand at the time the latest of their set-points was sent, where that was exact.
+    against the demand at the time the latest of their set-points was sent, where that was exact. Left out are
+    cycles in which a module says that something limits it, or the host held the set-points back: they are on
+    their way to a demand that has leapt.
 
     Parameters
     ----------
@@ -76,9 +78,11 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     """
     source = followed(run)
     known = (source >= 0).all(axis=1)
-    rows = np.flatnonzero(known)
+    free = (run.limits == Limit.NONE) | (run.limits == Limit.LOWER)
+    rows = np.flatnonzero(known & free.all(axis=1))
     latest = source[rows].max(axis=1)
-    exact = run.status[latest] == Status.EXACT
+    whole = (run.sent[latest] == run.chosen[latest]).all(axis=1)
+    exact = (run.status[latest] == Status.EXACT) & whole
     rows, latest = rows[exact], latest[exact]
     pulled = np.einsum("knm,km->kn", run.structure[rows], run.tensions[rows])
     wanted = run.demanded[latest]
@@ -119,14 +123,16 @@ def followed(run: Run) -> Integers:
 
 
 def outside_in(recording: Path, run: Run) -> int:
-    """How often was a running module made to pull with more or less than its limits?"""
+    """How often was a running module made to pull with more or less than its limits, once it was taut?"""
     names = [module.name for module in run.rig.modules]
-    count = 0
+    count, taut = 0, False
     with recording.open(encoding="utf-8") as file:
         for row in csv.DictReader(file):
             if row["state"] != State.RUNNING.name:
+                taut = False
                 continue
             index = names.index(row["module"])
             lower, upper = run.rig.limits.lower[index], run.rig.limits.upper[index]
-            count += not lower - ROUNDING <= float(row["commanded"]) <= upper + ROUNDING
+            taut = taut or float(row["commanded"]) >= lower - ROUNDING
+            count += taut and not lower - ROUNDING <= float(row["commanded"]) <= upper + ROUNDING
     return count

@@ -23,14 +23,16 @@ from tensionlab.hardware.run_settings import RunSettings
 from tensionlab.hardware.statistics import Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import Solver
+from tensionlab.solvers.contract import Nearest, Solver
 
 FLUSH = 0.2
 """What was logged is in the system's hands after so many s, and then outlives the process."""
 BACKLOG = 20_000
 """So many cycles and events may wait for a slow disk; at 1 kHz, 20 s."""
 GAP = 50e-6
-"""The writer leaves the interpreter to the control loop for so many s after each cycle, while more are waiting."""
+"""After each cycle, while more wait, the writer leaves the interpreter to the control loop for so many s."""
+HURRY = 200
+"""While so many wait, it does not: a loop that never sleeps would leave it too little."""
 CLOSING = 10.0
 """What still waits when the run ends may take so many s to write."""
 
@@ -69,7 +71,7 @@ class RunSetup:
 
     solver: str
     parameters: Mapping[str, Any]
-    nearest: str | None
+    nearest: Nearest | None
     rate: float
     ttl: float
     on_loss: str
@@ -237,7 +239,7 @@ class RunLog:
             if time.monotonic() >= due:
                 self._file.flush()
                 due = math.inf
-            if not self._queue.empty():
+            if 0 < self._queue.qsize() < HURRY:
                 time.sleep(GAP)
 
     def _write_one(self, topic: str, when: int, now: int, what: Any) -> None:

@@ -89,25 +89,14 @@ def _open_new(path: Path) -> IO[bytes]:
 class Record(NamedTuple):
     """One thing in a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end".
 
-    ``name`` is that of the metadata or the attachment, or the message's channel.
+    ``name`` is that of the metadata or the attachment, or the message's channel; ``time_ns`` is when a message
+    holds, in ns since 1970.
     """
 
     kind: str
     name: str
     content: Any
-
-
-class _Whole:
-    """A file from which one reads what one asks for, or nothing: mcap takes half a record for a whole one."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-
-    def read(self, size: int) -> bytes:
-        content = self._file.read(size)
-        if len(content) < size:
-            raise EOFError
-        return content
+    time_ns: int = 0
 
 
 def read_records(path: Path) -> Iterator[Record]:
@@ -128,9 +117,8 @@ def read_records(path: Path) -> Iterator[Record]:
     channels: dict[int, str] = {}
     known = complete = False
     with _open(path) as file:
-        whole: Any = _Whole(file)
         # No record is larger than its file; a length that was damaged would ask for all the memory there is.
-        reader = StreamReader(whole, validate_crcs=True, record_size_limit=path.stat().st_size)
+        reader = StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
         try:
             for record in reader.records:
                 if isinstance(record, Header):
@@ -145,10 +133,10 @@ def read_records(path: Path) -> Iterator[Record]:
                 elif isinstance(record, Attachment):
                     yield Record("attachment", record.name, record.data)
                 elif isinstance(record, Message):
-                    yield Record("message", channels[record.channel_id], record.data)
+                    yield Record("message", channels[record.channel_id], record.data, record.log_time)
                 elif isinstance(record, Footer):
                     complete = True
-        except (EOFError, McapError, ZstdError, struct.error, ValueError, KeyError):
+        except (McapError, ZstdError, struct.error, ValueError, KeyError):
             complete = False  # cut or damaged: what came before counts
     if not known:
         raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")

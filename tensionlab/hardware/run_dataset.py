@@ -1,16 +1,21 @@
-"""A run as an `xarray.Dataset`: names, units and labels to every array."""
+"""A run as an `xarray.Dataset`, with names, units and labels to every array; and as plain columns."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from itertools import product
+from os import PathLike
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.errors import MissingDependency
 from tensionlab.hardware.columns import COLUMNS, IMPEDANCE
 from tensionlab.model.files import rig_to_toml
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     import xarray
@@ -18,12 +23,41 @@ if TYPE_CHECKING:
     from tensionlab.hardware.run_record import Run
 
 
+def labels(rig: Rig) -> dict[str, list[str]]:
+    """What are the entries along each dimension of the columns called?"""
+    axes = list("xyz"[: rig.dimension])
+    torques = [] if rig.n == rig.dimension else ["z"] if rig.dimension == 2 else axes
+    return {
+        "module": [module.name for module in rig.modules],
+        "component": [f"F{axis}" for axis in axes] + [f"M{axis}" for axis in torques],
+        "axis": axes,
+        "platform_axis": axes,
+        "impedance": list(IMPEDANCE),
+    }
+
+
+def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
+    """Which columns of one number a cycle hold a run? Called ``chosen.floor-1``, ``structure.Fx.floor-1``, ..."""
+    names = labels(run.rig)
+    return {
+        ".".join([name, *words]): getattr(run, name)[(slice(None), *index)]
+        for name, column in COLUMNS.items()
+        for index, words in _entries([names[dim] for dim in column.dims])
+    }
+
+
+def _entries(words: list[list[str]]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
+    """Which entries has an array with these labels along its dimensions, and what are they called?"""
+    indices = product(*(range(len(each)) for each in words))
+    return zip(indices, product(*words), strict=True)
+
+
 def to_dataset(run: Run) -> xarray.Dataset:
     """Which dataset holds a run?
 
     Every column of `CycleTable` is a variable with the dimension ``cycle`` and its own, and has ``units`` and a
     ``long_name``. The dataset's attributes have what was around the cycles: ``rig`` in TOML; ``manifest``,
-    ``setup``, ``modules``, ``summary`` and ``events`` in JSON; ``complete``, 1 or 0.
+    ``setup``, ``modules``, ``summary`` and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
 
     Raises
     ------
@@ -34,15 +68,6 @@ def to_dataset(run: Run) -> xarray.Dataset:
         import xarray
     except ImportError as error:
         raise MissingDependency('datasets need xarray: pip install "tensionlab[workspace]"') from error
-    axes = list("xyz"[: run.rig.dimension])
-    torques = [] if run.rig.n == run.rig.dimension else ["z"] if run.rig.dimension == 2 else axes
-    labels = {
-        "module": [module.name for module in run.rig.modules],
-        "component": [f"F{axis}" for axis in axes] + [f"M{axis}" for axis in torques],
-        "axis": axes,
-        "platform_axis": axes,
-        "impedance": list(IMPEDANCE),
-    }
     lower, upper = np.array(run.setup.lower), np.array(run.setup.upper)
     limits = {
         "lower": ("module", lower, {"units": "N", "long_name": "least tension that the solver may choose"}),
@@ -55,7 +80,7 @@ def to_dataset(run: Run) -> xarray.Dataset:
     coordinates = {"cycle": table.pop("cycle"), "time": table.pop("time"), **limits}
     return xarray.Dataset(
         table,
-        {**labels, **coordinates},
+        {**labels(run.rig), **coordinates},
         {
             "title": f"tensionlab run: {run.rig.name}, {run.setup.solver}",
             "rig": rig_to_toml(run.rig),
@@ -64,6 +89,20 @@ def to_dataset(run: Run) -> xarray.Dataset:
             "modules": json.dumps(dict(run.modules)),
             "summary": json.dumps(dict(run.summary)),
             "events": json.dumps([asdict(event) for event in run.events]),
+            "began": run.began,
             "complete": int(run.complete),
         },
     )
+
+
+def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
+    """Write the dataset of a run to a NetCDF file (version 3, 64-bit offsets), which nearly everything reads.
+
+    That version knows no 64-bit integers and no truth values: they become 32-bit integers and bytes.
+
+    Raises
+    ------
+    MissingDependency
+        As `to_dataset`.
+    """
+    to_dataset(run).to_netcdf(path, engine="scipy")

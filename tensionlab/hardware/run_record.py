@@ -69,6 +69,8 @@ class Run(CycleTable):
         What the runner said at the end, as `Statistics.summary`; empty if it did not come so far.
     events : tuple of RunEvent
         In their order.
+    began : float
+        When the run's time was 0, by the host's clock, in s since 1970; NaN if there is no cycle.
     complete : bool
         Whether the log was closed. If not, the process was killed or the disk was full, and the last cycles may be
         missing.
@@ -80,6 +82,7 @@ class Run(CycleTable):
     modules: Mapping[str, Mapping[str, Any]]
     summary: Mapping[str, Any]
     events: tuple[RunEvent, ...]
+    began: float
     complete: bool
 
     def __len__(self) -> int:
@@ -120,8 +123,9 @@ def read_run(path: str | os.PathLike[str]) -> Run:
     rows: list[bytes] = []
     blocks: list[dict[str, NDArray[Any]]] = []
     rig: Rig | None = None
+    first_ns: int | None = None
     complete = False
-    for kind, name, content in read_records(path):
+    for kind, name, content, time_ns in read_records(path):
         if kind == "attachment":
             rig = rig_from_toml(content.decode(), f"{path}: rig.toml")
         elif kind == "metadata":
@@ -131,6 +135,7 @@ def read_run(path: str | os.PathLike[str]) -> Run:
         elif name == "event":
             events.append(RunEvent(**json.loads(content)))
         elif rig is not None:
+            first_ns = time_ns if first_ns is None else first_ns
             rows.append(content)
             if len(rows) == BLOCK:
                 blocks.append(columns.decode(rows, rig))
@@ -138,14 +143,16 @@ def read_run(path: str | os.PathLike[str]) -> Run:
     if rig is None or not {"manifest", "setup"} <= metadata.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
     blocks.append(columns.decode(rows, rig))
+    table = {name: np.concatenate([block[name] for block in blocks]) for name in columns.COLUMNS}
     return Run(
-        **{name: np.concatenate([block[name] for block in blocks]) for name in columns.COLUMNS},
+        **table,
         rig=rig,
         manifest=metadata["manifest"],
         setup=_setup(metadata["setup"]),
         modules=metadata.get("modules", {}),
         summary=metadata.get("summary", {}),
         events=tuple(events),
+        began=np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0]),
         complete=complete,
     )
 

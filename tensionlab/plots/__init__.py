@@ -6,6 +6,7 @@ from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.house import METADATA
 from tensionlab.plots.layout import plot_layouts
 from tensionlab.plots.rig import plot_rig
+from tensionlab.plots.run import plot_run
 from tensionlab.plots.workspace import plot_shares, plot_slices, plot_volume
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "plot_layouts",
     "plot_profile",
     "plot_rig",
+    "plot_run",
     "plot_shares",
     "plot_slices",
     "plot_volume",

@@ -6,7 +6,8 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.experiments.comparison import TIMED_CALLS, angles, compare
+from tensionlab.experiments.comparison import TIMED_CALLS, compare
+from tensionlab.experiments.score import angles
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 QUICK = ["newton", "dykstra", "pseudoinverse:middle", "closed-form", "qp:clarabel"]

@@ -1,5 +1,6 @@
 import json
 import random
+import time
 from dataclasses import asdict
 
 import numpy as np
@@ -71,6 +72,14 @@ def test_what_was_around_the_cycles_is_in_the_log_too(seven):
     assert (stopped.kind, stopped.cycle) == ("ended", 119)
 
 
+def test_a_run_tells_the_time_of_day_when_it_began(tmp_path):
+    before = time.time()
+    runs.logged(tmp_path / "run.mcap", runs.four(), 5)
+    assert before <= read_run(tmp_path / "run.mcap").began <= time.time()
+    runs.logged(tmp_path / "none.mcap", runs.four(), 0)
+    assert np.isnan(read_run(tmp_path / "none.mcap").began)
+
+
 def test_a_log_may_be_cut_anywhere(tmp_path, seven):
     file, written = seven
     empty = tmp_path / "empty.mcap"
@@ -79,7 +88,13 @@ def test_a_log_may_be_cut_anywhere(tmp_path, seven):
     log.close()
     content, cut = file.read_bytes(), tmp_path / "cut.mcap"
     last = len(content) - 2000
-    places = [*range(last, len(content), 11), *range(len(content) - 50, len(content)), begin - 1, begin]
+    places = [
+        *range(last, len(content), 11),
+        *range(len(content) - 50, len(content)),
+        *range(0, begin, 97),
+        begin - 1,
+        begin,
+    ]
     found = []
     for size in sorted([*places, *random.Random(0).sample(range(last), 60)]):
         cut.write_bytes(content[:size])
@@ -143,6 +158,19 @@ def test_cycles_keep_to_their_schema():
                 assert len(value) == rules[name]["minItems"] == rules[name]["maxItems"]
             kind = {"f": (float, int, type(None)), "i": int, "b": bool}[TYPES[name].kind]
             assert all(isinstance(each, kind) for each in values), name
+
+
+def test_json_knows_neither_nan_nor_infinity():
+    rig = runs.four()
+    cycle = next(runs.cycles(rig, 2))
+    cycle.state.speeds[:3] = np.nan, np.inf, -np.inf
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    row = json.loads(encode(cycle, rig), parse_constant=refuse)
+    assert row["speeds"][:3] == [None, None, None]
+    assert row["speeds"][3] == cycle.state.speeds[3]
 
 
 def test_other_readers_find_their_way(seven):

@@ -1,0 +1,235 @@
+"""A run: what was rendered, what the modules pulled with, what held them back, and how punctual it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.hardware.codes import Limit, State
+from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, new_figure
+from tensionlab.solvers.contract import Floats, Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from tensionlab.hardware.run_record import Run
+
+BINS = 1500
+"""A longer run is drawn in so many stretches: lines by their least and largest value, ribbons and times
+by the worst."""
+COLOURS = (BLUE, ORANGE, GREEN)
+"""Of the axes x, y and z."""
+PROVED = [
+    ("exact", "#5A5A5A"),
+    ("proved out of reach", "#BBBBBB"),
+    ("neither proved", RED),
+    ("failed", "#000000"),
+]
+"""By `Status`."""
+HELD = [
+    ("free", "#EDEDED", {Limit.NONE}),
+    ("taut minimum", "#B5D9F0", {Limit.LOWER}),
+    ("slew", "#F0E442", {Limit.SLEW}),
+    ("largest tension", ORANGE, {Limit.UPPER}),
+    ("speed, length, brake", "#CC79A7", {Limit.SPEED, Limit.LENGTH, Limit.RELEASING}),
+    ("heat", RED, {Limit.THERMAL}),
+    ("idle or timed out", GREY, {Limit.TIMEOUT, Limit.IDLE}),
+]
+"""What holds a module back, the worse the later."""
+GONE = ("fault, or lost", "#000000")
+"""Worse than all those."""
+NAMED = 8
+"""So many events are named; of more, the others are lines only."""
+FLOOR = 1e-2
+"""Times below are drawn here, in ms."""
+LEAST = 0.05
+"""Forces and torques are drawn at least so far up and down, in N and N·m."""
+TIMES = ("late", "host's work", "oldest telemetry")
+
+
+def plot_run(run: Run, path: str | Path) -> None:
+    """Draw a run, from above: wrench, tension of each module, proofs and limits, times.
+
+    Parameters
+    ----------
+    run : Run
+    path : path
+        The suffix chooses the format: png, pdf or svg.
+
+    Raises
+    ------
+    ShapeError
+        If the suffix is no such format.
+    """
+    d, m = run.rig.dimension, run.rig.m
+    wrenches = [("force (N)", slice(0, d))]
+    if run.rig.n > d:
+        wrenches.append(("torque (N·m)", slice(d, run.rig.n)))
+    heights = [1.7] * len(wrenches) + [0.8] * m + [0.35 + 0.17 * (m + 2), 1.5]
+    with new_figure(path, (13.0, 0.7 + 1.08 * sum(heights))) as figure:
+        figure.suptitle(_title(run), fontweight="bold")
+        panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
+        tensions, ribbons, times = panels[len(wrenches) : -2], panels[-2], panels[-1]
+        for axes, (label, part) in zip(panels, wrenches, strict=False):
+            _draw_wrench(axes, run, part)
+            axes.set_ylabel(label)
+        top = _top(run)
+        for index, axes in enumerate(tensions):
+            _draw_tension(axes, run, index, top)
+        used = _draw_ribbons(ribbons, run)
+        _draw_times(times, run)
+        times.set_xlabel("time (s)")
+        for axes in panels:
+            axes.margins(x=0.0)
+            if axes is not ribbons:
+                axes.grid()
+        if len(run):
+            times.set_xlim(0.0, run.time[-1] + 1.0 / run.setup.rate)
+        else:
+            times.set_xlim(0.0, 1.0)
+            panels[0].text(0.5, 0.5, "no cycle in the log", transform=panels[0].transAxes, ha="center", color=GREY)
+        _draw_events(panels, run)
+        _legend(panels[0], [
+            *((axis, {"color": colour}) for axis, colour in zip("xyz"[:d], COLOURS, strict=False)),
+            ("asked for", {"color": GREY, "linewidth": 4, "alpha": 0.35}),
+            ("chosen", {"color": GREY, "linewidth": 1.2}),
+            ("told by the modules", {"color": GREY, "linewidth": 1.0, "linestyle": ":"}),
+        ])  # fmt: skip
+        _legend(tensions[0], [
+            ("set-point", {"color": BLUE, "linewidth": 1.2}),
+            ("told by the module", {"color": ORANGE, "linewidth": 1.2}),
+            ("limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
+        ])  # fmt: skip
+        _legend(ribbons, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
+        _legend(times, [
+            *((word, {"color": colour}) for word, colour in zip(TIMES, (BLUE, GREEN, ORANGE), strict=True)),
+            ("period", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
+        ])  # fmt: skip
+
+
+def _legend(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None:
+    """Say what is drawn, on the right."""
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.005, 1.05))
+
+
+def _title(run: Run) -> str:
+    policy = f", nearest in {run.setup.nearest}" if run.setup.nearest else ""
+    length = f"{len(run)} cycles, {run.setup.rate:g} a second"
+    cut = "" if run.complete else "; the log was cut off"
+    return f"{run.rig.name}, {run.setup.solver}{policy}: {length}{cut}"
+
+
+def stretches(count: int) -> NDArray[np.int64]:
+    """Where do the stretches begin in which so many cycles are drawn?"""
+    return np.linspace(0, count, min(count, BINS), endpoint=False).astype(np.int64)
+
+
+def thinned(time: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Which line looks like this one, with two points a stretch? NaN only where there is nothing else."""
+    if len(time) <= 2 * BINS:
+        return time, values
+    begins = stretches(len(time))
+    extremes = np.stack([np.fmin.reduceat(values, begins), np.fmax.reduceat(values, begins)], axis=1)
+    return np.repeat(time[begins], 2), extremes.ravel()
+
+
+def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
+    axes.plot(*thinned(run.time, values), **look)
+
+
+def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
+    asked, rendered = run.demanded[:, part], run.rendered[:, part]
+    pulled = np.einsum("knm,km->kn", run.structure, run.tensions)[:, part]
+    # Where there is one torque only, it is that about z.
+    colours = COLOURS if asked.shape[1] > 1 else COLOURS[2:]
+    for index, colour in zip(range(asked.shape[1]), colours, strict=False):
+        _line(axes, run, asked[:, index], color=colour, linewidth=4, alpha=0.35)
+        _line(axes, run, rendered[:, index], color=colour, linewidth=1.2)
+        _line(axes, run, pulled[:, index], color=colour, linewidth=1.0, linestyle=":")
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, -LEAST), max(high, LEAST))  # rounding errors are not worth a panel
+
+
+def _top(run: Run) -> float:
+    """Up to which tension is drawn? The limit, unless the run stayed far below it."""
+    upper = max(run.setup.upper)
+    pulled = np.fmax.reduce(np.concatenate([run.sent.ravel(), run.tensions.ravel(), [0.0]]))
+    return float(1.12 * upper if pulled > 0.3 * upper or pulled == 0.0 else 1.3 * pulled)
+
+
+def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
+    lower, upper = run.setup.lower[index], run.setup.upper[index]
+    for limit in (lower, upper):
+        axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9)
+    _line(axes, run, run.tensions[:, index], color=ORANGE, linewidth=1.2)
+    _line(axes, run, run.sent[:, index], color=BLUE, linewidth=1.2)
+    axes.set_ylim(0.0, top)
+    axes.set_ylabel("N")
+    name = f"{run.rig.modules[index].name}, {lower:g} to {upper:g} N"
+    axes.text(0.004, 0.93, name, transform=axes.transAxes, va="top", fontsize=8.5, bbox=HALO, zorder=5)
+
+
+def severity(run: Run) -> NDArray[np.int64]:
+    """How badly was each module held back in each cycle? (K, m), an index of `HELD`; one more if it is gone."""
+    worst = np.zeros(run.limits.shape, dtype=np.int64)
+    for level, (_, _, limits) in enumerate(HELD):
+        worst[np.isin(run.limits, [int(limit) for limit in limits])] = level
+    broken = np.isin(run.states, [int(State.FAULT), int(State.ESTOP)]) | (run.faults != 0) | ~run.active
+    worst[broken] = len(HELD)
+    return worst
+
+
+def _draw_ribbons(axes: Axes, run: Run) -> list[tuple[str, str]]:
+    """Draw proofs and limits as ribbons; which of their words and colours were needed?"""
+    from matplotlib.colors import ListedColormap
+
+    held = [(word, colour) for word, colour, _ in HELD] + [GONE]
+    names = ["proof", *(module.name for module in run.rig.modules)]
+    axes.set_yticks(np.arange(len(names)) + 0.5, names)
+    axes.tick_params(axis="y", length=0, labelsize=8)
+    axes.set_ylim(len(names), 0)
+    axes.spines["left"].set_visible(False)
+    if not len(run):
+        return []
+    begins = stretches(len(run))
+    edges = np.append(run.time[begins], run.time[-1] + 1.0 / run.setup.rate)
+    proofs = np.maximum.reduceat(run.status.astype(np.int64), begins)
+    levels = np.maximum.reduceat(severity(run), begins)
+    rows = np.concatenate([proofs[:, None], len(Status) + levels], axis=1)
+    look = [*PROVED, *held]
+    for row in range(len(names)):
+        axes.pcolormesh(
+            edges, [row + 0.08, row + 0.92], rows[None, :, row], cmap=ListedColormap([each for _, each in look]),
+            vmin=-0.5, vmax=len(look) - 0.5, rasterized=True,
+        )  # fmt: skip
+    return [look[int(level)] for level in np.unique(rows)]
+
+
+def _draw_times(axes: Axes, run: Run) -> None:
+    oldest = np.fmax.reduce(np.where(run.active, run.ages, np.nan), axis=1)
+    begins = stretches(len(run))
+    for seconds, colour in zip((run.late, run.work, oldest), (BLUE, GREEN, ORANGE), strict=True):
+        worst = np.fmax.reduceat(seconds, begins) if len(run) else seconds
+        axes.plot(run.time[begins], np.fmax(1e3 * worst, FLOOR), color=colour, linewidth=0.9)
+    axes.axhline(1e3 / run.setup.rate, color=GREY, linestyle="--", linewidth=0.9)
+    axes.set_yscale("log")
+    axes.set_ylabel("ms")
+
+
+def _draw_events(panels: list[Axes], run: Run) -> None:
+    """Mark when something happened; what comes at the same time shares its name's place."""
+    during = [event for event in run.events if event.cycle >= 0]
+    for number, event in enumerate(during):
+        for axes in panels:
+            axes.axvline(event.time, color=RED, linewidth=0.8, zorder=1)
+        if number < NAMED:
+            panels[0].annotate(
+                f"{event.kind} {event.module}".strip(), (event.time, 1.0), xycoords=("data", "axes fraction"),
+                xytext=(0, 2), textcoords="offset points", ha="center", va="bottom", color=RED, fontsize=8,
+            )  # fmt: skip

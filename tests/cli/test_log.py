@@ -1,0 +1,118 @@
+"""`tensionlab log`: what a stranger would type."""
+
+import json
+
+import pyarrow.parquet as pq
+import pytest
+import runs
+import xarray
+
+from tensionlab.cli import main
+from tensionlab.hardware.columns import COLUMNS
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    file = tmp_path_factory.mktemp("logs") / "run.mcap"
+    runs.logged(file, runs.seven(), 120, solver="dykstra", lost=2)
+    return file
+
+
+@pytest.fixture
+def call(capsys):
+    """Run the command line; gives the exit status and what it printed."""
+
+    def run(*words):
+        with pytest.raises(SystemExit) as left:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return left.value.code or 0, printed.out, printed.err
+
+    return run
+
+
+def test_info_says_how_the_run_went(call, file):
+    code, out, _ = call("log", "info", file)
+    assert code == 0
+    for words in (
+        "seven-modules, dykstra, nearest in tension",
+        "120 cycles in 2.38 s, 50 a second wanted",
+        "ended: the demand",
+        "fault ENCODER, lost at 1.200 s",
+        "lost: back-floor: module",
+    ):
+        assert words in out, words
+
+
+def test_info_says_that_a_log_was_cut_off(call, file, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(file.read_bytes()[:-100])
+    code, out, _ = call("log", "info", cut)
+    assert code == 0
+    assert "cut off: the log was never closed" in out
+
+
+def test_info_for_programs(call, file):
+    found = json.loads(call("log", "info", file, "--json")[1])
+    assert found["statuses"].keys() == {"EXACT", "NEAREST", "ITERATION_LIMIT", "FAILED"}
+    assert found["modules"][2]["faults"] == ["ENCODER"]
+    assert found["manifest"] == runs.MANIFEST
+    assert found["setup"]["parameters"]["tolerance"] == 1e-9
+
+
+def test_export_to_netcdf(call, file, tmp_path):
+    code, out, _ = call("log", "export", file, "--to", tmp_path / "run.nc")
+    assert (code, out) == (0, f"{tmp_path / 'run.nc'}: 120 cycles\n")
+    with xarray.open_dataset(tmp_path / "run.nc", engine="scipy") as dataset:
+        assert set(COLUMNS) <= set(dataset.variables)
+        assert json.loads(dataset.attrs["manifest"]) == runs.MANIFEST
+        assert dataset.lengths.attrs["units"] == "m"
+        assert dataset.lengths.sel(module="back-floor").shape == (120,)
+
+
+def test_export_to_parquet(call, file, tmp_path):
+    code, _, _ = call("log", "export", file, "--to", tmp_path / "run.parquet")
+    assert code == 0
+    table = pq.read_table(tmp_path / "run.parquet")
+    assert table.num_rows == 120
+    assert {"cycle", "chosen.back-floor", "structure.Fx.back-floor", "demanded.Fz"} <= set(table.column_names)
+    assert json.loads(table.schema.metadata[b"tensionlab"]) == runs.MANIFEST
+
+
+def test_replay_has_the_run_first(call, file, tmp_path):
+    words = ("log", "replay", file, "--solver", "newton", "--solver", "closed-form,dykstra")
+    code, out, _ = call(*words, "--out", tmp_path / "rows.parquet")
+    assert code == 0
+    lines = [line.split() for line in out.splitlines()]
+    assert [line[0] for line in lines if line and line[0] in ("the", "newton", "closed-form", "dykstra")] == [
+        "the", "newton", "closed-form", "dykstra",
+    ]  # fmt: skip
+    found = json.loads(call(*words, "--json")[1])
+    assert [row["solver"] for row in found["rows"]] == ["dykstra", "newton", "closed-form", "dykstra"]
+    assert found["rows"][0] == found["rows"][3]
+    assert found["cycles"] == 118
+    table = pq.read_table(tmp_path / "rows.parquet")
+    assert table.to_pylist() == found["rows"]
+    assert json.loads(table.schema.metadata[b"tensionlab"])["run"] == runs.MANIFEST
+
+
+def test_a_picture_is_drawn(call, file, tmp_path):
+    assert call("log", "plot", file, "--plot", tmp_path / "run.png")[:2] == (0, f"plot: {tmp_path / 'run.png'}\n")
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("info", "none.mcap"), "none.mcap: cannot be read"),
+        (("export", "{file}", "--to", "run.csv"), "it must end in .nc or .parquet"),
+        (("plot", "{file}", "--plot", "run.gif"), "is no picture"),
+        (("replay", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
+        (("replay", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
+        (("replay", "{file}", "--solver", ""), "no solver asked for"),
+    ],
+)
+def test_bad_input_is_refused(call, file, words, message):
+    code, _, err = call("log", *(word.format(file=file) for word in words))
+    assert code == 2
+    assert message in " ".join(err.split())

@@ -1,0 +1,100 @@
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+import runs
+
+import tensionlab as tl
+from tensionlab.hardware.codes import Limit, State
+from tensionlab.hardware.columns import COLUMNS
+from tensionlab.hardware.run_record import read_run
+from tensionlab.plots import plot_run
+from tensionlab.plots.run import BINS, HELD, severity, stretches, thinned
+
+
+def words_of(path):
+    return re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def lossy(tmp_path_factory):
+    file = tmp_path_factory.mktemp("logs") / "run.mcap"
+    runs.logged(file, runs.seven(), 100, lost=2)
+    return read_run(file)
+
+
+def test_a_picture_names_what_is_in_it(tmp_path, lossy):
+    plot_run(lossy, tmp_path / "run.svg")
+    words = words_of(tmp_path / "run.svg")
+    names = [module.name for module in lossy.rig.modules]
+    for word in ("force (N)", "time (s)", "ms", "proof", "exact", "proved out of reach", "fault, or lost", *names):
+        assert word in words, word
+    assert "torque (N·m)" not in words
+    assert f"lost {names[2]}" in words
+    assert f"{names[0]}, 0.5 to 6 N" in words
+    assert "seven-modules, newton, nearest in force: 100 cycles, 50 a second" in words
+
+
+def test_a_log_that_was_cut_off_says_so(tmp_path, lossy):
+    plot_run(dataclasses.replace(lossy, complete=False), tmp_path / "run.svg")
+    assert any("the log was cut off" in word for word in words_of(tmp_path / "run.svg"))
+
+
+def test_a_run_without_a_cycle_is_an_empty_picture(tmp_path):
+    runs.logged(tmp_path / "run.mcap", runs.four(), 0)
+    plot_run(read_run(tmp_path / "run.mcap"), tmp_path / "run.svg")
+    assert "no cycle in the log" in words_of(tmp_path / "run.svg")
+
+
+def test_torques_have_a_panel_of_their_own(tmp_path):
+    runs.logged(tmp_path / "run.mcap", tl.load_rig(runs.RIGS / "cogiro.toml"), 30)
+    plot_run(read_run(tmp_path / "run.mcap"), tmp_path / "run.svg")
+    assert "torque (N·m)" in words_of(tmp_path / "run.svg")
+
+
+def test_in_a_long_run_nothing_is_overlooked(tmp_path, lossy):
+    count = 40_000
+    time = np.arange(count) / 100.0
+    values = np.zeros(count)
+    values[12_345], values[23_456], values[30_000:30_010] = 7.0, -3.0, np.nan
+    at, line = thinned(time, values)
+    assert len(line) == 2 * BINS
+    assert (line.max(), line.min()) == (7.0, -3.0)
+    assert at[line.argmax()] == pytest.approx(123.45, abs=0.3)
+    assert np.isfinite(line).all()
+    assert len(stretches(count)) == BINS
+
+
+def test_one_bad_cycle_of_thousands_is_seen(tmp_path):
+    runs.logged(tmp_path / "run.mcap", runs.four(), 50)
+    short = read_run(tmp_path / "run.mcap")
+    many = {name: np.concatenate([getattr(short, name)] * 100) for name in COLUMNS}
+    long = dataclasses.replace(short, **{**many, "time": np.arange(5000) / 50.0})
+    plot_run(long, tmp_path / "good.svg")
+    assert "fault, or lost" not in words_of(tmp_path / "good.svg")
+    long.faults[3335, 1] = 1
+    plot_run(long, tmp_path / "bad.svg")
+    assert "fault, or lost" in words_of(tmp_path / "bad.svg")
+
+
+def test_the_worst_comes_first():
+    order = [limits for _, _, limits in HELD]
+    assert set().union(*order) == set(Limit)
+    assert sum(len(limits) for limits in order) == len(Limit)
+
+
+def test_what_held_a_module_back(lossy):
+    levels = severity(lossy)
+    free, taut, gone = 0, 1, len(HELD)
+    assert set(np.unique(levels)) == {free, taut, gone}
+    assert (levels[50:, 2] == gone).all()
+    assert (levels[:50, 2] != gone).all()
+    broken = dataclasses.replace(lossy, states=np.full_like(lossy.states, State.ESTOP))
+    assert (severity(broken) == gone).all()
+
+
+def test_the_same_run_makes_the_same_file(tmp_path, lossy):
+    plot_run(lossy, tmp_path / "one.png")
+    plot_run(lossy, tmp_path / "two.png")
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
