@@ -188,7 +188,9 @@ class Runner:
         if demand.stop:
             return False
         limits = self.rig.limits
-        free = state.active & [name not in demand.impedances for name in self._names]
+        free = state.active
+        if demand.impedances:
+            free = free & [name not in demand.impedances for name in self._names]
         wrench = state.structure @ np.where(free, limits.lower, 0.0) if demand.wrench is None else demand.wrench
         allocation, replaced = self._allocator(state.structure, wrench, free)
         require_within(allocation.tensions, limits, free, self._names)
@@ -209,11 +211,13 @@ class Runner:
             assert self._tracker is not None
             pose = self._tracker(now)
             structure = self.rig.structure_matrix(*pose)
+            motion = velocity(structure, seen.speeds, active)
         else:
             pose, structure = self._lengths.follow(seen.lengths, active)
+            motion = self._lengths.velocity(seen.speeds, active)
         late = seen.ages > 2e-3 * self.settings.telemetry_ms
-        self.statistics.late_telemetry.update(name for name, yes in zip(self._names, late, strict=True) if yes)
-        motion = velocity(structure, seen.speeds, active)
+        if late.any():
+            self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
         return RigState(self.statistics.cycles, now, pose, motion, structure, active=active, **seen._asdict())
 
     def _lost(self, index: int, error: HardwareError) -> None:
