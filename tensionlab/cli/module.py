@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.module_config import config
 from tensionlab.cli.module_monitor import monitor
 from tensionlab.cli.module_ping import ping
@@ -216,3 +217,4 @@ def _firmware(info: Info) -> str:
 module.command()(ping)
 module.command()(monitor)
 module.add_typer(config, name="config")
+module.add_typer(calibrate, name="calibrate")
