@@ -18,8 +18,10 @@ from tensionlab.cli.allocate import allocate
 from tensionlab.cli.bench import bench
 from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.compare import compare
+from tensionlab.cli.estop import estop
 from tensionlab.cli.layout import layout
 from tensionlab.cli.log import log
+from tensionlab.cli.module import module
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
 from tensionlab.cli.run import run
@@ -45,6 +47,8 @@ app.command()(workspace)
 app.command()(bench)
 app.command()(run)
 app.command()(simulate)
+app.command()(estop)
+app.add_typer(module, name="module")
 app.add_typer(rig, name="rig")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(layout, name="layout")

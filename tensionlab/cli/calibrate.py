@@ -201,10 +201,9 @@ def anchors(
 ) -> None:
     """Find the anchors of a rig from cable lengths, at known or unknown poses.
 
-    Lengths come from `record`, or from a tape measure. At unknown poses the rig needs more cables than freedoms;
-    where it stands in the room, how it is turned, and its size if all lengths are off by the same share, cannot be
-    seen and are taken from the rig file. For a platform, give rough poses all the same: they are where the search
-    starts.
+    Lengths come from `record`, or from a tape measure. At unknown poses the rig needs more cables than freedoms,
+    and where it stands and how it is turned is kept as in the rig file: lengths cannot tell. Nor do they tell if
+    all are off by the same share. For a platform, give rough poses all the same: the search starts from them.
     """
     from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
     from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
@@ -313,7 +312,7 @@ def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, obj
 
 
 def _show_gain(url: str, found: GainEstimate) -> None:
-    grid = output.table(f"{url}: {len(found.balances)} balances")
+    grid = output.table(f"{len(found.balances)} balances at {url}")
     for heading in ("", "before", "now", "95 % interval"):
         grid.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
     rows = [("tension for each ampere, N/A", f"{found.believed:.4g}", found.gain, 4)]
@@ -358,7 +357,7 @@ def _show_anchors(
     import numpy as np
 
     poses = f"{len(found.residuals)} {'known' if known else 'unknown'} poses"
-    grid = output.table(f"{rig.name}: anchors from {poses}, ± the 95 % interval")
+    grid = output.table(f"{rig.name}: anchors from {poses} (± 95 %)")
     grid.add_column("module")
     for axis in "xyz"[: rig.dimension]:
         grid.add_column(f"{axis}\nm", justify="right", no_wrap=True)
@@ -366,17 +365,22 @@ def _show_anchors(
         grid.add_column(heading, justify="right", no_wrap=True)
     moved = np.linalg.norm(found.anchors - rig.anchors, axis=1)
     for j, module in enumerate(rig.modules):
-        places = [f"{x:.4f} ± {w:.4f}" for x, w in zip(found.anchors[j], found.intervals[j], strict=True)]
+        places = [
+            f"{x:.4f} ± {'–' if math.isnan(w) else f'{w:.4f}'}"
+            for x, w in zip(found.anchors[j], found.intervals[j], strict=True)
+        ]
         extra = [f"{1e3 * found.offsets[j]:+.1f}"] if offsets else []
         grid.add_row(module.name, *places, f"{1e3 * moved[j]:.1f}", *extra)
     console = output.console()
     console.print(grid)
-    held = "–" if math.isnan(misfits["held_out"]) else f"{1e3 * misfits['held_out']:.2f} mm"
-    before, after = f"{1e3 * misfits['before']:.2f} mm", f"{1e3 * misfits['after']:.2f} mm"
+    before, after, held = (
+        "–" if math.isnan(misfits[key]) else f"{1e3 * misfits[key]:.2f} mm"
+        for key in ("before", "after", "held_out")
+    )
     how = "rms" if known else "rms, beyond what the poses take up"
     console.print(
         f"\nLengths are off by {before} before, {after} now, and {held} at poses that were held out ({how}).",
         soft_wrap=True,
     )
     if not known:
-        console.print("Where the rig stands and how it is turned is as in the rig file: lengths cannot tell.")
+        console.print("Where the rig stands and how it is turned is kept as in the rig file: lengths cannot tell.")

@@ -99,6 +99,18 @@ def holder(url: str) -> Holder | None:
     return None
 
 
+def claimed() -> dict[str, Holder]:
+    """Which links do processes of this user have now, and which process has each?"""
+    found = {}
+    for note in sorted(_folder().glob("*.json")):
+        with suppress(OSError, ValueError, KeyError):
+            url = str(json.loads(note.read_text(encoding="utf-8"))["url"])
+            who = holder(url)
+            if who is not None:
+                found[url] = who
+    return found
+
+
 def normalised(url: str) -> str:
     """Which of the URLs that reach the same module stands for all of them?"""
     if url.startswith("socket://"):

@@ -9,6 +9,7 @@ import re
 import select
 import socket
 import time
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tensionlab.errors import LinkError, MissingDependency
@@ -26,6 +27,30 @@ KINDS = """
   /dev/ttyUSB0, COM5         a serial port
   socket://host:port         TCP, as `tensionlab simulate` serves
   sim:                       a simulated module in this process""".lstrip("\n")
+KNOWN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+|(?i:COM)\d+")
+"""What a URL looks like."""
+NEEDS_PYSERIAL = 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
+
+
+@dataclass(frozen=True)
+class SerialPort:
+    """Which ports has this computer?
+
+    Attributes
+    ----------
+    url : str
+    about : str
+        What the system says of it.
+    hardware : str
+        What the system calls it, such as ``USB VID:PID=10C4:EA60 ...``; ``BTHENUM...`` is Bluetooth on Windows.
+    vendor : int or None
+        The number of the USB chip's maker.
+    """
+
+    url: str
+    about: str
+    hardware: str
+    vendor: int | None
 
 
 class Link(Protocol):
@@ -55,6 +80,24 @@ class Link(Protocol):
         """Let go of the link; a closed link may be closed again."""
 
 
+def serial_ports() -> list[SerialPort]:
+    """Which serial ports are there, by USB or Bluetooth, free or not?"""
+    try:
+        from serial.tools import list_ports
+    except ImportError as missing:
+        raise MissingDependency(NEEDS_PYSERIAL) from missing
+    return [
+        SerialPort(port.device, "" if port.description == "n/a" else port.description, port.hwid, port.vid)
+        for port in sorted(list_ports.comports())
+    ]
+
+
+def require_known(url: str) -> None:
+    """Refuse, by a `LinkError`, what can be no link, before any is opened."""
+    if not KNOWN.fullmatch(url):
+        raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+
+
 def open_link(url: str) -> Link:
     """Reach a module.
 
@@ -71,15 +114,10 @@ def open_link(url: str) -> Link:
     MissingDependency
         If pyserial or filelock is not installed.
     """
+    require_known(url)
     if url == "sim:":
         return SimulatedLink(SimulatedModule())
-    kind: type[BluetoothLink | SerialLink]
-    if url.startswith("bt://"):
-        kind = BluetoothLink
-    elif url.startswith(("/dev/", "socket://")) or re.fullmatch(r"COM\d+", url, re.IGNORECASE):
-        kind = SerialLink
-    else:
-        raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+    kind = BluetoothLink if url.startswith("bt://") else SerialLink
     claim = Claim(url)
     try:
         return kind(url, claim)
@@ -97,16 +135,18 @@ class SerialLink:
         try:
             import serial
         except ImportError as missing:
-            raise MissingDependency(
-                'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
-            ) from missing
+            raise MissingDependency(NEEDS_PYSERIAL) from missing
         self.url, self._claim = url, claim
         # A port that is closed while another thread reads it is none of pyserial's own errors.
         self._broken = (serial.SerialException, TypeError, AttributeError)
         try:
             # Only the ports of a system know of being taken; a TCP port refuses by itself.
             taken = {} if url.startswith("socket://") else {"exclusive": True}
-            self._port: Any = serial.serial_for_url(url, BAUD, timeout=0, write_timeout=0, **taken)
+            self._port: Any = serial.serial_for_url(
+                url, BAUD, timeout=0, write_timeout=0, do_not_open=True, **taken
+            )
+            self._port.dtr = self._port.rts = False  # they reset most boards
+            self._port.open()
         except (serial.SerialException, ValueError) as error:
             raise LinkError(
                 f"{url} cannot be opened: {error}; is it there, and is no other program using it?"

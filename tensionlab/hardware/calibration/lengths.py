@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from tensionlab.errors import CalibrationError, HardwareError
 from tensionlab.hardware.calibration.poses import Poses, rotations
+from tensionlab.hardware.calibration.pulling import stopping
 from tensionlab.hardware.calibration.regression import Floats
 from tensionlab.hardware.calibration.tables import read_table
 from tensionlab.hardware.clock import Clock
@@ -92,12 +93,7 @@ def record_lengths(
         A module that is in use, does not know its length, lets go, or does not answer; all are stopped.
     """
     group.prepare(rig, 20)
-    for client, info in zip(group.clients, group.infos, strict=True):
-        if not info.length_known:
-            raise HardwareError(
-                f'module "{client.name}" does not know the length of its cable; bring the platform to its home '
-                "and calibrate lengths first"
-            )
+    group.require_lengths()
     rows: list[Floats] = []
     window: list[Floats] = []
     with closing(_taut(group, rig, clock, seconds)) as ticks:
@@ -121,7 +117,7 @@ def record_lengths(
 
 def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float) -> Generator[None, None, None]:
     """Pull with the lower limits for a while, and come by every period; then, or on any error, stop all."""
-    try:
+    with stopping(lambda: _raise(group.stop()), lambda: _raise(group.emergency_stop())):
         group.arm(rig.limits.lower)
         now, end = clock.now(), clock.now() + seconds
         while now < end:
@@ -133,10 +129,10 @@ def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float) -> Generat
                 client.listen()
                 client.check()
             yield
-    except BaseException:
-        group.stop()
-        raise
-    failed = group.stop()
+
+
+def _raise(failed: Mapping[str, HardwareError]) -> None:
+    """Say which module did not confirm that it has stopped."""
     for error in failed.values():
         raise error
 

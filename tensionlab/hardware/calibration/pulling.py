@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, ModuleFault
+from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.codes import Calibration, Limit, State
+from tensionlab.hardware.interrupts import ENDING, Interrupted, Interrupts
 from tensionlab.hardware.module import Heard, ModuleClient
 from tensionlab.hardware.protocol import Info, Message, Telemetry
 
 PERIOD = 0.02
 """From one set-point to the next, in s."""
 TELEMETRY_MS = 10
+PATIENCE = 25
+"""How many periods without telemetry are too many."""
+ARM_TRIES = 3
 HINDERED = {
     Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
     Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
@@ -56,12 +61,13 @@ class Puller:
         HardwareError
             It says nothing, has let go, or cannot pull with as much.
         """
-        self.client.set_tension(tension)
-        wait(self.client, PERIOD)
-        self.client.check()
-        if not self.heard:
-            wait(self.client, 0.5)
-        if not self.heard:
+        for _ in range(PATIENCE):
+            self.client.set_tension(tension)
+            wait(self.client, PERIOD)
+            self.client.check()
+            if self.heard:
+                break
+        else:
             raise HardwareError(f'module "{self.client.name}" sends no telemetry')
         latest = self.heard[-1]
         if latest.limit in HINDERED:
@@ -78,6 +84,26 @@ def wait(client: ModuleClient, seconds: float) -> None:
     left = end - client.link.clock()
     if left > 1e-3:  # a simulated module goes by its steps
         time.sleep(left)
+
+
+@contextmanager
+def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` in the end, whatever it is that ends this: also Ctrl-C, and signals that would end the program.
+
+    `tensionlab estop` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
+    """
+    interrupts = Interrupts()
+    with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
+        try:
+            yield
+        except BaseException as error:
+            interrupts.ignore()
+            at_once = isinstance(error, Interrupted) and error.number == ESTOP_SIGNAL
+            with suppress(HardwareError):
+                (stop_at_once if at_once else stop)()
+            raise
+        interrupts.ignore()
+        stop()
 
 
 @contextmanager
@@ -104,15 +130,10 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
         client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
     before, client.on_message = client.on_message, puller.take
     try:
-        client.telemetry_every(TELEMETRY_MS)
-        client.arm()
-        yield puller
-    except BaseException:
-        with suppress(HardwareError):
-            client.stop()
-        raise
-    else:
-        client.stop()
+        with stopping(client.stop, client.estop):
+            client.telemetry_every(TELEMETRY_MS)
+            _arm(client, info.tension_lower)
+            yield puller
     finally:
         client.on_message = before
         with suppress(HardwareError):
@@ -120,3 +141,14 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
             wait(client, 0.3)  # until nothing pulls any more
             if not info.calibrated:
                 client.set_parameter("calibrated", 0.0)
+
+
+def _arm(client: ModuleClient, tension: float) -> None:
+    """Arm a module. Where the answer is lost, it may have timed out before the next one comes: then once more."""
+    for _ in range(ARM_TRIES):
+        client.arm()
+        client.set_tension(tension)
+        wait(client, 0.1)
+        if client.state is not State.TIMEOUT:
+            return
+        client.stop()

@@ -7,7 +7,9 @@ from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.hardware.calibration.gain import GRAVITY, gain_from_weights
 from tensionlab.hardware.calibration.hanging import HangingMass
 from tensionlab.hardware.calibration.weighing import weigh
+from tensionlab.hardware.channel import Conditions
 from tensionlab.hardware.codes import Calibration, State
+from tensionlab.hardware.faulty import FaultyLink
 from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 
@@ -77,6 +79,14 @@ def test_one_mass_is_enough_where_the_zero_is_known():
     plant, simulated = planted(20)
     found = gain_from_weights(weighed(simulated, [0.15]), 3.0)
     assert found.gain.value == pytest.approx(plant["torque_constant"] / SPOOL, rel=0.03)
+
+
+def test_a_bad_link_does_no_harm():
+    plant, simulated = planted(30)
+    bad = Conditions(latency=0.03, jitter=0.01, drop=5e-4, corrupt=5e-4)
+    with ModuleClient("one", FaultyLink(SimulatedLink(simulated), bad)) as client:
+        found = gain_from_weights(weigh(client, 0.1, 2) + weigh(client, 0.1, 2), 3.0)
+    assert found.gain.value == pytest.approx(plant["torque_constant"] / SPOOL, rel=0.04)
 
 
 def test_a_module_that_was_never_calibrated_is_weighed_and_left_so():

@@ -1,0 +1,160 @@
+"""``tensionlab module config``: parameters of modules, one by one or as a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli import output
+from tensionlab.cli.reach import Json, ModulesFile, Words, complain, on_all, targets
+
+if TYPE_CHECKING:
+    from tensionlab.hardware.module import ModuleClient
+    from tensionlab.hardware.settings import Change
+
+config = typer.Typer(
+    help="Get and set the parameters of modules, keep them in a file. The modules must be idle.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+Mixed = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[URL...] [WHAT...]", help="Links, or names with --modules; and parameters."),
+]
+Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]
+
+
+@config.command()
+def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) -> None:
+    """Show parameters, such as slew or ttl; all of them if none is named."""
+    from tensionlab.hardware.meanings import PARAMETER_MEANINGS
+    from tensionlab.hardware.settings import parameters, plain
+    from tensionlab.hardware.simulated import PARAMETERS
+
+    wanted = [word for word in words or () if word in PARAMETERS]
+    links = targets([word for word in words or () if word not in PARAMETERS], modules)
+    answers, failed = on_all(links, parameters)
+    rows = wanted or list(PARAMETERS)
+    if json:
+        output.print_json(
+            [
+                {"module": name, "url": links[name], "parameters": {row: found[row].value for row in rows}}
+                for name, found in answers.items()
+            ]
+        )
+    elif answers:
+        grid = output.table()
+        grid.add_column("parameter", no_wrap=True)
+        for name in answers:
+            grid.add_column(name, justify="right", overflow="fold")
+        grid.add_column("unit")
+        if len(answers) == 1:
+            grid.add_column("what it is")
+        for row in rows:
+            values = (plain(found[row].value) for found in answers.values())
+            about = [PARAMETER_MEANINGS[row]] if len(answers) == 1 else []
+            grid.add_row(row, *values, PARAMETERS[row].unit, *about)
+        output.console().print(grid)
+    complain(failed)
+
+
+@config.command(name="set")
+def set_(words: Mixed = None, modules: ModulesFile = None, save: Save = False) -> None:
+    """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
+    from tensionlab.hardware.settings import change, checked
+
+    pairs = [word.partition("=") for word in words or () if "=" in word]
+    if not pairs:
+        raise typer.BadParameter("no parameters; write them like slew=50")
+    values: dict[str, float] = {}
+    for name, _, value in pairs:
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise typer.BadParameter(f"{name}={value}: give a number, such as {name}=50") from None
+    checked(values, "set")
+    links = targets([word for word in words or () if "=" not in word], modules)
+    _change(links, lambda client: change(client, values, "set"), save)
+
+
+@config.command()
+def dump(
+    words: Words = None,
+    modules: ModulesFile = None,
+    folder: Annotated[
+        Path | None, typer.Option(help="Write NAME.toml there for each module; must exist.", file_okay=False)
+    ] = None,
+) -> None:
+    """Print all parameters of a module as a file (TOML); those of several go to a folder."""
+    from tensionlab.hardware.settings import dump as text_of
+
+    links = targets(words, modules)
+    if folder is None and len(links) > 1:
+        raise typer.BadParameter("more than one module; give --folder DIRECTORY, for a file of each")
+    if folder is not None:
+        if modules is None:
+            raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
+        output.output_file(folder / "x")
+    texts, failed = on_all(links, text_of)
+    for name, text in texts.items():
+        if folder is None:
+            typer.echo(text, nl=False)
+        else:
+            (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+            typer.echo(folder / f"{name}.toml")
+    complain(failed)
+
+
+@config.command()
+def restore(
+    path: Annotated[
+        Path, typer.Argument(metavar="FILE", help="What dump wrote, or a part of it; a folder with --modules.")
+    ],
+    words: Words = None,
+    modules: ModulesFile = None,
+    save: Save = False,
+) -> None:
+    """Give modules the parameters in a file, until the next start, or for good with --save.
+
+    What the file does not name stays as it is. All values are checked before the first is changed. One file serves
+    several modules; in a folder, each has its NAME.toml.
+    """
+    from tensionlab.hardware.settings import change, parse
+
+    links = targets(words, modules)
+    files = {name: path / f"{name}.toml" if path.is_dir() else path for name in links}
+    values = {name: parse(_read(file), str(file)) for name, file in files.items()}
+    _change(links, lambda client: change(client, values[client.name], str(files[client.name])), save)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise typer.BadParameter(f"{path} cannot be read: {error}") from None
+
+
+def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:
+    """Change all, store it if asked to, and say what changed."""
+    from tensionlab.hardware.settings import FORGETTING, plain
+
+    def change_and_save(client: ModuleClient) -> list[Change]:
+        changes = job(client)
+        if save:
+            client.save()
+        return changes
+
+    answers, failed = on_all(links, change_and_save)
+    for name, changes in answers.items():
+        for each in changes:
+            typer.echo(f"{name}: {each.name} {plain(each.before)} -> {plain(each.after)}")
+        if not changes:
+            typer.echo(f"{name}: nothing to change")
+        if save:
+            typer.echo(f"{name}: stored")
+        if FORGETTING & {each.name for each in changes}:
+            typer.echo(f"{name}: it no longer knows how long its cable is; calibrate that")
+    complain(failed)

@@ -1,0 +1,82 @@
+"""Which of the modules is this one? Its cable pulses, gently."""
+
+from __future__ import annotations
+
+import time
+
+from tensionlab.errors import HardwareError, ModuleFault
+from tensionlab.hardware.codes import State
+from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.protocol import Info
+
+PULSES = 3
+STRENGTH = 0.5
+"""Above the taut minimum, in N."""
+LASTING = 0.4
+"""Of each pulse and of each pause, in s."""
+AGAIN = 0.05
+"""How often a set-point is sent, in s."""
+
+
+def make_ready(client: ModuleClient) -> Info:
+    """Whether nothing is in the way of `identify`; what the module says of itself.
+
+    Raises
+    ------
+    HardwareError
+        It is armed already, by somebody else; it has let go and was not cleared; or it is not calibrated.
+    """
+    info = client.hello()
+    if info.state in (State.ARMED, State.RUNNING):
+        raise HardwareError(
+            f'module "{client.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
+            f"`tensionlab module stop {client.link.url}`"
+        )
+    if info.state in (State.FAULT, State.ESTOP):
+        raise ModuleFault(
+            f'module "{client.name}" is in {info.state.name}: find out why, then '
+            f"`tensionlab module clear {client.link.url}`",
+            client.name,
+            info.state,
+        )
+    if not info.calibrated:
+        raise HardwareError(
+            f'module "{client.name}" is not calibrated, and can\'t be armed: '
+            f"`tensionlab module calibrate gain {client.link.url}`"
+        )
+    client.stop()  # one that timed out in an earlier run is still in it
+    return info
+
+
+def identify(client: ModuleClient, info: Info) -> None:
+    """Which module is this? It is armed, its cable pulses three times, and it is stopped.
+
+    Parameters
+    ----------
+    client : ModuleClient
+    info : Info
+        What `make_ready` gave.
+
+    Raises
+    ------
+    HardwareError
+        The module lets go, or its link breaks.
+    """
+    strong = min(info.tension_lower + STRENGTH, info.tension_upper)
+    client.arm()
+    try:
+        for _ in range(PULSES):
+            _pull(client, info.tension_lower)
+            _pull(client, strong)
+    finally:
+        client.stop()
+
+
+def _pull(client: ModuleClient, tension: float) -> None:
+    end = client.link.clock() + LASTING
+    while client.link.clock() < end:
+        client.set_tension(tension)
+        client.listen(AGAIN)
+        if not client.link.lockstep:
+            time.sleep(AGAIN)
+        client.check()

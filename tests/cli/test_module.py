@@ -1,0 +1,254 @@
+"""`tensionlab module`, as a stranger would use it, on modules of another process."""
+
+import json
+import os
+import signal
+import subprocess
+import threading
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.experiments.processes import command, simulated
+from tensionlab.hardware import discover
+from tensionlab.hardware.link import SerialPort
+from tensionlab.hardware.module import ModuleClient
+
+RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
+
+
+@pytest.fixture(scope="module")
+def modules(tmp_path_factory):
+    """A modules file of a rig's modules."""
+    file = tmp_path_factory.mktemp("rig") / "modules.toml"
+    with simulated(RIG, "--modules", file):
+        yield file
+
+
+@pytest.fixture(scope="module")
+def urls(modules):
+    return tomllib.loads(modules.read_text())["modules"]
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab` in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+@pytest.fixture
+def call(run, modules):
+    """Run a verb on the rig's modules."""
+    return lambda verb, *words: run("module", *verb.split(), "--modules", modules, *words)
+
+
+def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
+    status, out, err = call("info")
+    assert (status, err) == (0, "")
+    assert [line.split()[:4] for line in out.splitlines()[3:]] == [
+        [name, f"0000000{index}", "0.1", "idle"] for index, name in enumerate(urls, 1)
+    ]
+    status, out, err = run("module", "info", urls["top"], "socket://127.0.0.1:1", "--json")
+    assert status == 1
+    found = json.loads(out)
+    assert found[0]["info"]["serial_number"] == 4
+    assert found[0]["info"]["state"] == "IDLE"
+    assert found[1]["info"] is None
+    assert "cannot be opened" in found[1]["error"]
+    assert err.startswith("tensionlab: socket://127.0.0.1:1 cannot be opened")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["info"], "no modules; give --modules FILE, or links:"),
+        (["info", "COM5", "COM5"], "a module is there twice"),
+        (["info", "com5", "COM5"], "two of these links reach the same module"),
+        (["info", "tcp://there"], "'tcp://there' is no link to a module; give one of these:"),
+        (["info", "--modules", "none.toml"], "none.toml: cannot be read"),
+        (["config", "set", "COM5"], "no parameters; write them like slew=50"),
+        (["config", "set", "COM5", "slew=fast"], "slew=fast: give a number, such as slew=50"),
+        (["config", "set", "COM5", "slow=5"], 'modules have no parameter "slow"; is it slew?'),
+        (["config", "set", "COM5", "slew=5000"], "slew is from 10 to 300 N/s; got 5000"),
+        (["config", "restore", "none.toml", "COM5"], "none.toml cannot be read"),
+        (["config", "dump", "COM5", "COM6"], "more than one module; give --folder DIRECTORY"),
+    ],
+)
+def test_bad_input_is_refused_before_any_link_is_opened(run, words, message):
+    status, out, err = run("module", *words)
+    assert status == 2
+    assert out == ""
+    assert message in " ".join(err.replace("│", "").split()).replace("tensionlab: ", "", 1) or message in err
+
+
+def test_a_name_that_the_file_does_not_have(call):
+    status, _, err = call("info", "bottom")
+    assert status == 2
+    assert "has no module 'bottom'; it has floor-1, floor-2, floor-3, top" in err
+
+
+def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, urls):
+    ports = {
+        urls["top"]: SerialPort(urls["top"], "CP2102 USB to UART Bridge", "USB VID:PID=10C4:EA60", 0x10C4),
+        urls["floor-1"]: SerialPort(urls["floor-1"], "", "n/a", None),
+        "/dev/rfcomm77": SerialPort("/dev/rfcomm77", "", "n/a", None),
+    }
+    monkeypatch.setattr(discover, "serial_ports", lambda: list(ports.values()))
+    status, out, _ = run("module", "discover", "--json")
+    assert status == 0
+    top, bluetooth = json.loads(out)
+    assert top["url"] == urls["top"]
+    assert top["info"]["serial_number"] == 4
+    assert "cannot be opened" in bluetooth["problem"]
+    with ModuleClient("floor-1", urls["floor-1"]):
+        status, out, _ = run("module", "discover", "--all")
+    assert status == 0
+    assert f"in use by process {os.getpid()} (" in " ".join(out.split())
+    assert "00000004" in out
+    monkeypatch.setattr(discover, "serial_ports", list)
+    status, out, _ = run("module", "discover")
+    assert status == 1
+    assert out == "no port looks like a module's; --all asks every serial port\n"
+
+
+def test_ping_tells_percentiles_and_the_safe_rate(call):
+    status, out, _ = call("ping", "--count", "50", "--json")
+    assert status == 0
+    for found in json.loads(out):
+        assert (found["pings"], found["lost"], found["ttl"]) == (50, 0, 0.25)
+        times = found["seconds"]
+        assert 0.0 < times["p50"] <= times["p95"] <= times["p99"] <= times["max"] < 0.1
+        least, most = found["safe_rate"]
+        assert least == pytest.approx(3 / (0.25 - times["p99"] / 2))
+        assert most == 1000.0
+        assert found["clock_offset_error"] < 0.05
+    status, out, _ = call("ping", "--count", "5", "top")
+    assert status == 0
+    assert out.splitlines()[-1].split()[:3] == ["top", "5", "0"]
+    assert "12 to 1000" in out
+
+
+def test_over_a_bad_link_ping_counts_the_lost_and_asks_for_more(run):
+    with simulated("--latency-ms", 20, "--jitter-ms", 10, "--drop-pct", 0.5, "--seed", 3) as (links, _):
+        _, out, _ = run("module", "ping", links["module"], "--count", "20", "--json")
+    [found] = json.loads(out)
+    assert 1 <= found["lost"] <= 10
+    assert 0.04 <= found["seconds"]["p50"] <= 0.07
+    assert found["safe_rate"][0] > 3 / 0.25
+
+
+def test_monitor_shows_what_modules_say_and_what_it_means(call, urls):
+    status, out, _ = call("monitor", "--seconds", "0.5")
+    assert status == 0
+    lines = out.splitlines()
+    assert [line.split()[0] for line in lines[3:7]] == list(urls)
+    assert lines[6].split()[1:5] == ["idle", "0.00", lines[6].split()[3], "2.000"]
+    assert lines[7] == "idle: the driver is off, or going off"
+    status, out, _ = call("monitor", "--seconds", "0.3", "--json", "top")
+    [found] = json.loads(out)
+    assert found["telemetry"]["limit"] == "IDLE"
+    assert found["telemetry"]["length"] == pytest.approx(2.0, abs=1e-3)
+    assert found["age"] < 0.2
+
+
+def test_monitor_says_when_a_module_is_gone(run):
+    with simulated() as (links, process):
+        threading.Timer(1.0, process.terminate).start()
+        status, out, err = run("module", "monitor", links["module"], "--seconds", "5")
+    assert status == 1
+    assert "lost" in out
+    assert f"{links['module']} broke" in err
+
+
+def test_ctrl_c_ends_the_monitor_in_good_order(modules):
+    words = command("module", "monitor", "--modules", modules)
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        time.sleep(1.5)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10)
+    assert process.returncode == 0
+    assert err == b""
+    assert b"floor-1" in out
+
+
+def test_identify_says_which_cable_pulses_and_why_one_cannot(run, call, urls):
+    status, out, err = call("identify", "top")
+    assert (status, out, err) == (0, f"top ({urls['top']}): its cable pulses now\n", "")
+    assert json.loads(call("info", "top", "--json")[1])[0]["info"]["state"] == "IDLE"
+    status, out, err = run("module", "identify", "sim:")
+    assert (status, out) == (1, "")
+    assert "is not calibrated, and can't be armed: `tensionlab module calibrate gain sim:`" in err
+
+
+def test_stop_estop_and_clear_say_in_which_state_that_leaves_modules(call, urls):
+    names = list(urls)
+    assert call("stop")[:2] == (0, "".join(f"{name}: idle\n" for name in names))
+    status, out, _ = call("estop", "top")
+    assert (status, out) == (0, "top: estop: driver off; `tensionlab module clear` leads out of it\n")
+    status, out, err = call("identify", "top")
+    assert status == 1
+    assert out == ""
+    assert (
+        err
+        == f'tensionlab: module "top" is in ESTOP: find out why, then `tensionlab module clear {urls["top"]}`\n'
+    )
+    status, out, _ = call("stop", "top", "floor-1", "--json")
+    assert status == 0
+    assert [each["state"] for each in json.loads(out)] == ["ESTOP", "IDLE"]
+    assert call("clear", "top")[:2] == (0, "top: idle\n")
+
+
+def test_what_does_not_confirm_its_stop_is_named(run, urls):
+    status, out, err = run("module", "stop", urls["top"], "socket://127.0.0.1:1")
+    assert status == 1
+    assert out == f"{urls['top']}: idle\n"
+    assert err.startswith("tensionlab: socket://127.0.0.1:1 cannot be opened")
+    assert err.count("\n") == 1
+
+
+def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
+    status, text, _ = call("config dump", "top")
+    assert status == 0
+    file = tmp_path / "top.toml"
+    file.write_text(text)
+    status, out, _ = call("config set", "top", "slew=50", "ttl=200")
+    assert (status, out) == (0, "top: slew 60.0 -> 50.0\ntop: ttl 250.0 -> 200.0\n")
+    status, out, _ = call("config get", "top", "slew", "--json")
+    assert json.loads(out) == [{"module": "top", "url": urls["top"], "parameters": {"slew": 50.0}}]
+    status, out, _ = call(f"config restore {file}", "top", "--save")
+    assert out == "top: slew 50.0 -> 60.0\ntop: ttl 200.0 -> 250.0\ntop: stored\n"
+    assert call(f"config restore {file}", "top")[1] == "top: nothing to change\n"
+    status, out, _ = call("config get", "top", "floor-1", "slew", "ttl")
+    assert [line.split() for line in out.splitlines()[2:]] == [
+        ["slew", "60.0", "60.0", "N/s"],
+        ["ttl", "250.0", "250.0", "ms"],
+    ]
+
+
+def test_parameters_of_all_modules_in_a_folder(call, tmp_path, urls):
+    status, out, _ = call("config dump", "--folder", str(tmp_path))
+    assert status == 0
+    assert sorted(Path(line).stem for line in out.split()) == sorted(urls)
+    (tmp_path / "top.toml").write_text("[parameters]\nspool_radius = 0.02\n")
+    status, out, _ = call(f"config restore {tmp_path}")
+    assert out.splitlines() == [
+        "floor-1: nothing to change",
+        "floor-2: nothing to change",
+        "floor-3: nothing to change",
+        "top: spool_radius 0.0195 -> 0.02",
+        "top: it no longer knows how long its cable is; calibrate that",
+    ]
+    (tmp_path / "top.toml").write_text("[parameters]\nspool_radius = 2\n")
+    status, out, err = call(f"config restore {tmp_path}")
+    assert (status, out) == (2, "")
+    assert "top.toml: spool_radius is from 0.005 to 0.1 m; got 2" in err
