@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.module_config import config
 from tensionlab.cli.module_monitor import monitor
 from tensionlab.cli.module_ping import ping
@@ -120,13 +121,10 @@ def identify(words: Words = None, modules: ModulesFile = None) -> None:
     somebody has armed is left alone.
     """
     from tensionlab.hardware.identify import identify as pulse
-    from tensionlab.hardware.identify import make_ready
 
     def job(client: ModuleClient) -> None:
-        ready = make_ready(client)
         url = "" if client.name == client.link.url else f" ({client.link.url})"
-        typer.echo(f"{client.name}{url}: its cable pulses now")
-        pulse(client, ready)
+        pulse(client, lambda: typer.echo(f"{client.name}{url}: its cable pulses now"))
 
     failed = {}
     for name, url in targets(words, modules).items():
@@ -216,3 +214,4 @@ def _firmware(info: Info) -> str:
 module.command()(ping)
 module.command()(monitor)
 module.add_typer(config, name="config")
+module.add_typer(calibrate, name="calibrate")
