@@ -142,18 +142,19 @@ def test_a_frozen_link_is_silent_and_a_thawed_one_forgets_what_was_said(faulty):
 
 
 def test_what_is_on_its_way_into_a_freeze_never_comes():
-    with ModuleClient("one", lockstep(Conditions(latency=0.05))) as client:
-        for _ in range(2):
-            client.post(Hello())
-            client.link.freeze()
-            client.link.thaw()
-        client.listen(0.3)
-        assert client.state is None
-        client.post(Hello())
-        client.listen(0.06)  # it is on its way back
-        client.link.freeze()
-        client.link.thaw()
-        assert client.link.receive(0.3) == b""
+    link, hello = lockstep(Conditions(latency=0.05)), Hello().frame(1).pack()
+    link.send(hello)
+    link.freeze()
+    link.thaw()
+    assert link.receive(0.3) == b""
+    link.send(hello)
+    assert link.receive(0.06) == b""  # the answer is on its way
+    link.freeze()
+    link.thaw()
+    assert link.receive(0.3) == b""
+    link.send(hello)
+    assert link.receive(0.3) != b""
+    link.close()
 
 
 def test_time_passes_for_who_waits_at_a_frozen_link():
