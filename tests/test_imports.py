@@ -90,6 +90,7 @@ NATIVE = {
     "workspace/margin.py",
     "workspace/measures.py",
     "workspace/wrench_set.py",
+    "hardware/pose_tracker.py",
     "hardware/simulated.py",
 }
 HEAVY = (

@@ -16,7 +16,6 @@ import typer
 from tensionlab import __version__
 from tensionlab.cli.allocate import allocate
 from tensionlab.cli.bench import bench
-from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.compare import compare
 from tensionlab.cli.estop import estop
 from tensionlab.cli.layout import layout
@@ -50,7 +49,6 @@ app.command()(simulate)
 app.command()(estop)
 app.add_typer(module, name="module")
 app.add_typer(rig, name="rig")
-app.add_typer(calibrate, name="calibrate")
 app.add_typer(layout, name="layout")
 app.add_typer(log, name="log")
 app.add_typer(problems, name="problems")

@@ -1,4 +1,4 @@
-"""``calibrate``: what modules and rigs really are, from what is measured on them."""
+"""``tensionlab module calibrate``: what modules and rigs really are, from what is measured on them."""
 
 from __future__ import annotations
 

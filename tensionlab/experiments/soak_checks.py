@@ -91,7 +91,7 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     lower, upper = run.rig.limits.lower, run.rig.limits.upper
     outside = int(((run.sent < lower) | (run.sent > upper)).sum())
     outside += sum(outside_in(path, run) for path in recordings)
-    ages = run.time[:, None] - np.where(known[:, None], run.time[source], run.time[:, None])
+    ages = (run.time[:, None] - run.time[source] - run.ages)[known]
     return Findings(
         cycles=len(run),
         compared=len(rows),
@@ -99,7 +99,7 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
         often_error=float(np.percentile(errors, 99.0)) if errors.size else np.nan,
         outside=outside,
         went_back=int((np.diff(source[known], axis=0) < 0).sum()),
-        oldest=float((ages - run.ages)[known].max(initial=0.0)),
+        oldest=float(ages.max(initial=0.0)),
         statuses={status.name: int((run.status == status).sum()) for status in Status},
     )
 
@@ -134,5 +134,5 @@ def outside_in(recording: Path, run: Run) -> int:
             index = names.index(row["module"])
             lower, upper = run.rig.limits.lower[index], run.rig.limits.upper[index]
             taut = taut or float(row["commanded"]) >= lower - ROUNDING
-            count += taut and not lower - ROUNDING <= float(row["commanded"]) <= upper + ROUNDING
+            count += bool(taut and not lower - ROUNDING <= float(row["commanded"]) <= upper + ROUNDING)
     return count

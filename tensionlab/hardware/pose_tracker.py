@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import _native
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.cycle import Floats, Pose
-from tensionlab.model import kinematics
 from tensionlab.model.rig import Rig
 
 STEPS = 3
@@ -46,7 +46,8 @@ class PoseTracker:
                 f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or a place'
             )
         self._rig = rig
-        self._pose = Pose(rig.home, np.eye(rig.dimension) if rig.n > rig.dimension else None)  # always a matrix
+        attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
+        self._native = _native.PoseTracker(rig.anchors, attachments, rig.home)
 
     def follow(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Pose, Floats]:
         """Where is it, by the lengths (m,) of those modules whose length is known?
@@ -61,41 +62,22 @@ class PoseTracker:
         HardwareError
             If no pose near the last one has these lengths.
         """
-        structure, missing = self._compare(lengths, known)
-        for _ in range(STEPS):
-            step = velocity(structure, missing, known)
-            self._move(step)
-            structure, missing = self._compare(lengths, known)
-            if np.abs(step).max() < FOUND:
-                break
-        if missing @ missing > FAR**2 * known.sum():
-            worst = int(np.argmax(np.abs(missing)))
+        found = self._native.follow(lengths, known, STEPS, FOUND)
+        position, rotation, structure, squares, worst, off = found
+        if not squares <= FAR**2 * np.count_nonzero(known):
             raise HardwareError(
                 f'cable lengths fit no pose: that of module "{self._rig.modules[worst].name}" is off by '
-                f"{1e3 * abs(missing[worst]):.0f} mm; calibrate the lengths, and start near the rig's home"
+                f"{1e3 * off:.0f} mm; calibrate the lengths, and start near the rig's home"
             )
-        return self._public(), structure
+        if self._rig.n == self._rig.dimension:
+            return Pose(position), structure
+        if self._rig.dimension == 2:
+            return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), structure
+        return Pose(position, rotation), structure
 
-    def _compare(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        """Structure matrix at the pose, and what its lengths are short of those measured; 0 where unknown."""
-        cables = self._rig.cables(*self._public())
-        structure = kinematics.structure_matrix(cables.directions, cables.arms)
-        return structure, np.where(known, lengths - cables.lengths, 0.0)
-
-    def _move(self, step: Floats) -> None:
-        d = self._rig.dimension
-        position, rotation = self._pose.position + step[:d], self._pose.rotation
-        if rotation is not None:
-            turn = step[d:]
-            rotation = (kinematics.exponential(turn) if d == 3 else kinematics.planar_rotation(turn[0])) @ rotation
-        self._pose = Pose(position, rotation)
-
-    def _public(self) -> Pose:
-        """The pose as `Rig` takes it: in the plane with an angle."""
-        rotation = self._pose.rotation
-        if rotation is not None and self._rig.dimension == 2:
-            return Pose(self._pose.position, np.arctan2(rotation[1, 0], rotation[0, 0]))
-        return self._pose
+    def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
+        """The same as the function `velocity`, at the latest pose."""
+        return self._native.velocity(speeds, known)
 
 
 def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Floats:

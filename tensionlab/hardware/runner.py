@@ -127,12 +127,11 @@ class Runner:
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
             sys.setswitchinterval(SWITCH)
-            at_once = False
             try:
                 self._begin()
                 self.statistics.ended = self._render(seconds)
             except Interrupted as interrupted:
-                at_once = interrupted.number == ESTOP_SIGNAL
+                self.statistics.emergency = interrupted.number == ESTOP_SIGNAL
                 self.statistics.ended = f"signal {interrupted}"
             except BaseException as error:
                 self.statistics.ended = f"{type(error).__name__}: {error}"
@@ -141,7 +140,7 @@ class Runner:
                 interrupts.ignore()
                 sys.setswitchinterval(patience)
                 gc.unfreeze()
-                self._end(at_once=at_once)
+                self._end()
         return self.statistics
 
     def _begin(self) -> None:
@@ -188,7 +187,9 @@ class Runner:
         if demand.stop:
             return False
         limits = self.rig.limits
-        free = state.active & [name not in demand.impedances for name in self._names]
+        free = state.active
+        if demand.impedances:
+            free = free & [name not in demand.impedances for name in self._names]
         wrench = state.structure @ np.where(free, limits.lower, 0.0) if demand.wrench is None else demand.wrench
         allocation, replaced = self._allocator(state.structure, wrench, free)
         require_within(allocation.tensions, limits, free, self._names)
@@ -209,11 +210,13 @@ class Runner:
             assert self._tracker is not None
             pose = self._tracker(now)
             structure = self.rig.structure_matrix(*pose)
+            motion = velocity(structure, seen.speeds, active)
         else:
             pose, structure = self._lengths.follow(seen.lengths, active)
+            motion = self._lengths.velocity(seen.speeds, active)
         late = seen.ages > 2e-3 * self.settings.telemetry_ms
-        self.statistics.late_telemetry.update(name for name, yes in zip(self._names, late, strict=True) if yes)
-        motion = velocity(structure, seen.speeds, active)
+        if late.any():
+            self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
         return RigState(self.statistics.cycles, now, pose, motion, structure, active=active, **seen._asdict())
 
     def _lost(self, index: int, error: HardwareError) -> None:
@@ -224,9 +227,9 @@ class Runner:
         if self._log is not None:
             self._log.note(kind, text, module)
 
-    def _end(self, *, at_once: bool) -> None:
+    def _end(self) -> None:
         """Stop all modules; say in the log why, and which did not confirm it."""
-        unconfirmed = self.modules.emergency_stop() if at_once else self.modules.stop()
+        unconfirmed = self.modules.emergency_stop() if self.statistics.emergency else self.modules.stop()
         self.statistics.unconfirmed = {name: str(error) for name, error in unconfirmed.items()}
         with suppress(HardwareError):  # of a full disk, the run has heard already
             self._note("ended", self.statistics.ended)

@@ -14,6 +14,7 @@ void bind_firmware(nanobind::module_&);
 void bind_judge(nanobind::module_&);
 void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);
+void bind_pose_tracker(nanobind::module_&);
 void bind_smooth(nanobind::module_&);
 void bind_workspace(nanobind::module_&);
 

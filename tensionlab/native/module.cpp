@@ -22,6 +22,7 @@ NB_MODULE(_native, module) {
   bind_judge(module);
   bind_linear_program(module);
   bind_newton(module);
+  bind_pose_tracker(module);
   bind_smooth(module);
   bind_workspace(module);
 }

@@ -1,24 +1,18 @@
-"""`calibrate` by the command line: in lockstep, on files, and over TCP with modules in a process of their own."""
+"""`tensionlab module calibrate`: in lockstep, on files, and over TCP with modules in a process of their own."""
 
 import json
-import signal
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from wire import connected
 
 from tensionlab.cli import main
-from tensionlab.experiments.processes import process, simulated
+from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.calibration import staircase
 from tensionlab.hardware.calibration.tables import read_table, write_table
-from tensionlab.hardware.claims import ESTOP_SIGNAL
-from tensionlab.hardware.codes import State
 from tensionlab.hardware.modules_file import modules_to_toml
-from tensionlab.hardware.protocol import Hello, Info
 from tensionlab.model.files import load_rig
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
@@ -30,7 +24,7 @@ def run(capsys):
 
     def call(*words):
         with pytest.raises(SystemExit) as left:
-            main(["calibrate", *(str(word) for word in words)])
+            main(["module", "calibrate", *(str(word) for word in words)])
         out, err = capsys.readouterr()
         return left.value.code or 0, out, err
 
@@ -181,19 +175,3 @@ def test_over_tcp_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refuse
         code, _, err = run("gain", url, "--mass", 0.1)
         assert code == 2
         assert "the cable does not reel in yet; hang a lighter mass" in err
-
-
-@pytest.mark.parametrize(
-    ("number", "left"), [(signal.SIGINT, State.IDLE), (signal.SIGTERM, State.IDLE), (ESTOP_SIGNAL, State.ESTOP)]
-)
-def test_over_tcp_whatever_ends_the_program_stops_the_module(tmp_path, number, left):
-    with simulated() as (links, _):
-        with process("calibrate", "staircase", links["module"], "--out", tmp_path / "up.csv") as running:
-            time.sleep(2.0)
-            assert running.poll() is None, running.stderr.read()
-            running.send_signal(number)
-            assert running.wait(5.0) != 0
-            assert "Traceback" not in running.stderr.read()
-        with connected(links["module"]) as client:
-            assert client.ask(Hello(), Info).state is left
-    assert not (tmp_path / "up.csv").exists()

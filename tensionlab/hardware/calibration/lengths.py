@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +46,12 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
     """
     group.prepare(rig, 20)
     before = np.full(rig.m, np.nan)
-    with closing(_taut(group, rig, clock, TAUT_FOR)) as ticks:
-        for _ in ticks:
-            before = np.array([each.length for each in _telemetry(group)])
+
+    def look() -> bool:
+        before[:] = [each.length for each in _telemetry(group)]
+        return True
+
+    _taut(group, rig, clock, TAUT_FOR, look)
     known = [info.length_known for info in group.infos]
     clock.wait_until(clock.now() + LOOSE_FOR)
     for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):
@@ -96,18 +98,20 @@ def record_lengths(
     group.require_lengths()
     rows: list[Floats] = []
     window: list[Floats] = []
-    with closing(_taut(group, rig, clock, seconds)) as ticks:
-        for _ in ticks:
-            window = [*window, np.array([each.length for each in _telemetry(group)])][-round(STILL_FOR / PERIOD) :]
-            if len(window) < round(STILL_FOR / PERIOD) or np.ptp(window, axis=0).max() > STILL:
-                continue
-            row = np.mean(window, axis=0)
-            if all(np.abs(row - other).max() > APART for other in rows):
-                rows.append(row)
-                if found:
-                    found(len(rows))
-                if len(rows) == poses:
-                    break
+
+    def look() -> bool:
+        window.append(np.array([each.length for each in _telemetry(group)]))
+        del window[: -round(STILL_FOR / PERIOD)]
+        if len(window) < round(STILL_FOR / PERIOD) or np.ptp(window, axis=0).max() > STILL:
+            return True
+        row = np.mean(window, axis=0)
+        if all(np.abs(row - other).max() > APART for other in rows):
+            rows.append(row)
+            if found:
+                found(len(rows))
+        return len(rows) < poses
+
+    _taut(group, rig, clock, seconds, look)
     if not rows:
         raise CalibrationError(
             f"the cables were never still for {STILL_FOR} s; hold the platform still at each pose"
@@ -115,8 +119,8 @@ def record_lengths(
     return np.array(rows)
 
 
-def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float) -> Generator[None, None, None]:
-    """Pull with the lower limits for a while, and come by every period; then, or on any error, stop all."""
+def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float, look: Callable[[], bool]) -> None:
+    """Pull with the lower limits until `look`, called every period, has seen enough; stop all in any case."""
     with stopping(lambda: _raise(group.stop()), lambda: _raise(group.emergency_stop())):
         group.arm(rig.limits.lower)
         now, end = clock.now(), clock.now() + seconds
@@ -128,7 +132,8 @@ def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float) -> Generat
             for client in group.clients:
                 client.listen()
                 client.check()
-            yield
+            if not look():
+                break
 
 
 def _raise(failed: Mapping[str, HardwareError]) -> None:

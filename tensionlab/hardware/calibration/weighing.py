@@ -6,7 +6,7 @@ mass at rest by the cube of time, so the cube root of the way leads back to the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -25,6 +25,8 @@ STILL, STILL_FOR = 0.0003, 0.2
 """At rest: no more than so many m for so many s."""
 PATIENCE = 5.0
 """How long a mass may take to come to rest, in s."""
+FEWEST = 4
+"""Telemetry of a cable on its way that it takes to find its start."""
 TREND = 0.5
 """Time before it moves, in s, whose currents are taken."""
 
@@ -59,14 +61,19 @@ def weigh(
     with pulling(client) as puller:
         lower = puller.info.tension_lower
         _calm(puller, lower)  # reels in what is slack
+        ground = puller.heard[-1].length
         lifted = _ramp(puller, lower, SEARCH, LIFT, DAMPING)
         lowered = _ramp(puller, lifted, -SEARCH, MOVED, DAMPING)
+        _calm(puller, (lifted + lowered) / 2.0)
+        # Once more: the first time, the cable also stretched.
+        lifted = _ramp(puller, (lifted + lowered) / 2.0, SEARCH, LIFT, DAMPING)
         middle = (lifted + lowered) / 2.0
-        _calm(puller, middle)
-        _ramp(puller, middle, SEARCH, LIFT, DAMPING)  # off whatever it was let down to
         for turn in range(repeats):
             for direction in (-1, 1):
                 _calm(puller, middle)
+                if puller.heard[-1].length > ground - 2.0 * MOVED:
+                    _ramp(puller, middle, SEARCH, LIFT, DAMPING)
+                    _calm(puller, middle)
                 _ramp(puller, middle, direction * RAMP, MOVED)
                 balances.append(Balance(weight, _current_at_start(puller, direction), direction))
                 if progress:
@@ -104,7 +111,7 @@ def _ramp(puller: Puller, tension: float, rate: float, way: float, damping: floa
             raise CalibrationError(
                 f'module "{puller.client.name}": at {tension:.2f} N the cable does not '
                 f"{'reel in' if rate > 0.0 else 'pay out'} yet; hang a {'lighter' if rate > 0.0 else 'heavier'} "
-                "mass on it, and let nothing touch it"
+                "mass on it, free to move by 5 cm"
             )
         told = puller.hold(max(tension + damping * told.speed, info.tension_lower))
         turned = max(turned, direction * told.length)  # it may still be on its way back
@@ -144,19 +151,12 @@ def _current_at_start(puller: Puller, direction: int) -> float:
     way = direction * (np.median([told.length for told in heard[:10]]) - np.array([told.length for told in heard]))
     last_still = int(np.flatnonzero(way < STARTED)[-1])
     moving = slice(last_still + 1, None)
+    if len(way[moving]) < FEWEST:
+        raise CalibrationError(
+            f'module "{puller.client.name}": its cable moved too suddenly; has the mass come off, did it stick?'
+        )
     slope, offset = np.polyfit(time[moving], np.cbrt(way[moving]), 1)
     start = float(np.clip(-offset / slope, time[max(last_still - 50, 0)], time[last_still]))
     near = time > start - TREND
     trend = np.polyfit(time[near] - start, current[near], 1)
     return float(trend[1])
-
-
-def weigh_all(
-    client: ModuleClient, masses: Sequence[float], hang: Callable[[float], None], repeats: int = 5
-) -> list[Balance]:
-    """Weigh several masses, one after the other; `hang` comes back when the next one hangs on the cable."""
-    balances = []
-    for mass in masses:
-        hang(mass)
-        balances += weigh(client, mass, repeats)
-    return balances

@@ -1,5 +1,6 @@
 """Cable lengths of simulated modules whose handle somebody moves, in lockstep."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from tensionlab.errors import CalibrationError, HardwareError, LinkError
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
 from tensionlab.hardware.calibration.tables import write_table
+from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.clock import WorldClock
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.cycle import Pose
@@ -97,6 +99,11 @@ def test_whatever_goes_wrong_all_modules_are_stopped(held):
     with pytest.raises(KeyboardInterrupt):
         record_lengths(group, RIG, WorldClock(world), 5, 5.0, interrupt)
     assert all(module.sample.state is State.IDLE for module in world.modules)
+    with pytest.raises(KeyboardInterrupt):
+        record_lengths(group, RIG, WorldClock(world), 5, 5.0, lambda count: signal.raise_signal(ESTOP_SIGNAL))
+    assert all(module.sample.state is State.ESTOP for module in world.modules)
+    for client in group.clients:
+        client.clear()
     world.modules[2].damage("encoder")
     with pytest.raises(HardwareError):
         record_lengths(group, RIG, WorldClock(world), 5, 5.0)

@@ -1,5 +1,7 @@
 """A mass on the cable of a simulated module, in lockstep: what it shows is what was planted."""
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from tensionlab.hardware.calibration.gain import GRAVITY, gain_from_weights
 from tensionlab.hardware.calibration.hanging import HangingMass
 from tensionlab.hardware.calibration.weighing import weigh
 from tensionlab.hardware.channel import Conditions
+from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.codes import Calibration, State
 from tensionlab.hardware.faulty import FaultyLink
 from tensionlab.hardware.link import SimulatedLink
@@ -144,6 +147,19 @@ def test_whoever_interrupts_leaves_the_module_stopped(error):
         with pytest.raises(error):
             weigh(client, 0.1, 2, interrupt)
         assert client.state is State.IDLE
+
+
+@pytest.mark.parametrize(
+    ("number", "left"), [(signal.SIGINT, State.IDLE), (signal.SIGTERM, State.IDLE), (ESTOP_SIGNAL, State.ESTOP)]
+)
+def test_a_signal_stops_the_module_and_ends_it(number, left):
+    simulated = HangingMass(0.1)
+    with ModuleClient("one", SimulatedLink(simulated)) as client:
+        before = signal.getsignal(number)
+        with pytest.raises(KeyboardInterrupt):
+            weigh(client, 0.1, 2, lambda share: signal.raise_signal(number))
+        assert client.hello().state is left
+        assert signal.getsignal(number) is before
 
 
 def test_a_module_that_somebody_else_pulls_with_is_left_alone():

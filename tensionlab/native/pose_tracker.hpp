@@ -1,0 +1,185 @@
+// Where is a platform whose cables have these lengths, if it was near here a moment ago? Gauss and Newton's method
+// on the twist, as tensionlab/model/forward.py has it for a pose that nobody knows.
+//
+// The derivative of the lengths is -W' (W: structure matrix). What the known lengths leave open stays as it was:
+// the step is the shortest one, by the eigenvalues of W W'.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace tensionlab {
+
+constexpr int kMaxFreedoms = 6;
+// Eigenvalues of W W' below this share of the largest are none: the square of that for singular values of W.
+constexpr double kSmallestShare = 1e-12;
+constexpr int kJacobiSweeps = 30;
+
+using Vector = std::array<double, kMaxFreedoms>;
+using Matrix = std::array<Vector, kMaxFreedoms>;
+
+// The shortest solution x of A x = b in the least-squares sense, for a symmetric A without negative eigenvalues.
+// Jacobi's rotations (Golub and Van Loan, section 8.5).
+inline Vector shortest_solution(Matrix a, const Vector& b, int n) {
+  Matrix v{};
+  for (int i = 0; i < n; ++i) v[i][i] = 1.0;
+  for (int sweep = 0; sweep < kJacobiSweeps; ++sweep) {
+    double off = 0.0, diagonal = 0.0;
+    for (int i = 0; i < n; ++i) {
+      diagonal += a[i][i] * a[i][i];
+      for (int j = i + 1; j < n; ++j) off += a[i][j] * a[i][j];
+    }
+    if (off <= 1e-34 * diagonal) break;
+    for (int p = 0; p < n; ++p) {
+      for (int q = p + 1; q < n; ++q) {
+        if (a[p][q] == 0.0) continue;
+        const double theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+        const double t = std::copysign(1.0, theta) / (std::abs(theta) + std::sqrt(theta * theta + 1.0));
+        const double c = 1.0 / std::sqrt(t * t + 1.0), s = t * c;
+        for (int k = 0; k < n; ++k) {
+          const double kp = a[k][p], kq = a[k][q];
+          a[k][p] = c * kp - s * kq;
+          a[k][q] = s * kp + c * kq;
+        }
+        for (int k = 0; k < n; ++k) {
+          const double pk = a[p][k], qk = a[q][k];
+          a[p][k] = c * pk - s * qk;
+          a[q][k] = s * pk + c * qk;
+        }
+        for (int k = 0; k < n; ++k) {
+          const double kp = v[k][p], kq = v[k][q];
+          v[k][p] = c * kp - s * kq;
+          v[k][q] = s * kp + c * kq;
+        }
+      }
+    }
+  }
+  double largest = 0.0;
+  for (int i = 0; i < n; ++i) largest = std::max(largest, a[i][i]);
+  Vector x{};
+  for (int i = 0; i < n; ++i) {
+    if (a[i][i] <= kSmallestShare * largest) continue;
+    double along = 0.0;
+    for (int k = 0; k < n; ++k) along += v[k][i] * b[k];
+    for (int k = 0; k < n; ++k) x[k] += v[k][i] * along / a[i][i];
+  }
+  return x;
+}
+
+class PoseTracker {
+ public:
+  // Anchors and attachments are (m, d), row by row; a rig that cannot turn has no attachments.
+  PoseTracker(std::vector<double> anchors, std::vector<double> attachments, std::vector<double> position)
+      : anchors_(std::move(anchors)), attachments_(std::move(attachments)), position_(std::move(position)) {
+    d_ = static_cast<int>(position_.size());
+    m_ = static_cast<int>(anchors_.size()) / d_;
+    n_ = attachments_.empty() ? d_ : 3 * (d_ - 1);
+    for (int i = 0; i < 3; ++i) rotation_[i][i] = 1.0;
+    missing_.resize(static_cast<std::size_t>(m_));
+    structure_.resize(static_cast<std::size_t>(n_ * m_));
+  }
+
+  int cables() const { return m_; }
+  int freedoms() const { return n_; }
+  int dimension() const { return d_; }
+  const std::vector<double>& position() const { return position_; }
+  const std::array<std::array<double, 3>, 3>& rotation() const { return rotation_; }
+  const std::vector<double>& structure() const { return structure_; }
+  const std::vector<double>& missing() const { return missing_; }
+
+  // Follow the known ones of these lengths, in at most so many steps; one that is shorter than `found` is the
+  // last.
+  void follow(const double* lengths, const bool* known, int steps, double found) {
+    compare(lengths, known);
+    for (int step = 0; step < steps; ++step) {
+      const Vector twist = velocity(missing_.data(), known);
+      move(twist);
+      compare(lengths, known);
+      double longest = 0.0;
+      for (int i = 0; i < n_; ++i) longest = std::max(longest, std::abs(twist[i]));
+      if (longest < found) break;
+    }
+  }
+
+  // Which twist fits the known ones of these speeds of paying out best? At the latest pose.
+  Vector velocity(const double* speeds, const bool* known) const {
+    Matrix normal{};
+    Vector right{};
+    for (int cable = 0; cable < m_; ++cable) {
+      if (!known[cable]) continue;
+      for (int i = 0; i < n_; ++i) {
+        right[i] -= entry(i, cable) * speeds[cable];
+        for (int j = 0; j < n_; ++j) normal[i][j] += entry(i, cable) * entry(j, cable);
+      }
+    }
+    return shortest_solution(normal, right, n_);
+  }
+
+ private:
+  double entry(int row, int cable) const { return structure_[static_cast<std::size_t>(row * m_ + cable)]; }
+
+  // Structure matrix at the pose, and what its lengths are short of those measured; zero where unknown.
+  void compare(const double* lengths, const bool* known) {
+    const auto at = [this](const std::vector<double>& rows, int cable, int axis) {
+      return rows[static_cast<std::size_t>(cable * d_ + axis)];
+    };
+    for (int cable = 0; cable < m_; ++cable) {
+      double arm[3] = {0.0, 0.0, 0.0}, u[3] = {0.0, 0.0, 0.0}, square = 0.0;
+      for (int i = 0; i < d_; ++i) {
+        if (!attachments_.empty()) {
+          for (int j = 0; j < d_; ++j) arm[i] += rotation_[i][j] * at(attachments_, cable, j);
+        }
+        u[i] = at(anchors_, cable, i) - position_[static_cast<std::size_t>(i)] - arm[i];
+        square += u[i] * u[i];
+      }
+      const double length = std::sqrt(square);
+      for (int i = 0; i < d_; ++i) u[i] /= std::max(length, std::numeric_limits<double>::min());
+      for (int i = 0; i < d_; ++i) set(i, cable, u[i]);
+      if (n_ == 6) {
+        for (int i = 0; i < 3; ++i) {
+          const int j = (i + 1) % 3, k = (i + 2) % 3;
+          set(3 + i, cable, arm[j] * u[k] - arm[k] * u[j]);
+        }
+      } else if (n_ > d_) {
+        set(2, cable, arm[0] * u[1] - arm[1] * u[0]);
+      }
+      missing_[static_cast<std::size_t>(cable)] = known[cable] ? lengths[cable] - length : 0.0;
+    }
+  }
+
+  void set(int row, int cable, double value) { structure_[static_cast<std::size_t>(row * m_ + cable)] = value; }
+
+  // Go along a small twist: the platform turns by the exponential map (Rodrigues).
+  void move(const Vector& twist) {
+    for (int i = 0; i < d_; ++i) position_[static_cast<std::size_t>(i)] += twist[static_cast<std::size_t>(i)];
+    if (n_ == d_) return;
+    const double x = d_ == 3 ? twist[3] : 0.0, y = d_ == 3 ? twist[4] : 0.0, z = d_ == 3 ? twist[5] : twist[2];
+    const double angle = std::sqrt(x * x + y * y + z * z);
+    const double s = angle > 1e-8 ? std::sin(angle) / angle : 1.0;
+    const double half = angle > 1e-8 ? std::sin(0.5 * angle) / (0.5 * angle) : 1.0;
+    const double c = 0.5 * half * half;
+    const double k[3][3] = {{0.0, -z, y}, {z, 0.0, -x}, {-y, x, 0.0}};
+    std::array<std::array<double, 3>, 3> turned{};
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        double turn[3];
+        for (int l = 0; l < 3; ++l) {
+          double square = 0.0;
+          for (int q = 0; q < 3; ++q) square += k[i][q] * k[q][l];
+          turn[l] = (i == l ? 1.0 : 0.0) + s * k[i][l] + c * square;
+        }
+        for (int l = 0; l < 3; ++l) turned[i][j] += turn[l] * rotation_[l][j];
+      }
+    }
+    rotation_ = turned;
+  }
+
+  std::vector<double> anchors_, attachments_, position_, missing_, structure_;
+  std::array<std::array<double, 3>, 3> rotation_{};
+  int d_, m_, n_;
+};
+
+}  // namespace tensionlab
