@@ -121,13 +121,10 @@ def identify(words: Words = None, modules: ModulesFile = None) -> None:
     somebody has armed is left alone.
     """
     from tensionlab.hardware.identify import identify as pulse
-    from tensionlab.hardware.identify import make_ready
 
     def job(client: ModuleClient) -> None:
-        ready = make_ready(client)
         url = "" if client.name == client.link.url else f" ({client.link.url})"
-        typer.echo(f"{client.name}{url}: its cable pulses now")
-        pulse(client, ready)
+        pulse(client, lambda: typer.echo(f"{client.name}{url}: its cable pulses now"))
 
     failed = {}
     for name, url in targets(words, modules).items():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from tensionlab.errors import HardwareError, ModuleFault
-from tensionlab.hardware.codes import State
+from tensionlab.hardware.codes import Code, State
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import Info
 
@@ -18,15 +19,42 @@ AGAIN = 0.05
 """How often a set-point is sent, in s."""
 
 
-def make_ready(client: ModuleClient) -> Info:
-    """Whether nothing is in the way of `identify`; what the module says of itself.
+def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
+    """Which module is this? It is armed, its cable pulses three times, and it is stopped.
+
+    Parameters
+    ----------
+    client : ModuleClient
+    begun : callable
+        Told when it is armed, and begins.
 
     Raises
     ------
     HardwareError
-        It is armed already, by somebody else; it has let go and was not cleared; or it is not calibrated.
+        It is armed already, by somebody else; it has let go and was not cleared; it is not calibrated; something
+        is wrong with it. Or it lets go meanwhile, or its link breaks.
     """
     info = client.hello()
+    _require_idle(client, info)
+    client.stop()  # one that timed out in an earlier run is still in it
+    strong = min(info.tension_lower + STRENGTH, info.tension_upper)
+    try:
+        client.arm()
+    except ModuleFault as fault:
+        if fault.code is not Code.FAULT_PRESENT:
+            raise
+        advice = f"something is wrong with it, see `tensionlab module monitor {client.link.url}`"
+        raise ModuleFault(f"{fault}; {advice}", fault.module, fault.code) from None
+    try:
+        begun()
+        for _ in range(PULSES):
+            _pull(client, info.tension_lower)
+            _pull(client, strong)
+    finally:
+        client.stop()
+
+
+def _require_idle(client: ModuleClient, info: Info) -> None:
     if info.state in (State.ARMED, State.RUNNING):
         raise HardwareError(
             f'module "{client.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
@@ -44,32 +72,6 @@ def make_ready(client: ModuleClient) -> Info:
             f'module "{client.name}" is not calibrated, and can\'t be armed: '
             f"`tensionlab module calibrate gain {client.link.url}`"
         )
-    client.stop()  # one that timed out in an earlier run is still in it
-    return info
-
-
-def identify(client: ModuleClient, info: Info) -> None:
-    """Which module is this? It is armed, its cable pulses three times, and it is stopped.
-
-    Parameters
-    ----------
-    client : ModuleClient
-    info : Info
-        What `make_ready` gave.
-
-    Raises
-    ------
-    HardwareError
-        The module lets go, or its link breaks.
-    """
-    strong = min(info.tension_lower + STRENGTH, info.tension_upper)
-    client.arm()
-    try:
-        for _ in range(PULSES):
-            _pull(client, info.tension_lower)
-            _pull(client, strong)
-    finally:
-        client.stop()
 
 
 def _pull(client: ModuleClient, tension: float) -> None:

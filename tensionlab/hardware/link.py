@@ -27,7 +27,7 @@ KINDS = """
   /dev/ttyUSB0, COM5         a serial port
   socket://host:port         TCP, as `tensionlab simulate` serves
   sim:                       a simulated module in this process""".lstrip("\n")
-KNOWN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+|(?i:COM)\d+")
+KNOWN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
 """What a URL looks like."""
 NEEDS_PYSERIAL = 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
 

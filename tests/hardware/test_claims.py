@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -74,6 +75,16 @@ def test_a_claim_ends_with_its_release_and_no_note_stays(folder):
     assert folder.stat().st_mode & 0o777 == 0o700
 
 
+def test_any_thread_may_release_a_claim():
+    claim = Claim("COM5")
+    lock = claim._lock  # lest it ends by itself
+    thread = threading.Thread(target=claim.release)
+    thread.start()
+    thread.join()
+    Claim("COM5").release()
+    assert not lock.is_locked
+
+
 def test_who_is_just_letting_go_is_waited_for():
     with another_process(
         "claim = Claim('COM5'); time.sleep(0); print(flush=True); time.sleep(0.1); claim.release()"
@@ -93,9 +104,9 @@ def test_an_open_link_is_claimed_and_a_closed_one_is_free():
             link = open_link(url)
         link.close()
         assert holder(url) is None
-    with pytest.raises(LinkError, match="cannot be opened"):
+    with pytest.raises(LinkError, match="cannot be opened") as caught:
         open_link(url)
-    assert holder(url) is None
+    assert holder(url) is None, caught
 
 
 def test_simulated_modules_of_this_process_are_as_many_as_one_likes():

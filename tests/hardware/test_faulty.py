@@ -11,6 +11,7 @@ from tensionlab.hardware.codes import Calibration, State
 from tensionlab.hardware.faulty import FaultyLink
 from tensionlab.hardware.link import SimulatedLink, open_link
 from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.protocol import Hello
 from tensionlab.hardware.simulated import STEP, SimulatedModule
 
 
@@ -138,6 +139,31 @@ def test_a_frozen_link_is_silent_and_a_thawed_one_forgets_what_was_said(faulty):
             client.check()
         client.stop()
         assert client.state is State.IDLE
+
+
+def test_what_is_on_its_way_into_a_freeze_never_comes():
+    link, hello = lockstep(Conditions(latency=0.05)), Hello().frame(1).pack()
+    link.send(hello)
+    link.freeze()
+    link.thaw()
+    assert link.receive(0.3) == b""
+    link.send(hello)
+    assert link.receive(0.06) == b""  # the answer is on its way
+    link.freeze()
+    link.thaw()
+    assert link.receive(0.3) == b""
+    link.send(hello)
+    assert link.receive(0.3) != b""
+    link.close()
+
+
+def test_time_passes_for_who_waits_at_a_frozen_link():
+    with ModuleClient("one", lockstep()) as client:
+        client.post(Hello())  # the module has an answer ready
+        client.link.freeze()
+        before = client.link.clock()
+        assert client.link.receive(0.1) == b""
+        assert client.link.clock() - before == pytest.approx(0.1)
 
 
 def test_the_same_seed_has_the_same_accidents():

@@ -70,7 +70,9 @@ def test_a_module_that_does_not_answer_is_named(client, monkeypatch):
     monkeypatch.undo()
 
 
-@pytest.mark.parametrize("url", ["tcp://there", "bt://nobody/1", "/dev/no-such-port", "socket://127.0.0.1:1"])
+@pytest.mark.parametrize(
+    "url", ["tcp://there", "bt://nobody/1", "/dev/no-such-port", "socket://127.0.0.1:1", "socket://127.0.0.1"]
+)
 def test_links_that_cannot_be_opened_say_why(url):
     with pytest.raises(LinkError, match=r"no link to a module|address and a channel|cannot be opened"):
         open_link(url)

@@ -139,6 +139,11 @@ def test_the_host_knows_the_rules_of_the_firmware(client):
         client.set_parameter(name, standard[name])
 
 
+def test_bounds_that_are_just_met_are_met_in_32_bits(client):
+    change(client, {"current_continuous": 0.1, "tension_lower": 0.3}, "test")
+    assert client.parameter("tension_lower") == settings.single(0.3)
+
+
 def test_a_module_that_is_not_idle_is_left_alone(client):
     text = dump(client)
     client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
