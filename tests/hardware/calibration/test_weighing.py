@@ -59,6 +59,7 @@ def test_a_mass_hangs_as_newton_says():
         simulated.advance(0.1, 0.9)
 
 
+@pytest.mark.slow
 def test_planted_gains_are_within_their_intervals():
     inside, friction, sure = [], [], []
     for seed in range(12):
