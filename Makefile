@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace stress anchor-count clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-runner stress soak anchor-count clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -39,6 +39,12 @@ bench-workspace: .venv/dev.stamp
 
 stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
+
+soak: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.soak --out out/soak
+
+bench-runner: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.runner_bench
 
 anchor-count: .venv/dev.stamp
 	@$(BIN)/python paper_figures/anchor_count.py docs/anchor-count.png

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tensionlab.experiments.replay import Replay, ReplayRow
+    from tensionlab.hardware.run_record import Run
     from tensionlab.hardware.run_report import ModuleReport, RunReport
 
 log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
@@ -53,10 +54,9 @@ t: tensions   jump: of a tension from one cycle to the next, before the runner s
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
     """Show how a run went: what it rendered, how punctual it was, what held the modules back."""
-    from tensionlab.hardware.run_record import read_run
     from tensionlab.hardware.run_report import report
 
-    run = read_run(path)
+    run = _read(path)
     found = report(run)
     if json:
         output.print_json(
@@ -79,11 +79,10 @@ def export(
     """Write a run as NetCDF, with names, units and dimensions, or as a Parquet table with a row for each cycle."""
     from tensionlab import records
     from tensionlab.hardware.run_dataset import flat_columns, write_netcdf
-    from tensionlab.hardware.run_record import read_run
 
     if to.suffix not in FORMATS:
         raise typer.BadParameter(f"--to {to}: it must end in {' or '.join(FORMATS)}")
-    run = read_run(path)
+    run = _read(path)
     if to.suffix == ".nc":
         write_netcdf(run, to)
     else:
@@ -102,10 +101,9 @@ def plot(
     ],
 ) -> None:
     """Draw a run: wrenches, tensions, what was proved and what held the modules back, and how punctual it was."""
-    from tensionlab.hardware.run_record import read_run
     from tensionlab.plots import plot_run
 
-    plot_run(read_run(path), file)
+    plot_run(_read(path), file)
     typer.echo(f"plot: {file}")
 
 
@@ -129,9 +127,8 @@ def replay(
     from tensionlab import records
     from tensionlab.experiments import replay as replays
     from tensionlab.experiments.lineup import lineup
-    from tensionlab.hardware.run_record import read_run
 
-    run = read_run(path)
+    run = _read(path)
     names = output.words(solver)
     try:
         lineup(names, None, (run.rig.n, run.rig.m))
@@ -157,6 +154,13 @@ def replay(
     _print_replay(found, f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}")
     if out:
         typer.echo(f"rows: {out}")
+
+
+def _read(path: Path) -> Run:
+    from tensionlab.hardware.run_record import read_run
+
+    with output.progress(f"Reading {path.name}") as progress:
+        return read_run(path, progress)
 
 
 def _print_info(found: RunReport) -> None:

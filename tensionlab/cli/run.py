@@ -63,7 +63,7 @@ def run(
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
 
     Ctrl-C ends the run; all modules are stopped then, and whatever else ends it. Exit status 1 where something
-    went wrong with a module, or a module did not confirm that it has stopped.
+    went wrong with a module, a module did not confirm that it has stopped, or an emergency stop ended the run.
     """
     from tensionlab.cli.run_table import Screen, summary_table
     from tensionlab.errors import HardwareError
@@ -109,7 +109,7 @@ def run(
         typer.echo(f"tensionlab: {failure}", err=True)
     for name, why in statistics.unconfirmed.items():
         typer.echo(f'tensionlab: module "{name}" did not confirm that it has stopped: {why}', err=True)
-    if failure is not None or statistics.unconfirmed or statistics.lost:
+    if failure is not None or statistics.emergency or statistics.unconfirmed or statistics.lost:
         raise typer.Exit(1)
 
 

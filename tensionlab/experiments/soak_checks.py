@@ -91,7 +91,7 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     lower, upper = run.rig.limits.lower, run.rig.limits.upper
     outside = int(((run.sent < lower) | (run.sent > upper)).sum())
     outside += sum(outside_in(path, run) for path in recordings)
-    ages: Floats = (run.time[:, None] - run.time[source] - run.ages)[known]
+    ages = (run.time[:, None] - run.time[source] - run.ages)[known]
     return Findings(
         cycles=len(run),
         compared=len(rows),

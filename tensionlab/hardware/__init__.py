@@ -1,1 +1,35 @@
-"""Real and simulated modules: what is said over the link, and the firmware's own core to say it to."""
+"""Real and simulated modules: links to them, their protocol, and the runner that renders forces on them."""
+
+from tensionlab.hardware.clock import RealClock, WorldClock
+from tensionlab.hardware.cycle import Cycle, Demand, Impedance, Pose, RigState
+from tensionlab.hardware.group import ModuleGroup, connect
+from tensionlab.hardware.log import RunLog
+from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.modules_file import load_modules
+from tensionlab.hardware.program import Program, load_program
+from tensionlab.hardware.run_record import Run, read_run
+from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.runner import Runner
+from tensionlab.hardware.world import World
+
+__all__ = [
+    "Cycle",
+    "Demand",
+    "Impedance",
+    "ModuleClient",
+    "ModuleGroup",
+    "Pose",
+    "Program",
+    "RealClock",
+    "RigState",
+    "Run",
+    "RunLog",
+    "RunSettings",
+    "Runner",
+    "World",
+    "WorldClock",
+    "connect",
+    "load_modules",
+    "load_program",
+    "read_run",
+]

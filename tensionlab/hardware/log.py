@@ -201,7 +201,7 @@ class RunLog:
     def _put(self, topic: str, what: Any) -> None:
         if self._error is None and self._queue.qsize() >= BACKLOG:
             self._error = LogError(f"{self.path}: the disk does not keep up; {BACKLOG} cycles wait to be written")
-        if self._error is None and not self._thread.is_alive():
+        if not self._thread.is_alive() and self._error is None:  # in this order: an error ends the thread
             self._error = LogError(f"{self.path}: the log is closed; nothing can be added to it")
         if self._error is not None:
             raise self._error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -13,6 +13,10 @@ from tensionlab.errors import LogError, MissingDependency
 
 PROFILE = "tensionlab-run-1"
 """Says in a file's header that it is the log of a run, and which version of it."""
+DAMAGE = (EOFError, MemoryError, OverflowError, LookupError, ValueError, struct.error)
+"""What reading a damaged file may raise, besides the errors of mcap and zstandard."""
+TOLD = 1000
+"""After so many messages, whoever wants to know is told how much of a file has been read."""
 EXTRA = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
 
 
@@ -99,8 +103,22 @@ class Record(NamedTuple):
     time_ns: int = 0
 
 
-def read_records(path: Path) -> Iterator[Record]:
+class _Bounded:
+    """A file of so many bytes, of which one never asks for more: a damaged length would ask for all memory."""
+
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        self._file, self._size = file, size
+
+    def read(self, count: int) -> bytes:
+        if count > self._size:
+            raise EOFError
+        return self._file.read(count)
+
+
+def read_records(path: Path, progress: Callable[[float], None] | None = None) -> Iterator[Record]:
     """What is in a log? All records that are whole, up to the first that is not.
+
+    ``progress`` is told now and then which share of the file has been read.
 
     Raises
     ------
@@ -117,8 +135,9 @@ def read_records(path: Path) -> Iterator[Record]:
     channels: dict[int, str] = {}
     known = complete = False
     with _open(path) as file:
-        # No record is larger than its file; a length that was damaged would ask for all the memory there is.
-        reader = StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
+        size, messages = path.stat().st_size, 0
+        bounded: Any = _Bounded(file, size)
+        reader = StreamReader(bounded, validate_crcs=True)
         try:
             for record in reader.records:
                 if isinstance(record, Header):
@@ -133,10 +152,13 @@ def read_records(path: Path) -> Iterator[Record]:
                 elif isinstance(record, Attachment):
                     yield Record("attachment", record.name, record.data)
                 elif isinstance(record, Message):
+                    messages += 1
+                    if progress is not None and messages % TOLD == 0:
+                        progress(file.tell() / size)
                     yield Record("message", channels[record.channel_id], record.data, record.log_time)
                 elif isinstance(record, Footer):
                     complete = True
-        except (McapError, ZstdError, struct.error, ValueError, KeyError):
+        except (*DAMAGE, McapError, ZstdError):
             complete = False  # cut or damaged: what came before counts
     if not known:
         raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -109,8 +109,14 @@ class Run(CycleTable):
         return to_dataset(self)
 
 
-def read_run(path: str | os.PathLike[str]) -> Run:
+def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
     """What happened in the run that a log keeps? A log that was cut off gives what it holds.
+
+    Parameters
+    ----------
+    path : path
+    progress : callable, optional
+        Told the share of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -125,7 +131,7 @@ def read_run(path: str | os.PathLike[str]) -> Run:
     rig: Rig | None = None
     first_ns: int | None = None
     complete = False
-    for kind, name, content, time_ns in read_records(path):
+    for kind, name, content, time_ns in read_records(path, progress):
         if kind == "attachment":
             rig = rig_from_toml(content.decode(), f"{path}: rig.toml")
         elif kind == "metadata":

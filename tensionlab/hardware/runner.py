@@ -127,12 +127,11 @@ class Runner:
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
             sys.setswitchinterval(SWITCH)
-            at_once = False
             try:
                 self._begin()
                 self.statistics.ended = self._render(seconds)
             except Interrupted as interrupted:
-                at_once = interrupted.number == ESTOP_SIGNAL
+                self.statistics.emergency = interrupted.number == ESTOP_SIGNAL
                 self.statistics.ended = f"signal {interrupted}"
             except BaseException as error:
                 self.statistics.ended = f"{type(error).__name__}: {error}"
@@ -141,7 +140,7 @@ class Runner:
                 interrupts.ignore()
                 sys.setswitchinterval(patience)
                 gc.unfreeze()
-                self._end(at_once=at_once)
+                self._end()
         return self.statistics
 
     def _begin(self) -> None:
@@ -228,9 +227,9 @@ class Runner:
         if self._log is not None:
             self._log.note(kind, text, module)
 
-    def _end(self, *, at_once: bool) -> None:
+    def _end(self) -> None:
         """Stop all modules; say in the log why, and which did not confirm it."""
-        unconfirmed = self.modules.emergency_stop() if at_once else self.modules.stop()
+        unconfirmed = self.modules.emergency_stop() if self.statistics.emergency else self.modules.stop()
         self.statistics.unconfirmed = {name: str(error) for name, error in unconfirmed.items()}
         with suppress(HardwareError):  # of a full disk, the run has heard already
             self._note("ended", self.statistics.ended)

@@ -38,6 +38,8 @@ class Statistics:
         Modules that dropped out, and why.
     ended : str
         What ended the run.
+    emergency : bool
+        Whether that was an emergency stop from elsewhere.
     unconfirmed : dict of str to str
         Modules that did not confirm the stop at the end, and why.
     late, work : deque of float
@@ -52,6 +54,7 @@ class Statistics:
     late_telemetry: Counter[str] = field(default_factory=Counter)
     lost: dict[str, str] = field(default_factory=dict)
     ended: str = ""
+    emergency: bool = False
     unconfirmed: dict[str, str] = field(default_factory=dict)
     late: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
     work: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
@@ -78,6 +81,7 @@ class Statistics:
         times = {name: dict(zip(named, values, strict=True)) for name, values in self.percentiles().items()}
         return {
             "ended": self.ended,
+            "emergency": self.emergency,
             "cycles": self.cycles,
             "missed": self.missed,
             "replaced": self.replaced,

@@ -4,7 +4,6 @@ What the cables really pull with comes from the recording of the simulated modul
 """
 
 import csv
-import random
 import signal
 import subprocess
 import time
@@ -12,7 +11,6 @@ import time
 import pytest
 
 from tensionlab.experiments.processes import command, process, simulated
-from tensionlab.hardware.run_record import read_run
 
 RIG = "datasets/rigs/bartels2026-validation.toml"
 TTL, CYCLE = 0.25, 0.02
@@ -129,23 +127,3 @@ def test_a_module_whose_process_is_killed(tmp_path):
             assert running.wait(10.0) == 1
             assert "lost: top" in running.stdout.read()
             assert_let_go(tmp_path / "record.csv", since)
-
-
-@pytest.mark.slow
-def test_logs_of_runs_that_are_killed_hold_all_but_the_last_second(rig, tmp_path):
-    modules, recording = rig
-    draw = random.Random(5)
-    for index in range(5):
-        path = tmp_path / f"run-{index}.mcap"
-        with host(modules, "--log", path) as running:
-            wait_for_running(recording)
-            began = time.time()
-            time.sleep(draw.uniform(0.2, 1.5))
-            running.kill()
-            killed = time.time()
-            running.wait()
-        run = read_run(path)
-        assert not run.complete
-        assert run.time[-1] >= killed - began - 1.0
-        assert (run.cycle == range(len(run.cycle))).all()
-        time.sleep(0.3)

@@ -11,7 +11,7 @@ import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.hardware.columns import COLUMNS, TYPES, encode, schema
 from tensionlab.hardware.cycle import Pose
-from tensionlab.hardware.log import setup_of
+from tensionlab.hardware.log import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.run_record import read_run
 from tensionlab.hardware.run_settings import RunSettings
 from tensionlab.solvers.contract import Status
@@ -171,6 +171,26 @@ def test_json_knows_neither_nan_nor_infinity():
     row = json.loads(encode(cycle, rig), parse_constant=refuse)
     assert row["speeds"][:3] == [None, None, None]
     assert row["speeds"][3] == cycle.state.speeds[3]
+
+
+def test_foxglove_reads_schemas_of_numbers_and_plain_lists():
+    """It refuses a schema with anything else in it, and shows nothing of that channel then."""
+    for whole in (schema(runs.seven()), EVENT_SCHEMA):
+        assert whole["type"] == "object"
+        for rules in whole["properties"].values():
+            inner = rules["items"] if rules["type"] == "array" else rules
+            assert inner["type"] in ("number", "integer", "boolean", "string")
+            assert all(type(each["const"]) is int for each in rules.get("oneOf", []))
+
+
+def test_a_reader_tells_how_far_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.hardware.mcap_file.TOLD", 10)
+    runs.logged(tmp_path / "run.mcap", runs.four(), 100)
+    shares = []
+    read_run(tmp_path / "run.mcap", shares.append)
+    assert len(shares) == 10
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] <= shares[-1] <= 1.0
 
 
 def test_other_readers_find_their_way(seven):
