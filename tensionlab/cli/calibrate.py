@@ -145,7 +145,7 @@ def lengths(path: RigFile, modules: Modules, json: Json = False) -> None:
             }
         )
         return
-    grid = output.table(f"{rig.name}: cables at home")
+    grid = output.table(f"{rig.name} at home")
     for heading in ("module", "before\nm", "now\nm", "change\nmm"):
         grid.add_column(heading, justify="left" if heading == "module" else "right", no_wrap=True)
     for module, old, new in zip(rig.modules, before, after, strict=True):

@@ -174,4 +174,4 @@ def test_over_tcp_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refuse
         monkeypatch.setattr("tensionlab.hardware.calibration.weighing.SEARCH", 3.0)
         code, _, err = run("gain", url, "--mass", 0.1)
         assert code == 2
-        assert "the cable does not reel in yet; hang a lighter mass" in err
+        assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err

@@ -103,7 +103,9 @@ def calibrate_anchors(
     lengths : (K, m) array
         Measured, in m, a row for each pose.
     poses : Poses, optional
-        Of each row; the rig's home if left out.
+        Of each row; the rig's home if left out. Unknown poses are sought from there. For a platform, rough ones
+        are worth having: from the home of a rig with crossed cables (CoGiRo) the search often ends beside the best
+        answer, which then fits some tenths worse and shows no other sign.
     known : bool
         Whether the poses are known; they are a first guess if not.
     offsets : bool

@@ -7,6 +7,7 @@ mass at rest by the cube of time, so the cube root of the way leads back to the 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +20,8 @@ SEARCH, RAMP = 0.5, 0.1
 """How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it."""
 LIFT, MOVED, STARTED = 0.01, 0.003, 0.0005
 """Of cable, in m: lifted off what it stood on; surely moving; and moving by more than a tooth of cogging."""
+MOST = 2.0
+"""How many times its weight a mass may seem to need: no N/A is farther off."""
 DAMPING = 1.0
 """N s/m, by which the host calms a mass."""
 STILL, STILL_FOR = 0.0003, 0.2
@@ -60,21 +63,22 @@ def weigh(
     balances = []
     with pulling(client) as puller:
         lower = puller.info.tension_lower
+        ramp = partial(_ramp, puller, min(puller.info.tension_upper, MOST * weight))
         _calm(puller, lower)  # reels in what is slack
         ground = puller.heard[-1].length
-        lifted = _ramp(puller, lower, SEARCH, LIFT, DAMPING)
-        lowered = _ramp(puller, lifted, -SEARCH, MOVED, DAMPING)
+        lifted = ramp(lower, SEARCH, LIFT, DAMPING)
+        lowered = ramp(lifted, -SEARCH, MOVED, DAMPING)
         _calm(puller, (lifted + lowered) / 2.0)
         # Once more: the first time, the cable also stretched.
-        lifted = _ramp(puller, (lifted + lowered) / 2.0, SEARCH, LIFT, DAMPING)
+        lifted = ramp((lifted + lowered) / 2.0, SEARCH, LIFT, DAMPING)
         middle = (lifted + lowered) / 2.0
         for turn in range(repeats):
             for direction in (-1, 1):
                 _calm(puller, middle)
                 if puller.heard[-1].length > ground - 2.0 * MOVED:
-                    _ramp(puller, middle, SEARCH, LIFT, DAMPING)
+                    ramp(middle, SEARCH, LIFT, DAMPING)
                     _calm(puller, middle)
-                _ramp(puller, middle, direction * RAMP, MOVED)
+                ramp(middle, direction * RAMP, MOVED)
                 balances.append(Balance(weight, _current_at_start(puller, direction), direction))
                 if progress:
                     progress((2 * turn + (direction + 3) / 2) / (2 * repeats))
@@ -97,8 +101,8 @@ def _require_weight(client: ModuleClient, mass: float) -> None:
         )
 
 
-def _ramp(puller: Puller, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
-    """Change the set-point until the cable has moved so far. At which set-point did it start?"""
+def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
+    """Change the set-point, up to `most`, until the cable has moved so far. At which set-point did it start?"""
     info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
     puller.forget()
     told = puller.hold(tension)
@@ -107,11 +111,11 @@ def _ramp(puller: Puller, tension: float, rate: float, way: float, damping: floa
         if started is None and moved > STARTED:
             started = tension
         tension += rate * PERIOD
-        if not info.tension_lower <= tension <= info.tension_upper:
+        if not info.tension_lower <= tension <= most:
+            what, why = ("reel in", "heavier") if rate > 0.0 else ("pay out", "lighter")
             raise CalibrationError(
-                f'module "{puller.client.name}": at {tension:.2f} N the cable does not '
-                f"{'reel in' if rate > 0.0 else 'pay out'} yet; hang a {'lighter' if rate > 0.0 else 'heavier'} "
-                "mass on it, free to move by 5 cm"
+                f'module "{puller.client.name}": at {tension:.2f} N its cable does not {what} yet; is the mass '
+                f"{why} than was said, or not free to move by 5 cm?"
             )
         told = puller.hold(max(tension + damping * told.speed, info.tension_lower))
         turned = max(turned, direction * told.length)  # it may still be on its way back

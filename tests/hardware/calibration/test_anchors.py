@@ -74,6 +74,22 @@ def test_without_noise_the_anchors_come_back(rig, known, offsets):
     assert found.rms < 1e-11
 
 
+def test_rough_poses_lead_the_search_on_a_rig_with_crossed_cables():
+    rig = load_rig(RIGS / "cogiro.toml")
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        true, poses = displaced(rig, rng), sampled(rig, 30, rng)
+        measured = lengths_at(true, poses) + rng.normal(0.0, NOISE, (30, rig.m))
+        rough = Poses(
+            poses.position + rng.normal(0.0, 0.1, poses.position.shape),
+            rotations(rng.normal(0.0, 0.1, (30, 3))) @ poses.rotation,
+        )
+        found = calibrate_anchors(rig, measured, rough)
+        assert found.sigma == pytest.approx(NOISE, rel=0.25)
+        assert found.sigma == pytest.approx(calibrate_anchors(rig, measured, poses).sigma, rel=1e-6)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rig", "known", "offsets"),
     [
