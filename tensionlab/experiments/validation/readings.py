@@ -1,8 +1,8 @@
 """Lines of text with forces in them, as sensors write them: ATI's CSV files, other tables, or bare numbers.
 
 ATI's demo programs write a start time, the sample rate, units and counts per unit, each in a line of its own, then
-a line that names the columns (``Fx``, ``Fy``, ``Fz`` among them) and then counts; cells may be in quotes. See "Demo
-CSV File Format" in ATI's manuals 9620-05 (Network Force/Torque Sensor System) and 9610-05 (Ethernet Axia). Other
+a line that names the columns (``Fx``, ``Fy``, ``Fz`` among them) and then counts; cells may be in quotes. See
+"Demo CSV File Format" in ATI's manuals 9620-05 (Network Force/Torque Sensor System) and 9610-05 (Ethernet Axia). Other
 tables only need that line of names, in N. Without one, each line holds 3 or 6 numbers, forces first, in N.
 """
 
