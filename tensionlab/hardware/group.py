@@ -136,9 +136,13 @@ class ModuleGroup:
 
     def close(self) -> None:
         """Close all links. Modules that are still pulling notice, and let go by themselves."""
-        for client in self.clients:
+
+        def close(client: ModuleClient) -> None:
             with suppress(HardwareError):
                 client.close()
+
+        with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # pyserial takes 0.3 s for each
+            list(threads.map(close, self.clients))
 
     def _let_go(self, command: Message) -> dict[str, HardwareError]:
         _, failed = self._together(dict.fromkeys(self.clients, command), {})

@@ -39,7 +39,7 @@ from tensionlab.hardware.protocol import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.simulated import PARAMETERS
+from tensionlab.hardware.simulated import PARAMETERS, single
 
 TRIES = (0.2, 0.3, 0.45)
 """How long each try waits for an answer, in s."""
@@ -188,7 +188,7 @@ class ModuleClient:
     def set_parameter(self, name: str, value: float) -> None:
         """Change a parameter until the next start, or for good with `save`."""
         row = PARAMETERS[known(name)]
-        if not row.lower <= value <= row.upper:
+        if not row.lower <= single(value) <= row.upper:
             raise ProtocolError(
                 f'module "{self.name}": {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}'
             )

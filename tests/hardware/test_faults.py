@@ -189,6 +189,18 @@ def test_a_clock_that_jumps_back_or_far_ahead(rehearsal, jump):
         assert rehearsal.let_pass(0.0) <= TAUT + 1e-6
 
 
+def test_a_clock_that_goes_back_while_it_is_waited_for(rehearsal):
+    class Falters(Jumping):
+        def wait_until(self, when):
+            super().wait_until(when)
+            if rehearsal.trouble_at is not None:
+                self.off = -0.1
+
+    with pytest.raises(HardwareError, match=r"the clock went back by 0\.1 s"):
+        rehearsal.runner(rehearsal.demand(), clock=Falters(rehearsal.clock)).run(2.0)
+    assert_let_go(rehearsal)
+
+
 def test_one_that_is_lost_is_done_without_by_the_others(published_rig):
     rig = tl.load_rig("datasets/rigs/cube-8.toml")
     rehearsal = Rehearsal(rig)
