@@ -90,8 +90,9 @@ def run(
         group, clock = connect(loaded, links), RealClock()
     failure: HardwareError | None = None
     try:
-        kept = None if log is None else _log(log, loaded, solver, settings, links)
-        runner = Runner(loaded, group, solver, demand, settings, log=kept, clock=clock, tracker=place)
+        runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=place)
+        if log is not None:
+            runner.log = _log(log, loaded, solver, settings, links)
         shown = sys.stdout.isatty() and not json
         with Screen(runner, REFRESH) if shown else nullcontext():
             try:

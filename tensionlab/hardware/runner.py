@@ -69,6 +69,8 @@ class Runner:
     ----------
     latest : Cycle or None
     statistics : Statistics
+    log : RunLog or None
+        May be set until the run begins.
 
     Raises
     ------
@@ -96,7 +98,8 @@ class Runner:
         self.latest: Cycle | None = None
         self.statistics = Statistics()
         self._allocator = GuardedAllocator(rig.limits, solver, self.settings.nearest)
-        self._demand, self._log, self._tracker = demand, log, tracker
+        self._demand, self._tracker = demand, tracker
+        self.log = log
         self._clock = RealClock() if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
         self._roll = Roll(modules, self.settings.ttl, self.settings.on_loss, self._lost)
@@ -146,8 +149,8 @@ class Runner:
     def _begin(self) -> None:
         """Have all modules report, and arm them."""
         self.modules.prepare(self.rig, self.settings.telemetry_ms)
-        if self._log is not None:
-            self._log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
+        if self.log is not None:
+            self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
             self.modules.require_lengths()
         deadline = self._clock.now() + FIRST_TELEMETRY
@@ -200,8 +203,8 @@ class Runner:
         sent = np.where(free, self._before, np.nan)
         self.latest = Cycle(state, demand, allocation, replaced, sent, sequences, late, work)
         self.statistics.take(self.latest, slewed=self._before is not wanted)
-        if self._log is not None:
-            self._log.write(self.latest)
+        if self.log is not None:
+            self.log.write(self.latest)
         return True
 
     def _state(self, now: float, seen: Observation) -> RigState:
@@ -224,8 +227,8 @@ class Runner:
         self._note("lost", str(error), self._names[index])
 
     def _note(self, kind: str, text: str, module: str | None = None) -> None:
-        if self._log is not None:
-            self._log.note(kind, text, module)
+        if self.log is not None:
+            self.log.note(kind, text, module)
 
     def _end(self) -> None:
         """Stop all modules; say in the log why, and which did not confirm it."""
@@ -235,5 +238,5 @@ class Runner:
             self._note("ended", self.statistics.ended)
             for name, why in self.statistics.unconfirmed.items():
                 self._note("unconfirmed", why, name)
-        if self._log is not None:
-            self._log.close(self.statistics)
+        if self.log is not None:
+            self.log.close(self.statistics)
