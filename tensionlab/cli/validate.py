@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from tensionlab.experiments.validation.protocol import Measurement
     from tensionlab.experiments.validation.results import Result
     from tensionlab.experiments.validation.sitting import Plan
-    from tensionlab.model.rig import Rig
 
 SIMULATED = "sim:"
 
@@ -77,7 +76,7 @@ def validate(
         typer.echo("no --modules: these are simulated, in this process", err=True)
     with output.progress(f"{total} forces") as progress:
         try:
-            measurements = _measured(plan, modules, sensor, out, progress)
+            setup, measurements = _measured(plan, modules, sensor, out, progress)
         except HardwareError as error:
             typer.echo(f"tensionlab: {error}", err=True)
             raise typer.Exit(1) from None
@@ -87,12 +86,12 @@ def validate(
             err=True,
         )
         raise typer.Exit(1)
-    result = result_of(plan.setup(), measurements)
-    report = _written(result, plan.rig, out, plan.seed if plan.preset else None)
+    result = result_of(setup, measurements)
+    report = _written(result, plan, sensor, out)
     if json:
         output.print_json(report)
         return
-    table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces")
+    table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.demanded)} forces")
     for heading in HEADINGS:
         table.add_column(heading, justify="left" if not heading else "right")
     for row in rows(result):
@@ -142,7 +141,7 @@ def _plan(
 
 def _measured(
     plan: Plan, modules: str | None, sensor: str, out: Path, progress: Callable[[float], None]
-) -> list[Measurement]:
+) -> tuple[dict[str, object], list[Measurement]]:
     """What is measured, by now?"""
     from contextlib import closing
 
@@ -158,20 +157,20 @@ def _measured(
         return measure(plan, out, (group, opened), progress)
 
 
-def _written(result: Result, rig: Rig, out: Path, seed: int | None) -> dict[str, object]:
+def _written(result: Result, plan: Plan, sensor: str, out: Path) -> dict[str, object]:
     """Write report and table; what the report says."""
     import json
 
+    from tensionlab.experiments.recordings import write
     from tensionlab.experiments.validation.report import as_json, as_latex, as_markdown
-    from tensionlab.experiments.validation.results import columns
-    from tensionlab.records import manifest, write_parquet
+    from tensionlab.experiments.validation.results import recording_of
+    from tensionlab.records import manifest
 
-    origin = manifest(["tensionlab", *sys.argv[1:]], seed)
+    origin = manifest(["tensionlab", *sys.argv[1:]], plan.seed if plan.preset else None)
     report = as_json(result, origin)
     (out / "report.json").write_text(json.dumps(output.plain(report), indent=2) + "\n", encoding="utf-8")
     (out / "report.md").write_text(as_markdown(result), encoding="utf-8")
     (out / "table.tex").write_text(as_latex(result), encoding="utf-8")
-    names = [module.name for module in rig.modules]
-    marked = {**origin, "simulated": result.setup["simulated"], "preset": result.setup["preset"]}
-    write_parquet(out / "measurements.parquet", columns(result, names), marked)
+    name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
+    write(out / name, recording_of(result, plan.rig, sensor, origin))
     return report

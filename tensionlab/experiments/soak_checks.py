@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.hardware.codes import Limit, State
-from tensionlab.hardware.run_record import Run
+from tensionlab.hardware.record.run import Run
 from tensionlab.solvers.contract import Integers, Status
 
 ROUNDING = 1e-5

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tensionlab.errors import RigError
-from tensionlab.hardware.simulated_rig import plant_of
+from tensionlab.hardware.simulation.simulated_rig import plant_of
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ from tensionlab.model.kinematics import Floats
 SCHEMES = ("socket://", "tcp://")
 CHUNK = 1 << 20
 """Bytes taken at a time."""
-PATIENCE = 5.0
-"""How long a connection may take, in s."""
+PATIENCE, PAUSE = 5.0, 0.01
+"""How long a connection and the first numbers may take, and how long to wait before looking again, in s."""
 
 
 class FollowedFile:
@@ -41,6 +42,11 @@ class FollowedFile:
             ) from None
         self.take()
 
+    @property
+    def simulated(self) -> bool:
+        """Whether it says so of itself."""
+        return self._readings.simulated
+
     def take(self) -> Floats:
         """What came since the last call?"""
         return self._readings.feed(self._file.read())
@@ -56,7 +62,7 @@ class NetworkSensor:
     Raises
     ------
     LinkError
-        If nobody is there, or it is no address.
+        If nobody is there, or nothing comes, or it is no address.
     """
 
     def __init__(self, url: str) -> None:
@@ -69,6 +75,17 @@ class NetworkSensor:
         except (OSError, OverflowError) as error:
             raise LinkError(f"{url}: no force sensor there ({error}); is it on?") from None
         self._socket.setblocking(False)
+        end = time.monotonic() + PATIENCE
+        while not len(self.take()):
+            if time.monotonic() > end:
+                self.close()
+                raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
+            time.sleep(PAUSE)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it says so of itself."""
+        return self._readings.simulated
 
     def take(self) -> Floats:
         """What came since the last call? A `LinkError` if the sensor has gone."""

@@ -2,8 +2,9 @@
 
 ATI's demo programs write a start time, the sample rate, units and counts per unit, each in a line of its own, then
 a line that names the columns (``Fx``, ``Fy``, ``Fz`` among them) and then counts; cells may be in quotes. See
-"Demo CSV File Format" in ATI's manuals 9620-05 (Network Force/Torque Sensor System) and 9610-05 (Ethernet Axia). Other
-tables only need that line of names, in N. Without one, each line holds 3 or 6 numbers, forces first, in N.
+"Demo CSV File Format" in ATI's manuals 9620-05 (Network Force/Torque Sensor System) and 9610-05 (Ethernet Axia).
+Other tables only need that line of names, in N. Without one, each line holds 3 or 6 numbers, forces first, in N.
+Lines that begin with # say nothing, except for `SIMULATED`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from tensionlab.errors import HardwareError
 from tensionlab.model.kinematics import Floats
 
 NAMES = ("fx", "fy", "fz")
+SIMULATED = "# simulated"
+"""A simulated sensor says so before anything else, so that nobody takes it for a real one."""
 UNITS = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
 """In N."""
 
@@ -29,9 +32,15 @@ class Readings:
     ----------
     source : str
         Where they come from, for messages.
+
+    Attributes
+    ----------
+    simulated : bool
+        Whether it says so of itself.
     """
 
     def __init__(self, source: str) -> None:
+        self.simulated = False
         self._source = source
         self._rest = ""
         self._line = 0
@@ -55,6 +64,7 @@ class Readings:
         cells = next(csv.reader([line.strip("\r\ufeff")]), [])
         cells = [cell.strip() for cell in cells] if len(cells) > 1 else line.replace(";", " ").split()
         if not any(cells) or cells[0].startswith("#"):
+            self.simulated |= line.strip() == SIMULATED
             return None
         names = [cell.lower().split()[0].split("(")[0].split("[")[0] if cell else "" for cell in cells]
         if set(NAMES) <= set(names):

@@ -35,7 +35,7 @@ class Line(NamedTuple):
 
 def lines(result: Result) -> list[Line]:
     """Which numbers are compared? Forces are aligned as published."""
-    score = result.aligned["yaw"].score
+    score = result.aligned["paper"].score
     angle, magnitude = score.angle, score.magnitude
     within = Interval(100.0 * score.within, float("nan"), float("nan"))
     scalar, vector = score.magnitude_error, score.vector
@@ -51,11 +51,12 @@ def lines(result: Result) -> list[Line]:
 def remarks(result: Result) -> list[str]:
     """What must be known to read the numbers, a sentence or two each?"""
     setup = result.setup
-    count = len(result.desired)
+    count = len(result.demanded)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
     found = [READING, GRID, f"Averages are {window}: what comes before is left out, while tensions move."]
     if setup["simulated"]:
-        found.insert(0, f"These modules are simulated: preset {setup['preset']}, seed {setup['seed']}.")
+        which = f"preset {setup['preset']}, seed {setup['seed']}" if setup["preset"] else "in another process"
+        found.insert(0, f"These modules are simulated: {which}.")
     if result.exact < count:
         found.append(
             f"{result.exact} of {count} forces are within the reach of the rig; of the others, the nearest was "
@@ -82,7 +83,7 @@ def as_json(result: Result, manifest: Mapping[str, Any]) -> dict[str, Any]:
         "manifest": dict(manifest),
         "simulated": result.setup["simulated"],
         "setup": {key: value for key, value in result.setup.items() if key != "directions"},
-        "vectors": len(result.desired),
+        "vectors": len(result.demanded),
         "exact": result.exact,
         "replaced": result.replaced,
         "source": SOURCE,
@@ -136,7 +137,7 @@ def as_markdown(result: Result) -> str:
         f"{kabsch.vector.mean.value:.2f} N of error vector."
     )
     return (
-        f"# {title}\n\nSolver {result.setup['solver']}, {len(result.desired)} forces of "
+        f"# {title}\n\nSolver {result.setup['solver']}, {len(result.demanded)} forces of "
         f"{result.setup['force']:g} N. Published: {SOURCE}.\n\n{text}\n\n{other}\n\n{notes}\n"
     )
 

@@ -8,10 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.experiments.recordings import Recording
 from tensionlab.experiments.validation.alignment import ALIGNMENTS, UPRIGHT, angle
 from tensionlab.experiments.validation.protocol import BASIS, Measurement
-from tensionlab.experiments.validation.statistics import Score, deviations, score
+from tensionlab.experiments.validation.sensor import RATE
+from tensionlab.experiments.validation.statistics import Score, score
 from tensionlab.model.kinematics import Floats
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.contract import Status
 
 TILTED = 1.0
 """Degrees by which the two ways to align may differ before the report speaks of tilt."""
@@ -47,7 +51,7 @@ class Result:
         As `sitting.Plan.setup` says.
     measurements : tuple of Measurement
         All of them, the axes first.
-    desired : (K, 3) array
+    demanded : (K, 3) array
         Without the axes, in N.
     aligned : dict of str to Aligned
         By the key of `ALIGNMENTS`.
@@ -55,7 +59,7 @@ class Result:
 
     setup: Mapping[str, Any]
     measurements: tuple[Measurement, ...]
-    desired: Floats
+    demanded: Floats
     aligned: dict[str, Aligned]
 
     @property
@@ -71,7 +75,7 @@ class Result:
     @property
     def tilt(self) -> float:
         """By how many degrees do the two ways to align differ? That tilt stays in the published way."""
-        return angle(self.aligned["kabsch"].rotation @ self.aligned["yaw"].rotation.T)
+        return angle(self.aligned["kabsch"].rotation @ self.aligned["paper"].rotation.T)
 
     @property
     def hindered(self) -> dict[str, int]:
@@ -88,38 +92,51 @@ def result_of(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> 
     """
     measured = np.array([each.measured for each in measurements]) @ UPRIGHT.T
     rendered = np.array([each.rendered for each in measurements])
-    desired = np.array([each.desired for each in measurements])[BASIS:]
+    demanded = np.array([each.demanded for each in measurements])[BASIS:]
     aligned = {}
     for name, find in ALIGNMENTS.items():
         rotation = find(rendered[:BASIS], measured[:BASIS])
         forces = measured[BASIS:] @ rotation.T
-        aligned[name] = Aligned(rotation, angle(rotation), forces, score(desired, forces))
-    return Result(setup, tuple(measurements), desired, aligned)
+        aligned[name] = Aligned(rotation, angle(rotation), forces, score(demanded, forces))
+    return Result(setup, tuple(measurements), demanded, aligned)
 
 
-def columns(result: Result, modules: Sequence[str]) -> dict[str, Any]:
-    """The table of all forces but the axes: columns by name.
+def recording_of(result: Result, rig: Rig, sensor: str, manifest: Mapping[str, Any]) -> Recording:
+    """The forces without the axes, as a recording that others can read, aligned as published.
 
-    Forces in N, in the devices' axes: ``desired_x``, ``rendered_x``, ``measured_x`` (aligned as published) and
-    ``kabsch_x``, and so on for y and z; ``sensor_x`` in the sensor's own axes; ``tension_NAME`` of each module, in
-    N; ``angle`` in degrees, ``magnitude``, ``magnitude_error`` and ``vector_error`` in N, aligned as published.
+    Parameters
+    ----------
+    result : Result
+    rig : Rig
+    sensor : str
+        What measured.
+    manifest : mapping
+        Where it comes from: `tensionlab.records.manifest`.
     """
-    kept = result.measurements[BASIS:]
-    vectors = {
-        "desired": result.desired,
-        "rendered": np.array([each.rendered for each in kept]),
-        "measured": result.aligned["yaw"].forces,
-        "kabsch": result.aligned["kabsch"].forces,
-        "sensor": np.array([each.measured for each in kept]),
+    kept, setup = result.measurements[BASIS:], result.setup
+    rotation = result.aligned["paper"].rotation @ UPRIGHT
+    about = {
+        "simulated": setup["simulated"],
+        "rig": rig.name,
+        "modules": [module.name for module in rig.modules],
+        "solver": setup["solver"],
+        "sensor": sensor,
+        "rotations": {name: (each.rotation @ UPRIGHT).tolist() for name, each in result.aligned.items()},
+        "alignment": "paper",
+        "rate": float(RATE),
+        "hold": setup["hold"],
+        "settle": setup["settle"],
+        "preset": setup["preset"],
     }
-    table: dict[str, Any] = {"number": [each.number for each in kept]}
-    for name, values in vectors.items():
-        table |= {f"{name}_{axis}": values[:, index] for index, axis in enumerate("xyz")}
-    tensions = np.array([each.tensions for each in kept])
-    table |= {f"tension_{name}": tensions[:, index] for index, name in enumerate(modules)}
-    found = deviations(result.desired, vectors["measured"])
-    table |= {"angle": found.angle, "magnitude": found.magnitude}
-    table |= {"magnitude_error": found.magnitude_error, "vector_error": found.vector}
-    table |= {"status": [each.status for each in kept], "replaced": [each.replaced for each in kept]}
-    table |= {"samples": [each.samples for each in kept], "spread": [each.spread for each in kept]}
-    return table
+    spread = np.array([each.spread for each in kept])
+    return Recording(
+        demanded=result.demanded,
+        rendered=np.array([each.rendered for each in kept]),
+        measured=result.aligned["paper"].forces,
+        spread=np.sqrt(spread**2 @ (rotation**2).T),  # the axes' noises have nothing to do with each other
+        chosen=np.array([each.chosen for each in kept]),
+        tensions=np.array([each.tensions for each in kept]),
+        status=np.array([Status[each.status] for each in kept], dtype=np.int64),
+        samples=np.array([each.samples for each in kept]),
+        manifest={**manifest, "recording": about},
+    )

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from tensionlab.experiments.validation.error_model import Errors, require_point, true_plants, true_rig
 from tensionlab.experiments.validation.sensor import SimulatedSensor
-from tensionlab.hardware.clock import WorldClock
 from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.world import World
+from tensionlab.hardware.run.clock import WorldClock
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
 
 

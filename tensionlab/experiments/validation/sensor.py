@@ -23,7 +23,13 @@ WANDER = 1.0
 
 
 class ForceSensor(Protocol):
-    """A sensor that the cables pull on. It measures by itself; somebody takes what came, now and then."""
+    """A sensor that the cables pull on. It measures by itself; somebody takes what came, now and then.
+
+    `simulated` tells whether it is no real one.
+    """
+
+    @property
+    def simulated(self) -> bool: ...
 
     def take(self) -> Floats:
         """What was measured since the last call? (K, 3) forces in N, in the sensor's own axes, Z up."""
@@ -44,6 +50,8 @@ class SimulatedSensor:
     seed : int
         Of the noise.
     """
+
+    simulated = True
 
     def __init__(self, rig: Rig, errors: Errors, seed: int = 0) -> None:
         real = true_rig(rig, errors)

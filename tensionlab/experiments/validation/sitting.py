@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from tensionlab.experiments.validation.error_model import PRESETS, draw, require_point
+from tensionlab.experiments.validation.journal import Journal
 from tensionlab.experiments.validation.protocol import Measurement, Protocol, measure
-from tensionlab.experiments.validation.recording import Recording
 from tensionlab.experiments.validation.rigging import simulated_setup
 from tensionlab.experiments.validation.sensor import ForceSensor
-from tensionlab.hardware.clock import RealClock
 from tensionlab.hardware.group import ModuleGroup
+from tensionlab.hardware.run.clock import RealClock
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 
@@ -42,8 +42,8 @@ class Plan:
     preset: str | None = None
     seed: int = 0
 
-    def setup(self) -> dict[str, Any]:
-        """What must be the same in all sittings?"""
+    def setup(self, *, simulated: bool) -> dict[str, Any]:
+        """What must be the same in all sittings? ``simulated``: as the sensor says of itself."""
         return {
             "rig": rig_to_toml(self.rig),
             "solver": self.solver,
@@ -51,7 +51,7 @@ class Plan:
             "settle": self.protocol.settle,
             "force": self.protocol.force,
             "directions": self.protocol.directions.tolist(),
-            "simulated": self.preset is not None,
+            "simulated": simulated,
             "preset": self.preset,
             "seed": self.seed if self.preset is not None else None,
         }
@@ -62,7 +62,7 @@ def validate(
     folder: Path,
     reached: tuple[ModuleGroup, ForceSensor] | None = None,
     progress: Callable[[float], None] | None = None,
-) -> list[Measurement]:
+) -> tuple[dict[str, Any], list[Measurement]]:
     """Measure what is still to be measured.
 
     A simulated rig is deterministic, and goes through what it did before without recording it again: friction
@@ -81,7 +81,9 @@ def validate(
 
     Returns
     -------
-    list of Measurement
+    setup : dict
+        As `Plan.setup` says.
+    measurements : list of Measurement
         Fewer than there are forces if a signal ended it.
 
     Raises
@@ -89,18 +91,19 @@ def validate(
     RigError
         If the rig does not hold a point in space.
     HardwareError
-        What went wrong with modules, sensor or recording.
+        What went wrong with modules, sensor or journal.
     """
     require_point(plan.rig)
     folder.mkdir(parents=True, exist_ok=True)
-    recording = Recording(folder / FILE, plan.setup())
+    setup = plan.setup(simulated=reached is None or reached[1].simulated)
+    journal = Journal(folder / FILE, setup)
     total = len(plan.protocol.forces)
-    before = len(recording.measurements)
+    before = len(journal.measurements)
     if before == total:
-        return recording.measurements
+        return setup, journal.measurements
 
     def done(measurement: Measurement) -> None:
-        recording.add(measurement)
+        journal.add(measurement)
         if progress is not None:
             progress((measurement.number + 1) / total)
 
@@ -113,4 +116,4 @@ def validate(
     else:
         first = max(before - 1, 0)
         measure(plan.rig, reached[0], RealClock(), reached[1], plan.solver, plan.protocol, done, first)
-    return recording.measurements
+    return setup, journal.measurements
