@@ -104,9 +104,7 @@ def load(name: str, folder: str | Path | None = None) -> Any:
 def _found(folder: str | Path | None) -> Path:
     if folder is not None:
         if not Path(folder).is_dir():
-            raise ShapeError(
-                f"{folder}: no such folder; give one with data sets, or none for those of the source tree"
-            )
+            raise ShapeError(f"{folder}: no such folder; leave it out for the source tree's")
         return Path(folder)
     if not (SOURCE / "SHA256SUMS").is_file():  # beside an installed package there may be others' `datasets`
         cure = "clone the repository and install from there (pip install -e .), or give a folder"
