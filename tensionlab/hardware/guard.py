@@ -12,7 +12,7 @@ from tensionlab.measure import Allocation
 from tensionlab.model.limits import TensionLimits
 from tensionlab.solvers.contract import Nearest, Solver, Status
 
-PROVED = (Status.EXACT, Status.NEAREST)
+PROVED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
 EXACT_SOLVER = "newton"
 """Answers where the chosen solver leaves it unproved."""
 
@@ -53,7 +53,7 @@ class GuardedAllocator:
         """
         chosen, exact = self._for(part)
         allocation = chosen(structure, wrench)
-        if allocation.status in PROVED:
+        if int(allocation.status) in PROVED:
             return allocation, False
         return exact(structure, wrench), True
 
@@ -76,9 +76,9 @@ def require_within(tensions: Floats, limits: TensionLimits, part: NDArray[np.boo
     HardwareError
         Naming the module; NaN included.
     """
-    within = (limits.lower <= tensions) & (tensions <= limits.upper)
-    if not (within | ~part).all():
-        index = int(np.argmin(within | ~part))
+    within = (limits.lower <= tensions) & (tensions <= limits.upper) | ~part
+    if not within.all():
+        index = int(np.argmin(within))
         raise HardwareError(
             f'module "{names[index]}" would be sent {tensions[index]:g} N; its limits are '
             f"{limits.lower[index]:g} to {limits.upper[index]:g} N"

@@ -13,6 +13,7 @@ from tensionlab.solvers.contract import Status
 
 KEPT = 100_000
 """Cycles whose times are kept for percentiles."""
+STATUSES = tuple(sorted(Status))
 PERCENTILES = (50.0, 99.0, 100.0)
 
 
@@ -64,7 +65,7 @@ class Statistics:
         self.cycles += 1
         self.replaced += cycle.replaced
         self.slewed += slewed
-        self.statuses[Status(int(cycle.allocation.status))] += 1
+        self.statuses[STATUSES[int(cycle.allocation.status)]] += 1
         self.late.append(cycle.late)
         self.work.append(cycle.work)
 
