@@ -62,9 +62,9 @@ DOORS = {
     "filelock": {"hardware/claims.py"},
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
-    "mcap": {"hardware/mcap_file.py"},
-    "zstandard": {"hardware/mcap_file.py"},
-    "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/run_dataset.py"},
+    "mcap": {"hardware/record/mcap_file.py"},
+    "zstandard": {"hardware/record/mcap_file.py"},
+    "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/record/dataset.py"},
     "zarr": {"workspace/store.py"},
     "distributed": {"workspace/run.py"},
     "matplotlib": {"plots"},
@@ -91,7 +91,7 @@ NATIVE = {
     "workspace/margin.py",
     "workspace/measures.py",
     "workspace/wrench_set.py",
-    "hardware/pose_tracker.py",
+    "hardware/run/pose_tracker.py",
     "hardware/simulated.py",
 }
 HEAVY = (

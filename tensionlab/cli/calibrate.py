@@ -123,7 +123,7 @@ def lengths(path: RigFile, modules: Modules, json: Json = False) -> None:
     Modules forget it when they restart, and perhaps when they save.
     """
     from tensionlab.hardware.calibration.lengths import zero_lengths
-    from tensionlab.hardware.clock import RealClock
+    from tensionlab.hardware.run.clock import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -168,7 +168,7 @@ def record(
     """
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.calibration.tables import write_table
-    from tensionlab.hardware.clock import RealClock
+    from tensionlab.hardware.run.clock import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)

@@ -13,10 +13,10 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
 from tensionlab.hardware.codes import Code, Fault, Limit, State
-from tensionlab.hardware.cycle import Demand
 from tensionlab.hardware.log import RunLog
-from tensionlab.hardware.run_settings import RunSettings
-from tensionlab.hardware.simulated_rig import simulated_module
+from tensionlab.hardware.run.cycle import Demand
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.records import manifest
 from tests.hardware.rehearsal import GENTLE, Rehearsal
 
