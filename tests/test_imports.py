@@ -48,7 +48,8 @@ ALLOWED = {
         "plots",
         "records",
     },
-    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics"},
+    "datasets": {"model", "workspace", "experiments"},
+    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics", "datasets"},
     "__main__": {"cli"},
 }
 # One door for each third party, by file or folder of the package.
