@@ -20,14 +20,16 @@ ALLOWED = {
     "inputs": {"solvers", "_native"},
     "measure": {"solvers", "_native"},
     "allocation": {"inputs", "measure", "solvers", "_native"},
+    "demand": {"model"},
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
-    "hardware": {"model", "solvers", "measure", "allocation", "_native"},
-    "haptics": {"model"},
+    "hardware": {"model", "demand", "solvers", "measure", "allocation", "_native"},
+    "haptics": {"model", "demand"},
     "experiments": {
         "_native",
         "records",
         "model",
+        "demand",
         "solvers",
         "allocation",
         "measure",
@@ -38,6 +40,7 @@ ALLOWED = {
     "plots": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "experiments"},
     "cli": {
         "model",
+        "demand",
         "solvers",
         "allocation",
         "measure",
@@ -48,7 +51,8 @@ ALLOWED = {
         "plots",
         "records",
     },
-    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics"},
+    "datasets": {"model", "workspace", "experiments"},
+    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics", "datasets"},
     "__main__": {"cli"},
 }
 # One door for each third party, by file or folder of the package.

@@ -91,7 +91,7 @@ def validate(
     if json:
         output.print_json(report)
         return
-    table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.demanded)} forces")
+    table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces")
     for heading in HEADINGS:
         table.add_column(heading, justify="left" if not heading else "right")
     for row in rows(result):

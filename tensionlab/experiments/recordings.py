@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab import records
 from tensionlab.errors import ShapeError
 from tensionlab.solvers.contract import Floats, Integers, Status
 
 AXES = "xyz"
-FORCES = ("demanded", "rendered", "measured", "spread")
-TENSIONS = ("chosen", "tensions")
+FORCES = ("desired", "rendered", "measured")
+PLAIN = ("spread", "status", "replaced", "samples", "hindered")
+"""One value for each force."""
 ABOUT = {
     "simulated": bool,
     "rig": str,
@@ -40,34 +42,39 @@ class Recording:
 
     Attributes
     ----------
-    demanded : (K, 3) array
+    desired : (K, 3) array
         Force asked for, in N, in the rig's axes.
     rendered : (K, 3) array
         What the chosen tensions exert by the rig's model, in N.
     measured : (K, 3) array
         Mean of the sensor's samples while the force was held, less its zero, turned to the rig's axes, in N.
-    spread : (K, 3) array
-        Standard deviation of those samples, in N.
-    chosen, tensions : (K, m) array
-        What the solver chose, and what the modules said on average that they pull with, in N.
+    tensions : (K, m) array
+        What the modules were told to pull with, in N.
+    spread : (K,) array
+        Standard deviation of the samples along the axis where it is largest, in N.
     status : (K,) array of `Status`
-        What is proved about the choice.
+        What is proved about the solver's choice.
+    replaced : (K,) array of bool
+        Whether the solver left its choice unproved, so that the exact solver's was sent.
     samples : (K,) array
         How many samples the mean is of.
+    hindered : (K,) array of str
+        Modules that something kept from pulling as they were told, with spaces between.
     manifest : dict
         That of `tensionlab.records`, and under ``recording`` the entries of `ABOUT`: whether it is simulated, the
         rig and its modules by name, the solver, the sensor, the rotations from the sensor's axes to the rig's by
         method (3 x 3) and which of them was applied (``alignment``), the sensor's rate in Hz, the hold in s.
     """
 
-    demanded: Floats
+    desired: Floats
     rendered: Floats
     measured: Floats
-    spread: Floats
-    chosen: Floats
     tensions: Floats
+    spread: Floats
     status: Integers
+    replaced: NDArray[np.bool_]
     samples: Integers
+    hindered: NDArray[np.str_]
     manifest: dict[str, Any]
 
     def __post_init__(self) -> None:
@@ -80,9 +87,10 @@ class Recording:
                 raise ShapeError(f'the manifest of a recording needs recording["{name}"], a {kind.__name__}')
         if about["alignment"] not in about["rotations"]:
             raise ShapeError(f'the recording has no rotation "{about["alignment"]}", which was applied')
-        count, modules = len(self.demanded), len(about["modules"])
-        shapes = dict.fromkeys(FORCES, (count, 3)) | dict.fromkeys(TENSIONS, (count, modules))
-        for name, shape in (shapes | {"status": (count,), "samples": (count,)}).items():
+        count, modules = len(self.desired), len(about["modules"])
+        shapes: dict[str, tuple[int, ...]] = {"tensions": (count, modules)}
+        shapes |= dict.fromkeys(FORCES, (count, 3)) | dict.fromkeys(PLAIN, (count,))
+        for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ShapeError(f"a recording's {name} has shape {getattr(self, name).shape}, not {shape}")
 
@@ -94,7 +102,7 @@ class Recording:
     @property
     def error(self) -> Floats:
         """Force that was felt minus the one asked for: (K, 3) array in N."""
-        return self.measured - self.demanded
+        return self.measured - self.desired
 
     def in_sensor_axes(self) -> Floats:
         """Mean of the samples, less the zero, in the sensor's own axes: (K, 3) array in N."""
@@ -114,11 +122,11 @@ def write(path: str | Path, recording: Recording) -> None:
     if ("simulated" in Path(path).stem) != recording.simulated:
         word = "simulated, so its name must say" if recording.simulated else "real, so its name must not say"
         raise ShapeError(f'{path}: the recording is {word} "simulated"')
-    columns: dict[str, Any] = {"vector": np.arange(len(recording.demanded))}
+    columns: dict[str, Any] = {"vector": np.arange(len(recording.desired))}
     for name, parts in _parts(recording.manifest["recording"]["modules"]).items():
         columns |= {f"{name}.{part}": getattr(recording, name)[:, i] for i, part in enumerate(parts)}
+    columns |= {name: getattr(recording, name) for name in PLAIN}
     columns["status"] = [Status(each).name for each in recording.status]
-    columns["samples"] = recording.samples
     records.write_parquet(path, columns, recording.manifest)
 
 
@@ -141,17 +149,16 @@ def read(path: str | Path) -> Recording:
             name: np.column_stack([table[f"{name}.{part}"].to_numpy() for part in each])
             for name, each in parts.items()
         }
-        status = np.array([Status[name] for name in table["status"].to_pylist()], dtype=np.int64)
-        samples = table["samples"].to_numpy().astype(np.int64)
+        plain = {name: np.array(table[name].to_pylist()) for name in PLAIN}
+        plain["status"] = np.array([Status[name] for name in plain["status"]], dtype=np.int64)
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
         raise ShapeError(f"{path}: no recording of forces ({type(error).__name__}: {error})") from None
     try:
-        return Recording(**arrays, status=status, samples=samples, manifest=manifest)
+        return Recording(**arrays, **plain, manifest=manifest)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error}") from None
 
 
 def _parts(modules: list[str]) -> dict[str, list[str]]:
     """What the numbers of one force, and of one set of tensions, are called."""
-    forces = {name: [f"F{axis}" for axis in AXES] for name in FORCES}
-    return forces | {name: list(modules) for name in TENSIONS}
+    return {name: [f"F{axis}" for axis in AXES] for name in FORCES} | {"tensions": list(modules)}

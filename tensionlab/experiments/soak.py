@@ -24,7 +24,7 @@ ORBIT = ("--orbit", "0.05,10")
 """The hand goes round, 5 cm from its home, once in 10 s."""
 TTL, LARGEST_ERROR = 0.5, 0.05
 ON_THE_WAY = 0.1
-"""Time, in s, that a set-point and the telemetry that tells of it are on their way: the host sees it so much older."""
+"""How long a set-point, and then the telemetry that tells of it, are on their way, in s."""
 HEAD = """name = "the force goes round"
 repeat = true
 

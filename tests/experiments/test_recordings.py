@@ -16,7 +16,8 @@ CARD = Path(__file__).parents[2] / "datasets" / "recordings" / "README.md"
 
 
 def test_what_was_written_is_read(tmp_path):
-    recording = replace(made_up(), status=np.arange(182) % 4)
+    hindered = np.where(np.arange(182) % 2, "top floor-1", "")
+    recording = replace(made_up(), status=np.arange(182) % 4, replaced=np.arange(182) % 3 == 0, hindered=hindered)
     write(tmp_path / "a-simulated.parquet", recording)
     found = read(tmp_path / "a-simulated.parquet")
     for field in fields(recording):

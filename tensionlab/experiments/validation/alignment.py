@@ -13,14 +13,14 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""
 
 
-def yaw(demanded: Floats, measured: Floats) -> Floats:
+def yaw(desired: Floats, measured: Floats) -> Floats:
     """Which turn about the vertical fits best? The published way: a tilt of the sensor stays.
 
-    The angle is atan2(sum(q_z p_x - q_x p_z), sum(q_x p_x + q_z p_z)), with q measured and p demanded.
+    The angle is atan2(sum(q_z p_x - q_x p_z), sum(q_x p_x + q_z p_z)), with q measured and p desired.
 
     Parameters
     ----------
-    demanded, measured : (K, 3) arrays
+    desired, measured : (K, 3) arrays
         Forces in N; the measured ones upright already.
 
     Returns
@@ -28,7 +28,7 @@ def yaw(demanded: Floats, measured: Floats) -> Floats:
     (3, 3) array
         What turns measured forces.
     """
-    p, q = demanded, measured
+    p, q = desired, measured
     sine = np.sum(q[:, 2] * p[:, 0] - q[:, 0] * p[:, 2])
     cosine = np.sum(q[:, 0] * p[:, 0] + q[:, 2] * p[:, 2])
     size = np.hypot(sine, cosine)
@@ -38,12 +38,12 @@ def yaw(demanded: Floats, measured: Floats) -> Floats:
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def kabsch(demanded: Floats, measured: Floats) -> Floats:
+def kabsch(desired: Floats, measured: Floats) -> Floats:
     """Which rotation fits best? Kabsch 1976, Acta Crystallographica A32; Wahba's problem. Leaves no tilt.
 
     Parameters and return value as those of `yaw`.
     """
-    u, _, vt = np.linalg.svd(demanded.T @ measured)
+    u, _, vt = np.linalg.svd(desired.T @ measured)
     mirrored = np.linalg.det(u) * np.linalg.det(vt) < 0.0
     return np.asarray(u @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ vt)
 

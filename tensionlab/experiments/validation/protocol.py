@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.experiments.validation.sensor import ForceSensor
 from tensionlab.hardware.codes import Limit
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.run.clock import Clock
-from tensionlab.hardware.run.cycle import Cycle, Demand, Pose, RigState
+from tensionlab.hardware.run.cycle import Cycle
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.runner import Runner
 from tensionlab.model.directions import grid18
@@ -73,33 +74,32 @@ class Measurement:
     ----------
     number : int
         Its row of `Protocol.forces`.
-    demanded, rendered, measured : (float, float, float)
+    desired, rendered, measured : (float, float, float)
         What was asked for; what the tensions that were sent add up to, by the nominal rig; and what the sensor
         showed in its own axes, less its zero. In N.
-    chosen, tensions : tuple of float
-        What was sent to each module, and what it said on average that it pulls with, in N.
+    tensions : tuple of float
+        As they were sent, in N.
     status : str
         Of the solver's answer; a name of `Status`.
     replaced : bool
         Whether the solver left that unproved, so that the exact solver's was sent.
     samples : int
         How many were averaged.
-    spread : (float, float, float)
-        Standard deviation of these, in the sensor's own axes, in N.
+    spread : float
+        Standard deviation of these, of the axis where it is largest, in N.
     hindered : tuple of str
         Modules that something kept from pulling as they were told.
     """
 
     number: int
-    demanded: tuple[float, ...]
+    desired: tuple[float, ...]
     rendered: tuple[float, ...]
     measured: tuple[float, ...]
-    chosen: tuple[float, ...]
     tensions: tuple[float, ...]
     status: str
     replaced: bool
     samples: int
-    spread: tuple[float, ...]
+    spread: float
     hindered: tuple[str, ...]
 
 
@@ -113,8 +113,7 @@ class Sequence:
         Row of `Protocol.forces` to begin with.
     sensor : ForceSensor
     done : callable
-        Told of each force when it has been held: its number, the samples (K, 3), and the tensions (C, m) that the
-        modules said they pull with meanwhile.
+        Told of each force when it has been held: its number, and the samples (K, 3).
     """
 
     def __init__(
@@ -122,12 +121,11 @@ class Sequence:
         protocol: Protocol,
         first: int,
         sensor: ForceSensor,
-        done: Callable[[int, Floats, Floats], None],
+        done: Callable[[int, Floats], None],
     ) -> None:
         self._protocol, self._sensor, self._done = protocol, sensor, done
         self._first = self._number = first
         self._settled = False
-        self._said: list[Floats] = []
         self._demands = [Demand(force) for force in protocol.forces]
 
     def __call__(self, state: RigState) -> Demand:
@@ -135,15 +133,13 @@ class Sequence:
         held = (state.time + SLACK) / self._protocol.hold
         number = self._first + int(held)
         if number > self._number:
-            self._done(self._number, self._sensor.take(), np.array(self._said))
-            self._number, self._settled, self._said = number, False, []
+            self._done(self._number, self._sensor.take())
+            self._number, self._settled = number, False
         if number >= len(self._demands):
             return Demand(stop=True)
         if not self._settled and held % 1.0 * self._protocol.hold >= self._protocol.settle:
             self._sensor.take()
             self._settled = True
-        if self._settled:
-            self._said.append(state.tensions)
         return self._demands[number]
 
 
@@ -201,10 +197,10 @@ def measure(
     place = Pose(rig.home, frames=rig.at_rest)
     forces = protocol.forces
 
-    def held(number: int, samples: Floats, said: Floats) -> None:
+    def held(number: int, samples: Floats) -> None:
         assert runner.latest is not None
         average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
-        done(_measurement(number, forces[number], average, samples, said, runner.latest, rig))
+        done(_measurement(number, forces[number], average, samples, runner.latest, rig))
 
     sequence = Sequence(protocol, first, sensor, held)
     runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: place)
@@ -216,21 +212,20 @@ def measure(
 
 
 def _measurement(
-    number: int, demanded: Floats, average: Floats, samples: Floats, said: Floats, latest: Cycle, rig: Rig
+    number: int, desired: Floats, average: Floats, samples: Floats, latest: Cycle, rig: Rig
 ) -> Measurement:
     free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
     limits = zip(rig.modules, latest.state.limits.tolist(), strict=True)
     return Measurement(
         number=number,
-        demanded=tuple(demanded.tolist()),
+        desired=tuple(desired.tolist()),
         rendered=tuple(latest.allocation.wrench.tolist()),
         measured=tuple(average.tolist()),
-        chosen=tuple(latest.sent.tolist()),
-        tensions=tuple(said.mean(axis=0).tolist()),
+        tensions=tuple(latest.sent.tolist()),
         status=Status(int(latest.allocation.status)).name,
         replaced=latest.replaced,
         samples=len(samples),
-        spread=tuple(samples.std(axis=0).tolist()),
+        spread=float(samples.std(axis=0).max()),
         hindered=tuple(module.name for module, limit in limits if limit not in free),
     )
 

@@ -51,7 +51,7 @@ def lines(result: Result) -> list[Line]:
 def remarks(result: Result) -> list[str]:
     """What must be known to read the numbers, a sentence or two each?"""
     setup = result.setup
-    count = len(result.demanded)
+    count = len(result.desired)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
     found = [READING, GRID, f"Averages are {window}: what comes before is left out, while tensions move."]
     if setup["simulated"]:
@@ -83,7 +83,7 @@ def as_json(result: Result, manifest: Mapping[str, Any]) -> dict[str, Any]:
         "manifest": dict(manifest),
         "simulated": result.setup["simulated"],
         "setup": {key: value for key, value in result.setup.items() if key != "directions"},
-        "vectors": len(result.demanded),
+        "vectors": len(result.desired),
         "exact": result.exact,
         "replaced": result.replaced,
         "source": SOURCE,
@@ -137,7 +137,7 @@ def as_markdown(result: Result) -> str:
         f"{kabsch.vector.mean.value:.2f} N of error vector."
     )
     return (
-        f"# {title}\n\nSolver {result.setup['solver']}, {len(result.demanded)} forces of "
+        f"# {title}\n\nSolver {result.setup['solver']}, {len(result.desired)} forces of "
         f"{result.setup['force']:g} N. Published: {SOURCE}.\n\n{text}\n\n{other}\n\n{notes}\n"
     )
 

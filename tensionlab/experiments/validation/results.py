@@ -51,7 +51,7 @@ class Result:
         As `sitting.Plan.setup` says.
     measurements : tuple of Measurement
         All of them, the axes first.
-    demanded : (K, 3) array
+    desired : (K, 3) array
         Without the axes, in N.
     aligned : dict of str to Aligned
         By the key of `ALIGNMENTS`.
@@ -59,7 +59,7 @@ class Result:
 
     setup: Mapping[str, Any]
     measurements: tuple[Measurement, ...]
-    demanded: Floats
+    desired: Floats
     aligned: dict[str, Aligned]
 
     @property
@@ -92,13 +92,13 @@ def result_of(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> 
     """
     measured = np.array([each.measured for each in measurements]) @ UPRIGHT.T
     rendered = np.array([each.rendered for each in measurements])
-    demanded = np.array([each.demanded for each in measurements])[BASIS:]
+    desired = np.array([each.desired for each in measurements])[BASIS:]
     aligned = {}
     for name, find in ALIGNMENTS.items():
         rotation = find(rendered[:BASIS], measured[:BASIS])
         forces = measured[BASIS:] @ rotation.T
-        aligned[name] = Aligned(rotation, angle(rotation), forces, score(demanded, forces))
-    return Result(setup, tuple(measurements), demanded, aligned)
+        aligned[name] = Aligned(rotation, angle(rotation), forces, score(desired, forces))
+    return Result(setup, tuple(measurements), desired, aligned)
 
 
 def recording_of(result: Result, rig: Rig, sensor: str, manifest: Mapping[str, Any]) -> Recording:
@@ -114,7 +114,6 @@ def recording_of(result: Result, rig: Rig, sensor: str, manifest: Mapping[str, A
         Where it comes from: `tensionlab.records.manifest`.
     """
     kept, setup = result.measurements[BASIS:], result.setup
-    rotation = result.aligned["paper"].rotation @ UPRIGHT
     about = {
         "simulated": setup["simulated"],
         "rig": rig.name,
@@ -128,15 +127,15 @@ def recording_of(result: Result, rig: Rig, sensor: str, manifest: Mapping[str, A
         "settle": setup["settle"],
         "preset": setup["preset"],
     }
-    spread = np.array([each.spread for each in kept])
     return Recording(
-        demanded=result.demanded,
+        desired=result.desired,
         rendered=np.array([each.rendered for each in kept]),
         measured=result.aligned["paper"].forces,
-        spread=np.sqrt(spread**2 @ (rotation**2).T),  # the axes' noises have nothing to do with each other
-        chosen=np.array([each.chosen for each in kept]),
         tensions=np.array([each.tensions for each in kept]),
+        spread=np.array([each.spread for each in kept]),
         status=np.array([Status[each.status] for each in kept], dtype=np.int64),
+        replaced=np.array([each.replaced for each in kept]),
         samples=np.array([each.samples for each in kept]),
+        hindered=np.array([" ".join(each.hindered) for each in kept]),
         manifest={**manifest, "recording": about},
     )

@@ -23,13 +23,11 @@ WANDER = 1.0
 
 
 class ForceSensor(Protocol):
-    """A sensor that the cables pull on. It measures by itself; somebody takes what came, now and then.
-
-    `simulated` tells whether it is no real one.
-    """
+    """A sensor that the cables pull on. It measures by itself; somebody takes what came, now and then."""
 
     @property
-    def simulated(self) -> bool: ...
+    def simulated(self) -> bool:
+        """Whether it is no real one."""
 
     def take(self) -> Floats:
         """What was measured since the last call? (K, 3) forces in N, in the sensor's own axes, Z up."""

@@ -30,11 +30,11 @@ class Deviations(NamedTuple):
     Attributes
     ----------
     angle : (K,) array
-        Between measured and demanded force, in degrees; NaN for a measured force of zero.
+        Between measured and desired force, in degrees; NaN for a measured force of zero.
     magnitude : (K,) array
         Of the measured force, in N.
     magnitude_error : (K,) array
-        How far that is from the demanded one, either way, in N.
+        How far that is from the desired one, either way, in N.
     vector : (K,) array
         Length of the difference of the two forces, in N.
     """
@@ -75,27 +75,27 @@ class Score:
     within: float
 
 
-def deviations(demanded: Floats, measured: Floats) -> Deviations:
+def deviations(desired: Floats, measured: Floats) -> Deviations:
     """What is wrong with each measured force?
 
     Parameters
     ----------
-    demanded, measured : (..., K, 3) arrays
-        In N; no demanded force is zero.
+    desired, measured : (..., K, 3) arrays
+        In N; no desired force is zero.
     """
-    size, wanted = np.linalg.norm(measured, axis=-1), np.linalg.norm(demanded, axis=-1)
-    across = np.linalg.norm(np.cross(demanded, measured), axis=-1)
-    along = np.sum(demanded * measured, axis=-1)
+    size, wanted = np.linalg.norm(measured, axis=-1), np.linalg.norm(desired, axis=-1)
+    across = np.linalg.norm(np.cross(desired, measured), axis=-1)
+    along = np.sum(desired * measured, axis=-1)
     angle = np.where(size > 0.0, np.degrees(np.arctan2(across, along)), np.nan)
-    return Deviations(angle, size, np.abs(size - wanted), np.linalg.norm(measured - demanded, axis=-1))
+    return Deviations(angle, size, np.abs(size - wanted), np.linalg.norm(measured - desired, axis=-1))
 
 
-def score(demanded: Floats, measured: Floats, seed: int = 0) -> Score:
+def score(desired: Floats, measured: Floats, seed: int = 0) -> Score:
     """How good are measured forces?
 
     Parameters
     ----------
-    demanded, measured : (K, 3) arrays
+    desired, measured : (K, 3) arrays
         In N.
     seed : int
         Of the bootstrap: whole vectors are drawn again with replacement, 2000 times (Efron 1979, Annals of
@@ -106,11 +106,11 @@ def score(demanded: Floats, measured: Floats, seed: int = 0) -> Score:
     ShapeError
         If there is no vector.
     """
-    if not len(demanded):
+    if not len(desired):
         raise ShapeError("no forces were measured; there is nothing to compare")
-    found = deviations(demanded, measured)
-    weights = np.linalg.norm(demanded[:, [0, 2]], axis=-1) / np.linalg.norm(demanded, axis=-1)
-    drawn = np.random.default_rng(seed).integers(0, len(demanded), (RESAMPLES, len(demanded)))
+    found = deviations(desired, measured)
+    weights = np.linalg.norm(desired[:, [0, 2]], axis=-1) / np.linalg.norm(desired, axis=-1)
+    drawn = np.random.default_rng(seed).integers(0, len(desired), (RESAMPLES, len(desired)))
     angle, magnitude, magnitude_error, vector = (_summary(column, weights, drawn) for column in found)
     return Score(angle, magnitude, magnitude_error, vector, float(np.mean(found.angle <= WITHIN)))
 

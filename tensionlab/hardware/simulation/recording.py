@@ -14,8 +14,8 @@ from tensionlab.hardware.simulated import SimulatedModule
 PERIOD = 5e-3
 """Time from one row to the next of a module, in s, at least."""
 COLUMNS = ("time", "module", "tension", "commanded", "distance", "state", "own_time")
-"""Time of day in s since 1970, name, N, N, m, the state's name, and the module's own time in s: on a busy machine it
-passes more slowly."""
+"""Time of day in s since 1970, name, N, N, m, the state's name, and the module's own time in s, which passes more
+slowly on a busy machine."""
 
 
 class Recording:

@@ -136,8 +136,9 @@ def serve(
 ) -> None:
     """Let time pass in all modules, `speed` times as fast as here, until it is to stop.
 
-    After each step, ``watchers`` see the modules. One thread for all: a module needs some 3 % of a processor, and they can't keep each other from running.
-    Deadlines are absolute, so that no delay adds to another. Ports are closed at the end.
+    After each step, ``watchers`` see the modules. One thread for all: a module needs some 3 % of a processor, and
+    they can't keep each other from running. Deadlines are absolute, so that no delay adds to another. Ports are
+    closed at the end.
     """
     start, now = time.monotonic(), 0.0
     try:
