@@ -12,8 +12,8 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
+    from tensionlab.demand import DemandSource
     from tensionlab.hardware.log import RunLog
-    from tensionlab.hardware.run.cycle import DemandSource
     from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Tracker
     from tensionlab.model.rig import Rig
@@ -118,7 +118,7 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     """What is to be rendered?"""
     import numpy as np
 
-    from tensionlab.hardware.run.cycle import Demand
+    from tensionlab.demand import Demand
     from tensionlab.hardware.run.program import load_program
 
     if force is not None and program is not None:
@@ -139,7 +139,7 @@ def _place(rig: Rig, at: str | None) -> Tracker | None:
     """Where is the point at each time? None if the cable lengths are to tell."""
     import numpy as np
 
-    from tensionlab.hardware.run.cycle import Pose
+    from tensionlab.demand import Pose
 
     if at is None:
         return None

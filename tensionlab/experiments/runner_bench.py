@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.demand import Demand, RigState
 from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.group import ModuleGroup, connect
 from tensionlab.hardware.run.clock import Clock, WorldClock
-from tensionlab.hardware.run.cycle import Demand, RigState
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.hardware.runner import Runner

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensionlab.demand import DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.run.clock import Clock, RealClock
-from tensionlab.hardware.run.cycle import Cycle, DemandSource, Pose, RigState
+from tensionlab.hardware.run.cycle import Cycle
 from tensionlab.hardware.run.demands import require_demand
 from tensionlab.hardware.run.guard import GuardedAllocator, approach, require_within
 from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
 from tensionlab.hardware.codes import Code, Fault, Limit, State
 from tensionlab.hardware.log import RunLog
-from tensionlab.hardware.run.cycle import Demand
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.records import manifest

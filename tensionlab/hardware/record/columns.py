@@ -12,8 +12,9 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.demand import Impedance
 from tensionlab.hardware.codes import Fault, Limit, State
-from tensionlab.hardware.run.cycle import Cycle, Impedance
+from tensionlab.hardware.run.cycle import Cycle
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Floats, Integers, Status
 

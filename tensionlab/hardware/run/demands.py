@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.run.cycle import Demand
 from tensionlab.model.rig import Rig
 
 

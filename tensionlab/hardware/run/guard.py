@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
+from tensionlab.demand import Floats
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.run.cycle import Floats
 from tensionlab.measure import Allocation
 from tensionlab.model.limits import TensionLimits
 from tensionlab.solvers.contract import Nearest, Solver, Status

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.demand import Floats, Integers
 from tensionlab.hardware.codes import Limit, State
 from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.run.cycle import Floats, Integers
 
 
 class Observation(NamedTuple):

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
+from tensionlab.demand import Floats, Pose
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.run.cycle import Floats, Pose
 from tensionlab.model.rig import Rig
 
 STEPS = 3

@@ -24,8 +24,8 @@ from os import PathLike
 
 import numpy as np
 
+from tensionlab.demand import Demand, Floats, RigState
 from tensionlab.errors import HardwareError, RigError
-from tensionlab.hardware.run.cycle import Demand, Floats, RigState
 from tensionlab.hardware.run.demands import require_demand
 from tensionlab.model.files import parse_toml, read_text
 from tensionlab.model.rig import Rig

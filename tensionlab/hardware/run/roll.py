@@ -9,12 +9,12 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.demand import Demand, Floats, Integers
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.codes import Limit, State
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import SetImpedance, Stop
-from tensionlab.hardware.run.cycle import Demand, Floats, Integers
 from tensionlab.hardware.run.observe import Observation
 
 OnLoss = Literal["stop", "continue"]

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from tensionlab.demand import Floats
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.run.cycle import Floats
 from tensionlab.model.rig import Rig
 
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tensionlab.demand import Floats, Pose
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.run.cycle import Floats, Pose
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.model.rig import Rig
 

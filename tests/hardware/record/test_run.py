@@ -8,11 +8,11 @@ import pytest
 import runs
 
 import tensionlab as tl
+from tensionlab.demand import Pose
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.record.columns import COLUMNS, TYPES, encode, schema
 from tensionlab.hardware.record.run import read_run
-from tensionlab.hardware.run.cycle import Pose
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.solvers.contract import Status
 
