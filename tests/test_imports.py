@@ -23,7 +23,7 @@ ALLOWED = {
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
     "hardware": {"model", "solvers", "measure", "allocation", "_native"},
-    "haptics": {"model"},
+    "haptics": {"model", "solvers"},  # which brakes to lock is a bounded least squares: the exact solver's
     "experiments": {
         "_native",
         "records",

@@ -82,7 +82,8 @@ def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> 
     d, m = U.shape[-2:]
     push = pose.points(load, d, "load")
     shape = pose.common_shape({"structure": U.shape[:-2], "load": push.shape[:-1]})
-    U, sets, push = (np.broadcast_to(a, (*shape, *a.shape[-k:])) for a, k in ((U, 2), (sets, 1), (push, 1)))
+    U, sets = np.broadcast_to(U, (*shape, d, m)), np.broadcast_to(sets, (*shape, m))
+    push = np.broadcast_to(push, (*shape, d))
     # The locked cables first, and no more columns than the largest set has.
     order = np.argsort(~sets, axis=-1, kind="stable")[..., : int(sets.sum(axis=-1).max(initial=0))]
     columns = np.take_along_axis(np.where(sets[..., None, :], U, 0.0), order[..., None, :], axis=-1)
@@ -102,8 +103,9 @@ def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> 
 
 
 def _projection(columns: Floats, load: Floats) -> tuple[Floats, Floats, Flags]:
-    """Tensions that cancel all of a load that lies in the span of k cables, the square of what is left, and where
-    that is an answer: independent cables, none pushing.
+    """Which tensions of k cables cancel a load as far as they can?
+
+    Also the square of what is left, and where that is an answer: the cables are independent, and none pushes.
     """
     Q, R = np.linalg.qr(columns)
     along = np.einsum("...ik,...i->...k", Q, load)
@@ -136,7 +138,8 @@ def holds(structure: ArrayLike, locked: ArrayLike, direction: ArrayLike) -> Flag
     ShapeError
         As `brake_reaction`.
     """
-    return np.asarray(np.linalg.norm(brake_reaction(structure, locked, -_unit(direction)).net, axis=-1) <= TOLERANCE)
+    n = _unit(direction, np.asarray(structure))
+    return np.asarray(np.linalg.norm(brake_reaction(structure, locked, -n).net, axis=-1) <= TOLERANCE)
 
 
 def allows(structure: ArrayLike, locked: ArrayLike, velocity: ArrayLike) -> Flags:
@@ -145,7 +148,8 @@ def allows(structure: ArrayLike, locked: ArrayLike, velocity: ArrayLike) -> Flag
     Parameters, returns and errors as in `holds`.
     """
     U, sets = _sets(structure, locked)
-    rates = np.einsum("...im,...i->...m", U, _unit(pose.points(velocity, U.shape[-2], "velocity")))
+    v = _unit(velocity, U)
+    rates = np.einsum("...im,...i->...m", U, v)
     return np.asarray(~(sets & (rates < -TOLERANCE)).any(axis=-1))
 
 
@@ -177,18 +181,21 @@ def blocks_free_motion(structure: ArrayLike, locked: ArrayLike, normal: ArrayLik
     Parameters, returns and errors as in `holds`.
     """
     U, sets = _sets(structure, locked)
-    n = _unit(pose.points(normal, U.shape[-2], "normal"))
+    n = _unit(normal, U)
     aside = np.linalg.norm(U / np.linalg.norm(U, axis=-2, keepdims=True) - n[..., None], axis=-2)
     return np.asarray((sets & (aside > TOLERANCE)).any(axis=-1))
 
 
 def _times(matrices: Floats, vectors: Floats) -> Floats:
-    return np.einsum("...im,...m->...i", matrices, vectors)
+    return np.asarray(np.einsum("...im,...m->...i", matrices, vectors))
 
 
-def _unit(direction: ArrayLike) -> Floats:
-    """Vectors of length one, or an error."""
-    vectors = pose.numbers(direction, "direction")
+def _unit(direction: ArrayLike, structure: Floats) -> Floats:
+    """Vectors of length one that fit the structure matrices, or an error."""
+    if structure.ndim < 2:
+        raise ShapeError(f"structure has shape {structure.shape}; give that of a point, (2, m) or (3, m)")
+    vectors = pose.points(direction, structure.shape[-2], "direction")
+    pose.common_shape({"structure": structure.shape[:-2], "direction": vectors.shape[:-1]})
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if not lengths.all():
         raise ShapeError("direction has a vector of length zero; give vectors with a direction")

@@ -1,9 +1,9 @@
 """When to lock, and when to let go? One hand, or one head, at one wall, over time.
 
 A brake takes time to lock and its teeth leave slack, so it is locked before the wall is reached; the faster the
-approach, the further off. A fast body is not stopped at all: the force on it would be too large. Locked brakes stay
-locked until the hand has left the place where it was caught by some millimetres, so that a hand at rest does not
-make them chatter.
+approach, the further off. A fast body is not stopped at all: the force on it would be too large. Locked brakes
+stay locked until the hand has left the place where it was caught by some millimetres, so that a hand at rest does
+not make them chatter.
 
 All numbers are this project's defaults, not published ones.
 """
@@ -17,16 +17,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import ShapeError
 from tensionlab.haptics.brake_cones import Flags
 from tensionlab.haptics.brakes import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.model import pose
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
+from tensionlab.solvers.contract import TOLERANCE
 
 Why = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
-"""What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked for
-this wall; the impact would exceed the cap; the wall is not near yet; the hand does not push into the wall."""
+"""What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
+for this wall; the impact would exceed the cap; the wall is not near yet; the hand does not move into it."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,9 @@ class Timing:
     release: float = 0.005
 
     def __post_init__(self) -> None:
-        _require_positive(self, zero=True)
+        for name, value in vars(self).items():
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"Timing({name}={value}): must be 0 or more")
 
     def near(self, distance: ArrayLike, approach: ArrayLike) -> Flags:
         """Must brakes be locked now, so that they hold where the wall is?
@@ -65,6 +67,9 @@ class Timing:
         (...) array of bool
         """
         return np.asarray(np.asarray(distance) <= np.maximum(0.0, approach) * self.latency + self.slack)
+
+
+TIMING = Timing()
 
 
 @dataclass(frozen=True)
@@ -88,10 +93,12 @@ class ImpactCap:
     mass: float = 5.0
 
     def __post_init__(self) -> None:
-        _require_positive(self)
+        for name, value in vars(self).items():
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"ImpactCap({name}={value}): must be above 0")
 
     def peak(self, speed: ArrayLike, crowding: ArrayLike = 1.0) -> Floats:
-        """How large is the force of the impact, in N, with cables that are together so many times as stiff as one?"""
+        """How hard is the impact, in N, with cables that are together so many times as stiff as one?"""
         return np.asarray(speed, dtype=np.float64) * np.sqrt(self.stiffness * self.mass * np.asarray(crowding))
 
     def crowding(self, speed: ArrayLike) -> Floats:
@@ -123,37 +130,43 @@ class Wall(NamedTuple):
     force: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Catch:
-    """Which brakes hold a hand, and where was it caught?
+    """Which brakes hold a hand, and where?
 
     Attributes
     ----------
     locked : (m,) array of bool
     position : (d,) array
-        In m.
+        Where it was deepest in the wall, in m.
     """
 
     locked: Flags
     position: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Decision:
     """What to do in this cycle?
 
     Attributes
     ----------
-    chosen : LockSet
-        Brakes to lock, tensions of the motors.
+    locked : (m,) array of bool
+        Brakes to lock; all others are to be released.
+    motors : (m,) array
+        Tensions for the wall, in N: as `LockSet.motors` inside it, and the least ones before it is reached.
     why : str
         One of `Why`.
+    chosen : LockSet
+        What a push with the whole force of the wall will meet.
     catch : Catch or None
         To be given to the next cycle; None where nothing is locked.
     """
 
-    chosen: LockSet
+    locked: Flags
+    motors: Floats
     why: Why
+    chosen: LockSet
     catch: Catch | None
 
 
@@ -165,7 +178,7 @@ def decide(
     limits: TensionLimits,
     strengths: ArrayLike,
     catch: Catch | None = None,
-    timing: Timing | None = None,
+    timing: Timing = TIMING,
     cap: ImpactCap | None = None,
     rule: LockRule = DEFAULT,
 ) -> Decision:
@@ -184,8 +197,8 @@ def decide(
         As in `choose_locks`.
     catch : Catch or None
         What the last cycle decided.
-    timing : Timing, optional
-    cap : ImpactCap, optional
+    timing : Timing
+    cap : ImpactCap or None
         For what must not be hurt. It limits what each brake may be loaded with as well.
     rule : LockRule
 
@@ -198,19 +211,17 @@ def decide(
     ShapeError
         As `choose_locks`.
     """
-    when = timing or Timing()
-    n = pose.points(wall.normal, limits_dimension(structure), "normal")
+    n = pose.numbers(wall.normal, "normal")
     p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")
-    approach = -float(n @ v)
-    if catch is not None and float(n @ (p - catch.position)) > when.release:
-        catch = None
-    near = bool(when.near(wall.distance, approach)) and wall.force > 0.0
     hold = pose.points(strengths, limits.lower.size, "strengths")
+    approach = -float(n @ v)
+    if catch is not None and n @ (p - catch.position) > timing.release:
+        catch = None
+    near = bool(timing.near(wall.distance, approach))
     crowding = None
     if cap is not None:
         hold = np.minimum(hold, cap.force)
-        # What is locked already has met the body: only new brakes could make an impact.
-        crowding = float(cap.crowding(np.linalg.norm(v)))
+        crowding = cap.crowding(np.linalg.norm(v))  # a cable stops what moves along it, not along the normal
     chosen = choose_locks(
         structure,
         n,
@@ -222,17 +233,24 @@ def decide(
         crowding=crowding,
         rule=rule,
     )
-    if chosen.locked.any():
-        return Decision(chosen, "locked", Catch(chosen.locked, p if catch is None else catch.position))
     why: Why
-    if not near:
-        why = "not near"
-    elif approach < 0.0:
-        why = "leaving"
-    elif not chosen.able.any():
-        why = "no cable"
-    elif crowding is not None and crowding < 1.0:
-        why = "too fast"
+    if chosen.locked.any():
+        why = "locked"
+        caught = p if catch is None or n @ (p - catch.position) < 0.0 else catch.position
+        catch = Catch(chosen.locked, caught)
     else:
-        why = "motors"
-    return Decision(chosen, why, None)
+        catch = None
+        if not near:
+            why = "not near"
+        elif approach < 0.0:
+            why = "leaving"
+        elif chosen.unresisted <= TOLERANCE:
+            why = "motors"
+        elif not chosen.able.any():
+            why = "no cable"
+        elif crowding is not None and crowding < 1.0:
+            why = "too fast"
+        else:
+            why = "motors"
+    motors = chosen.motors if wall.distance <= 0.0 else limits.lower
+    return Decision(chosen.locked, motors, why, chosen, catch)

@@ -4,10 +4,10 @@ The user pushes with F newtons against the normal n of a wall. Motors pull with 
 one-way brake holds its cable against up to its own strength. `choose_locks` tries every small set L of cables
 that may be locked and prices it: the force that stays unresisted, plus a share of F for each lock.
 
-- A cable is locked only if it pulls the hand out of the wall, ``u_i·n > margin``. Then every locked cable reels in
-  when the hand withdraws along n, so no set can keep it. A non-negative least squares alone does not see to that.
-- For each L, the tensions nearest to the wanted force are a bounded least squares, with the brakes' strength as upper
-  limit in L: what the exact solver of `tensionlab.solvers` does. The motors pull with as much of it as they can.
+- A cable is locked only if it pulls the hand out of the wall, ``u_i·n > margin``. Then every locked cable reels
+  in when the hand withdraws along n, so no set can keep it. A non-negative least squares alone does not see to it.
+- For each L, the tensions nearest to the wanted force are a bounded least squares, with the brakes' strength as
+  upper limit in L: the exact solver's, of `tensionlab.solvers`. The motors pull with as much of it as they can.
 - What a brake holds is there only while the user pushes. It is reported apart from what the motors pull.
 
 Where the motors alone render the force, nothing is locked.
@@ -61,7 +61,9 @@ class LockRule:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.margin < 1.0:
-            raise ValueError(f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap")
+            raise ValueError(
+                f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap"
+            )
         if self.most < 0:
             raise ValueError(f"LockRule(most={self.most}): must be 0 or more")
         for name in ("price", "hysteresis"):
@@ -134,7 +136,7 @@ def choose_locks(
         Which brakes are locked now. Leave it out where there are none.
     crowding : (...) array, optional
         Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
-        `tensionlab.haptics.brake_contact.crowding`.
+        `tensionlab.haptics.brake_contact.ImpactCap`.
     rule : LockRule
 
     Returns
@@ -144,23 +146,28 @@ def choose_locks(
     Raises
     ------
     ShapeError
-        Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force or
-        strength is negative.
+        Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
+        or strength is negative.
     """
-    U, n = pose.numbers(structure, "structure"), pose.numbers(normal, "normal")
+    U, n = np.ascontiguousarray(pose.numbers(structure, "structure")), pose.numbers(normal, "normal")
     m = limits.lower.size
     if U.ndim < 2 or U.shape[-1] != m or n.shape[-1:] != U.shape[-2:-1]:
         raise ShapeError(
-            f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), (..., d) and m"
+            f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
+            "(..., d) and m"
         )
     F, held_by = pose.numbers(force, "force"), pose.points(strengths, m, "strengths")
     if F.min(initial=0.0) < 0.0 or held_by.min(initial=0.0) < 0.0:
-        raise ShapeError("force and strengths must be 0 N or more; turn the normal round for a force the other way")
+        raise ShapeError(
+            "force and strengths must be 0 N or more; turn the normal round for a force the other way"
+        )
     if np.abs(np.einsum("...i,...i->...", n, n) - 1.0).max(initial=0.0) > 2e-6:
         raise ShapeError("normal is not a unit vector; divide it by its length")
     given = {"structure": (U, 2), "normal": (n, 1), "force": (F, 0), "pushing": (np.asarray(pushing, np.bool_), 0)}
     if held is not None:
         given["held"] = (np.asarray(held, np.bool_), 1)
+        if given["held"][0].shape[-1:] != (m,):
+            raise ShapeError(f"held has shape {given['held'][0].shape}; give one bool for each of {m} cables")
     if crowding is not None:
         given["crowding"] = (np.asarray(crowding, np.float64), 0)
     shape = pose.common_shape({name: array.shape[: array.ndim - inner] for name, (array, inner) in given.items()})
@@ -216,7 +223,7 @@ def _choose(walls: dict[str, NDArray[Any]], limits: TensionLimits, strengths: Fl
 
 @lru_cache(maxsize=32)
 def _sets(m: int, most: int) -> tuple[Floats, Floats]:
-    """All sets of at most so many of m cables, (S, m), 1 where a cable is in, the empty one first; and their sizes."""
+    """All sets of at most so many of m cables, (S, m) of 0 and 1, and their sizes; the empty one first."""
     chosen = [each for size in range(min(most, m) + 1) for each in combinations(range(m), size)]
     sets = np.zeros((len(chosen), m))
     for row, each in zip(sets, chosen, strict=True):
@@ -227,14 +234,14 @@ def _sets(m: int, most: int) -> tuple[Floats, Floats]:
 def _stiffest(U: Floats, sets: Floats) -> Floats:
     """What is the stiffness of each set along its stiffest direction, in that of one cable? (B, S) array.
 
-    An upper bound of the largest eigenvalue of ``U_L U_L'``, which is that of the matrix of cosines ``U_L' U_L``: its
-    largest sum of absolute values along a row (Gershgorin). Exact for one cable and for two.
+    An upper bound of the largest eigenvalue of ``U_L U_L'``, which is that of the matrix of cosines ``U_L' U_L``:
+    its largest sum of absolute values along a row (Gershgorin). Exact for one cable and for two.
     """
     cosines = np.abs(np.einsum("bik,bim->bkm", U, U))
     return np.asarray((sets * (sets @ cosines)).max(axis=2))
 
 
-def _rows(array: Floats, shape: tuple[int, ...], inner: int, count: int) -> Floats:
+def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int, count: int) -> NDArray[Any]:
     """An array with one leading axis, one row a wall."""
     own = array.shape[array.ndim - inner :]
     if array.shape != shape + own:
