@@ -12,9 +12,9 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.cycle import DemandSource
+    from tensionlab.demand import DemandSource
     from tensionlab.hardware.log import RunLog
-    from tensionlab.hardware.run_settings import RunSettings
+    from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Tracker
     from tensionlab.model.rig import Rig
 
@@ -67,11 +67,11 @@ def run(
     """
     from tensionlab.cli.run_table import Screen, summary_table
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.clock import RealClock, WorldClock
     from tensionlab.hardware.group import connect
-    from tensionlab.hardware.run_settings import RunSettings
+    from tensionlab.hardware.run.clock import RealClock, WorldClock
+    from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Runner
-    from tensionlab.hardware.world import World
+    from tensionlab.hardware.simulation.world import World
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
@@ -118,8 +118,8 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     """What is to be rendered?"""
     import numpy as np
 
-    from tensionlab.hardware.cycle import Demand
-    from tensionlab.hardware.program import load_program
+    from tensionlab.demand import Demand
+    from tensionlab.hardware.run.program import load_program
 
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")
@@ -139,7 +139,7 @@ def _place(rig: Rig, at: str | None) -> Tracker | None:
     """Where is the point at each time? None if the cable lengths are to tell."""
     import numpy as np
 
-    from tensionlab.hardware.cycle import Pose
+    from tensionlab.demand import Pose
 
     if at is None:
         return None

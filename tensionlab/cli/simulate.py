@@ -13,8 +13,8 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.serve import PlannedFault
     from tensionlab.hardware.simulated import SimulatedModule
+    from tensionlab.hardware.simulation.serve import PlannedFault
 
 ALONE = "module"
 """What a module is called that belongs to no rig."""
@@ -73,11 +73,11 @@ def simulate(
     line after it: names, and links that pyserial opens. A module has one client at a time; a second one is
     refused, and one that goes away is a link that closed.
     """
-    from tensionlab.hardware.channel import Conditions
     from tensionlab.hardware.modules_file import modules_to_toml
-    from tensionlab.hardware.ports import PtyPort, TcpPort
-    from tensionlab.hardware.recording import Recording
-    from tensionlab.hardware.serve import ServedModule, serve
+    from tensionlab.hardware.simulation.channel import Conditions
+    from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
+    from tensionlab.hardware.simulation.recording import Recording
+    from tensionlab.hardware.simulation.serve import ServedModule, serve
 
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
@@ -125,7 +125,7 @@ def _rig(
     path: Path, seed: int, config_file: Path | None, far_ends: dict[str, Callable[[], float]]
 ) -> dict[str, tuple[SimulatedModule, Path | None]]:
     """Which modules are simulated, and where does each keep its settings?"""
-    from tensionlab.hardware.simulated_rig import simulated_module
+    from tensionlab.hardware.simulation.simulated_rig import simulated_module
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -150,7 +150,7 @@ def _only(only: list[str] | None, names: list[str]) -> list[str]:
 
 def _orbit(path: Path | None, numbers: list[float]) -> dict[str, Callable[[], float]]:
     """How long is each cable now, if the point goes round its home? By the time of day, which processes share."""
-    from tensionlab.hardware.orbit import cable_lengths
+    from tensionlab.hardware.simulation.orbit import cable_lengths
     from tensionlab.model.files import load_rig
 
     if path is None or len(numbers) != 2:
@@ -159,7 +159,7 @@ def _orbit(path: Path | None, numbers: list[float]) -> dict[str, Callable[[], fl
 
 
 def _settings(path: Path | None) -> bytes | None:
-    from tensionlab.hardware.serve import read_settings
+    from tensionlab.hardware.simulation.serve import read_settings
 
     return None if path is None else read_settings(path)
 
@@ -172,7 +172,7 @@ def _complain(module: SimulatedModule, path: Path | None) -> None:
 
 def _faults(texts: list[str], names: list[str]) -> dict[str, list[PlannedFault]]:
     """What breaks in which module? Without a name before a colon, it breaks in all."""
-    from tensionlab.hardware.serve import parse_fault
+    from tensionlab.hardware.simulation.serve import parse_fault
 
     faults: dict[str, list[PlannedFault]] = {name: [] for name in names}
     for text in texts:
