@@ -75,8 +75,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     -------
     object
         By folder: ``rigs`` a `tensionlab.Rig`; ``spaces`` a `LayoutTask`; ``vectors`` a (K, 3) array;
-        ``published`` a `Published`; ``recordings`` a `Recording`; ``benchmarks`` the `Results`; ``problems`` a
-        `ProblemSet` of 1000 problems, drawn with seed 0.
+        ``published`` a `Published`; ``recordings`` a `Recording`; ``what-if`` the `Trials`; ``benchmarks`` the
+        `Results`; ``problems`` a `ProblemSet` of 1000 problems, drawn with seed 0.
 
     Raises
     ------
@@ -142,6 +142,12 @@ def _recording(path: Path) -> Any:
     return recordings.read(path)
 
 
+def _trials(path: Path) -> Any:
+    from tensionlab.experiments import trials
+
+    return trials.read(path)
+
+
 def _results(path: Path) -> Any:
     from tensionlab.experiments.bench import results
 
@@ -154,5 +160,6 @@ _KINDS = {
     "vectors": _Kind(".parquet", _vectors),
     "published": _Kind(".toml", _published),
     "recordings": _Kind(".parquet", _recording),
+    "what-if": _Kind(".parquet", _trials),
     "benchmarks": _Kind(".parquet", _results),
 }

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tensionlab.experiments.recordings import Recording
+from tensionlab.experiments.trials import Trial
 from tensionlab.model.directions import grid18
 
 MODULES = ["floor-1", "floor-2", "floor-3", "top"]
@@ -38,3 +39,27 @@ def made_up(gain=1.25, noise=0.3, turn=0.1, simulated=True, seed=0) -> Recording
         hindered=np.full(len(desired), ""),
         manifest={"call": "made up", "seed": seed, "recording": about},
     )
+
+
+QUESTIONS = {
+    "preset": {"ideal": (0.0, 1.5), "paper-like": (13.0, 1.84)},
+    "error": {"gain": (6.1, 1.9), "bias": (6.6, 1.5)},
+    "solver": {"newton": (13.0, 1.84), "dykstra:10": (15.0, 1.8)},
+    "calibration": {"none": (13.0, 1.84), "gain and bias": (6.0, 1.5)},
+}
+"""By question and choice: mean angle in degrees, mean size in N."""
+
+
+def made_up_trials(count=20) -> list[Trial]:
+    """So many rigs for each choice, spread about known numbers."""
+    draw = np.random.default_rng(0)
+    return [
+        Trial(
+            question, choice, seed, 182, 182, angle=angle * factor, angle_largest=3 * angle * factor,
+            magnitude=size, magnitude_error=abs(size - 1.5), vector=0.02 * angle * factor + abs(size - 1.5),
+            within=1.0 if angle * factor < 15 else 0.99,
+        )
+        for question, choices in QUESTIONS.items()
+        for choice, (angle, size) in choices.items()
+        for seed, factor in enumerate(draw.uniform(0.7, 1.3, count).tolist())
+    ]  # fmt: skip

@@ -53,7 +53,7 @@ def test_every_table_is_a_data_set_with_a_card_and_a_manifest():
             assert f"`{column.partition('.')[0]}" in card, f"{path.name}: {column}"
 
 
-@pytest.mark.parametrize("folder", ["vectors", "published", "recordings", "benchmarks"])
+@pytest.mark.parametrize("folder", ["vectors", "published", "recordings", "what-if", "benchmarks"])
 def test_a_card_says_origin_licence_and_how_to_regenerate(folder):
     card = (DATASETS / folder / "README.md").read_text(encoding="utf-8")
     for word in ("**Origin.**", "**Licence.**", "**Regenerate.**", "**Load.**"):
@@ -119,7 +119,12 @@ def test_without_a_clone_the_error_says_where_they_are(tmp_path, monkeypatch):
 
 
 def test_damaged_files_are_refused(tmp_path):
-    for name in ("vectors/grid18.parquet", "published/bartels2026-validation.toml", "recordings/a.parquet"):
+    for name in (
+        "vectors/grid18.parquet",
+        "published/bartels2026-validation.toml",
+        "recordings/a.parquet",
+        "what-if/a.parquet",
+    ):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_bytes(b"PAR1 = nonsense")
         with pytest.raises(ShapeError, match=Path(name).name):

@@ -9,7 +9,7 @@ from tensionlab.plots.house import METADATA
 from tensionlab.plots.layout import plot_layouts
 from tensionlab.plots.rig import plot_rig
 from tensionlab.plots.run import plot_run
-from tensionlab.plots.workspace import plot_shares, plot_slices, plot_volume
+from tensionlab.plots.workspace import plot_measures, plot_shares, plot_slices, plot_volume
 
 __all__ = [
     "METADATA",
@@ -20,6 +20,7 @@ __all__ = [
     "plot_error_sphere",
     "plot_forces",
     "plot_layouts",
+    "plot_measures",
     "plot_profile",
     "plot_rig",
     "plot_run",

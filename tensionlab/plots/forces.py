@@ -75,6 +75,8 @@ def plot_error_sphere(recording: Recording, rig: Rig, path: str | Path) -> None:
                 axes.set_title(title, loc="center")
             half.colorbar(dots, ax=panels, label=label, orientation="horizontal", shrink=0.6, aspect=30)
         figure.suptitle(caption(recording), fontsize="medium", fontweight="bold")
+        look = {"color": "white", "markeredgecolor": "black", "marker": "s", "ls": ""}
+        add_legend(figure, 1, [("a cable pulls this way", look)])
 
 
 def caption(recording: Recording) -> str:
