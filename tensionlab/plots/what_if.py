@@ -66,8 +66,9 @@ def plot_what_if(trials: Trials, published: Published, path: str | Path) -> None
             panels[0].annotate(title, (0, place), xycoords=where, va="center", color=colour, fontweight="bold")
         rigs = len({row.seed for row in trials.rows})
         figure.suptitle(f"Simulated validations of up to {rigs} rigs", fontsize="medium", fontweight="bold")
+        dot = {"marker": "o", "markersize": 5, "markevery": [0]}
         add_legend(figure, 2, [
-            ("median of the rigs, 10 to 90 %", {"color": "#000000", "marker": "o", "markersize": 5, "markevery": [0]}),
+            ("median of the rigs, 10 to 90 %", {"color": "#000000", **dot}),
             ("published, one rig", {"color": GREY, "linestyle": ":"}),
         ])  # fmt: skip
 
