@@ -24,7 +24,7 @@ ALLOWED = {
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
     "hardware": {"model", "demand", "solvers", "measure", "allocation", "_native"},
-    "haptics": {"model", "demand"},
+    "haptics": {"model", "demand", "solvers"},  # which brakes to lock is a bounded least squares
     "experiments": {
         "_native",
         "records",

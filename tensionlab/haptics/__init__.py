@@ -1,0 +1,1 @@
+"""What force to ask for: effects, their stability, and one-way brakes. Knows no device."""
