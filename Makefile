@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-runner stress soak anchor-count clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-runner stress soak figures checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -46,8 +46,11 @@ soak: .venv/dev.stamp
 bench-runner: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.runner_bench
 
-anchor-count: .venv/dev.stamp
-	@$(BIN)/python paper_figures/anchor_count.py docs/anchor-count.png
+figures: .venv/dev.stamp
+	@$(BIN)/python paper_figures/make.py
+
+checksums: .venv/bin/python
+	@$(BIN)/python datasets/checksums.py
 
 # Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
 firmware-check: .venv/dev.stamp

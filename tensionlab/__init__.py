@@ -1,6 +1,6 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
-from tensionlab import workspace
+from tensionlab import datasets, workspace
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
     MissingDependency,
@@ -74,6 +74,7 @@ __all__ = [
     "allocate",
     "alternate_corners",
     "box_corners",
+    "datasets",
     "load_rig",
     "ring_plus_top",
     "save_rig",

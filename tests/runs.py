@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 import tensionlab as tl
+from tensionlab.demand import Demand, Impedance, Pose, RigState
 from tensionlab.hardware.codes import Limit, ResetReason, State
-from tensionlab.hardware.cycle import Cycle, Demand, Impedance, Pose, RigState
 from tensionlab.hardware.log import RunLog
 from tensionlab.hardware.protocol import Info
-from tensionlab.hardware.run_settings import RunSettings
-from tensionlab.hardware.statistics import Statistics
+from tensionlab.hardware.run.cycle import Cycle
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.solvers.contract import Status
 
 RIGS = Path(__file__).parents[1] / "datasets" / "rigs"

@@ -20,14 +20,16 @@ ALLOWED = {
     "inputs": {"solvers", "_native"},
     "measure": {"solvers", "_native"},
     "allocation": {"inputs", "measure", "solvers", "_native"},
+    "demand": {"model"},
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
-    "hardware": {"model", "solvers", "measure", "allocation", "_native"},
-    "haptics": {"model"},
+    "hardware": {"model", "demand", "solvers", "measure", "allocation", "_native"},
+    "haptics": {"model", "demand", "solvers"},  # which brakes to lock is a bounded least squares
     "experiments": {
         "_native",
         "records",
         "model",
+        "demand",
         "solvers",
         "allocation",
         "measure",
@@ -38,6 +40,7 @@ ALLOWED = {
     "plots": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "experiments"},
     "cli": {
         "model",
+        "demand",
         "solvers",
         "allocation",
         "measure",
@@ -48,7 +51,8 @@ ALLOWED = {
         "plots",
         "records",
     },
-    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics"},
+    "datasets": {"model", "workspace", "experiments"},
+    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics", "datasets"},
     "__main__": {"cli"},
 }
 # One door for each third party, by file or folder of the package.
@@ -61,9 +65,9 @@ DOORS = {
     "filelock": {"hardware/claims.py"},
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
-    "mcap": {"hardware/mcap_file.py"},
-    "zstandard": {"hardware/mcap_file.py"},
-    "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/run_dataset.py"},
+    "mcap": {"hardware/record/mcap_file.py"},
+    "zstandard": {"hardware/record/mcap_file.py"},
+    "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/record/dataset.py"},
     "zarr": {"workspace/store.py"},
     "distributed": {"workspace/run.py"},
     "matplotlib": {"plots"},
@@ -90,7 +94,7 @@ NATIVE = {
     "workspace/margin.py",
     "workspace/measures.py",
     "workspace/wrench_set.py",
-    "hardware/pose_tracker.py",
+    "hardware/run/pose_tracker.py",
     "hardware/simulated.py",
 }
 HEAVY = (

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli import calibrate_report, output
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tensionlab.hardware.calibration.anchors import AnchorEstimate
-    from tensionlab.hardware.calibration.gain import Balance, GainEstimate
+    from tensionlab.hardware.calibration.gain import Balance
     from tensionlab.hardware.group import ModuleGroup
     from tensionlab.hardware.module import ModuleClient
     from tensionlab.model.rig import Rig
@@ -83,9 +82,9 @@ def gain(
         if write and sure:
             _write_gain(client, found.gain.value)
     if json:
-        output.print_json(_gain_json(url, found, written=write and sure))
+        output.print_json(calibrate_report.gain_json(url, found, written=write and sure))
     else:
-        _show_gain(url, found)
+        calibrate_report.show_gain(url, found)
         if write and sure:
             typer.echo(
                 "\nWritten and saved. Saving may make a module forget its cable's length: calibrate that next."
@@ -124,7 +123,7 @@ def lengths(path: RigFile, modules: Modules, json: Json = False) -> None:
     Modules forget it when they restart, and perhaps when they save.
     """
     from tensionlab.hardware.calibration.lengths import zero_lengths
-    from tensionlab.hardware.clock import RealClock
+    from tensionlab.hardware.run.clock import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -169,7 +168,7 @@ def record(
     """
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.calibration.tables import write_table
-    from tensionlab.hardware.clock import RealClock
+    from tensionlab.hardware.run.clock import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -224,9 +223,9 @@ def anchors(
         how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
         save_rig(calibrated_rig(rig, found, how), out)
     if json:
-        output.print_json(_anchors_json(rig, found, misfits, out, known=known, offsets=offsets))
+        output.print_json(calibrate_report.anchors_json(rig, found, misfits, out, known=known, offsets=offsets))
     else:
-        _show_anchors(rig, found, misfits, known=known, offsets=offsets)
+        calibrate_report.show_anchors(rig, found, misfits, known=known, offsets=offsets)
         if out is not None:
             typer.echo(f"\nrig: {out}")
 
@@ -296,91 +295,3 @@ def _write_gain(client: ModuleClient, value: float) -> None:
 
     client.calibrate(Calibration.NEWTON_PER_AMPERE, value)
     client.save()
-
-
-def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, object]:
-    numbers = {"newton_per_ampere": found.gain, "friction": found.friction, "zero": found.zero}
-    return {
-        "url": url,
-        "newton_per_ampere_before": found.believed,
-        **{name: None if each is None else vars(each) for name, each in numbers.items()},
-        "error_before": found.before,
-        "error_after": found.after,
-        "balances": [vars(each) for each in found.balances],
-        "written": written,
-    }
-
-
-def _show_gain(url: str, found: GainEstimate) -> None:
-    grid = output.table(f"{len(found.balances)} balances at {url}")
-    for heading in ("", "before", "now", "95 % interval"):
-        grid.add_column(heading, justify="left" if heading == "" else "right", no_wrap=True)
-    rows = [("tension for each ampere, N/A", f"{found.believed:.4g}", found.gain, 4)]
-    rows.append(("friction and cogging, N", "", found.friction, 3))
-    if found.zero is not None:
-        rows.append(("current that pulls nothing, A", "", found.zero, 4))
-    for name, before, each, digits in rows:
-        interval = f"{each.lower:.{digits}f} to {each.upper:.{digits}f}"
-        grid.add_row(name, before, f"{each.value:.{digits}f}", interval)
-    grid.add_row("error of tension (rms), N", f"{found.before:.3f}", f"{found.after:.3f}", "")
-    output.console().print(grid)
-
-
-def _anchors_json(
-    rig: Rig, found: AnchorEstimate, misfits: dict[str, float], out: Path | None, *, known: bool, offsets: bool
-) -> dict[str, object]:
-    return {
-        "rig": rig.name,
-        "poses": len(found.residuals),
-        "known": known,
-        "freedom": found.freedom,
-        "length_deviation": found.sigma,
-        "misfit": misfits,
-        "modules": [
-            {
-                "name": module.name,
-                "nominal": module.anchor,
-                "anchor": found.anchors[j],
-                "deviation": found.deviations[j],
-                "interval": found.intervals[j],
-                "length_offset": found.offsets[j] if offsets else None,
-            }
-            for j, module in enumerate(rig.modules)
-        ],
-        "written": None if out is None else str(out),
-    }
-
-
-def _show_anchors(
-    rig: Rig, found: AnchorEstimate, misfits: dict[str, float], *, known: bool, offsets: bool
-) -> None:
-    import numpy as np
-
-    poses = f"{len(found.residuals)} {'known' if known else 'unknown'} poses"
-    grid = output.table(f"{rig.name}: anchors from {poses} (± 95 %)")
-    grid.add_column("module")
-    for axis in "xyz"[: rig.dimension]:
-        grid.add_column(f"{axis}\nm", justify="right", no_wrap=True)
-    for heading in ("moved\nmm", *(["length off\nmm"] if offsets else [])):
-        grid.add_column(heading, justify="right", no_wrap=True)
-    moved = np.linalg.norm(found.anchors - rig.anchors, axis=1)
-    for j, module in enumerate(rig.modules):
-        places = [
-            f"{x:.4f} ± {'–' if math.isnan(w) else f'{w:.4f}'}"
-            for x, w in zip(found.anchors[j], found.intervals[j], strict=True)
-        ]
-        extra = [f"{1e3 * found.offsets[j]:+.1f}"] if offsets else []
-        grid.add_row(module.name, *places, f"{1e3 * moved[j]:.1f}", *extra)
-    console = output.console()
-    console.print(grid)
-    before, after, held = (
-        "–" if math.isnan(misfits[key]) else f"{1e3 * misfits[key]:.2f} mm"
-        for key in ("before", "after", "held_out")
-    )
-    how = "rms" if known else "rms, beyond what the poses take up"
-    console.print(
-        f"\nLengths are off by {before} before, {after} now, and {held} at poses that were held out ({how}).",
-        soft_wrap=True,
-    )
-    if not known:
-        console.print("Where the rig stands and how it is turned is kept as in the rig file: lengths cannot tell.")

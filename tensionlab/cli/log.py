@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from tensionlab.experiments.replay import Replay, ReplayRow
-    from tensionlab.hardware.run_record import Run
-    from tensionlab.hardware.run_report import ModuleReport, RunReport
+    from tensionlab.hardware.record.report import ModuleReport, RunReport
+    from tensionlab.hardware.record.run import Run
 
 log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
@@ -54,7 +54,7 @@ t: tensions   jump: of a tension from one cycle to the next, before the runner s
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
     """Show how a run went: what it rendered, how punctual it was, what held the modules back."""
-    from tensionlab.hardware.run_report import report
+    from tensionlab.hardware.record.report import report
 
     run = _read(path)
     found = report(run)
@@ -78,7 +78,7 @@ def export(
 ) -> None:
     """Write a run as NetCDF, with names, units and dimensions, or as a Parquet table with a row for each cycle."""
     from tensionlab import records
-    from tensionlab.hardware.run_dataset import flat_columns, write_netcdf
+    from tensionlab.hardware.record.dataset import flat_columns, write_netcdf
 
     if to.suffix not in FORMATS:
         raise typer.BadParameter(f"--to {to}: it must end in {' or '.join(FORMATS)}")
@@ -157,7 +157,7 @@ def replay(
 
 
 def _read(path: Path) -> Run:
-    from tensionlab.hardware.run_record import read_run
+    from tensionlab.hardware.record.run import read_run
 
     with output.progress(f"Reading {path.name}") as progress:
         return read_run(path, progress)

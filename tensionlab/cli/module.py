@@ -162,14 +162,14 @@ def clear(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
     """Have all carry out a command, and show in which state that left them."""
     from tensionlab.errors import ModuleFault
-    from tensionlab.hardware.group import LET_GO, PATIENT_TRIES
+    from tensionlab.hardware.group import BEYOND_STOP, PATIENT_TRIES
     from tensionlab.hardware.protocol import Stop
 
     def tell(client: ModuleClient) -> State | None:
         try:
             client.tell(command, PATIENT_TRIES)
         except ModuleFault:  # its driver is off already
-            if not (isinstance(command, Stop) and client.state in LET_GO):
+            if not (isinstance(command, Stop) and client.state in BEYOND_STOP):
                 raise
         return client.state
 
@@ -189,7 +189,7 @@ def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
         )
     else:
         for name, state in states.items():
-            off = ": driver off; `tensionlab module clear` leads out of it" if state in LET_GO else ""
+            off = ": driver off; `tensionlab module clear` leads out of it" if state in BEYOND_STOP else ""
             typer.echo(f"{name}: {'done' if state is None else state.name.lower()}{off}")
     complain(failed)
 

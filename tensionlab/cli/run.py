@@ -12,9 +12,9 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.cycle import DemandSource
+    from tensionlab.demand import DemandSource
     from tensionlab.hardware.log import RunLog
-    from tensionlab.hardware.run_settings import RunSettings
+    from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Tracker
     from tensionlab.model.rig import Rig
 
@@ -67,17 +67,17 @@ def run(
     """
     from tensionlab.cli.run_table import Screen, summary_table
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.clock import RealClock, WorldClock
     from tensionlab.hardware.group import connect
-    from tensionlab.hardware.run_settings import RunSettings
+    from tensionlab.hardware.run.clock import RealClock, WorldClock
+    from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Runner
-    from tensionlab.hardware.world import World
+    from tensionlab.hardware.simulation.world import World
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
-    _check_solver(loaded, solver, nearest)
+    check_solver(loaded, solver, nearest)
     place = _place(loaded, at)
     clock: RealClock | WorldClock
     if modules is None:
@@ -86,7 +86,7 @@ def run(
         group, clock = world.group(), WorldClock(world, paced=True)
         links = dict.fromkeys((module.name for module in loaded.modules), "sim:")
     else:
-        links = _links(loaded, modules)
+        links = module_links(loaded, modules)
         group, clock = connect(loaded, links), RealClock()
     failure: HardwareError | None = None
     try:
@@ -118,8 +118,8 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     """What is to be rendered?"""
     import numpy as np
 
-    from tensionlab.hardware.cycle import Demand
-    from tensionlab.hardware.program import load_program
+    from tensionlab.demand import Demand
+    from tensionlab.hardware.run.program import load_program
 
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")
@@ -139,7 +139,7 @@ def _place(rig: Rig, at: str | None) -> Tracker | None:
     """Where is the point at each time? None if the cable lengths are to tell."""
     import numpy as np
 
-    from tensionlab.hardware.cycle import Pose
+    from tensionlab.demand import Pose
 
     if at is None:
         return None
@@ -149,7 +149,7 @@ def _place(rig: Rig, at: str | None) -> Tracker | None:
     return lambda time: pose
 
 
-def _check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
+def check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
     """Refuse a solver that does not serve this rig."""
     from tensionlab.experiments.lineup import lineup
 
@@ -159,7 +159,7 @@ def _check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
         raise typer.BadParameter(str(error)) from None
 
 
-def _links(rig: Rig, modules: str) -> dict[str, str]:
+def module_links(rig: Rig, modules: str) -> dict[str, str]:
     """Where is each module reached?"""
     from tensionlab.hardware.modules_file import load_modules
 

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from tensionlab.hardware.cycle import Floats
+    from tensionlab.demand import Floats
+    from tensionlab.hardware.run.statistics import Statistics
     from tensionlab.hardware.runner import Runner
-    from tensionlab.hardware.statistics import Statistics
 
 LIMITS = {
     Limit.NONE: "",

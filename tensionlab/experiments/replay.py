@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocator
 from tensionlab.experiments.lineup import lineup
 from tensionlab.experiments.score import Score, finite, score
-from tensionlab.hardware.run_record import Run
+from tensionlab.hardware.record.run import Run
 from tensionlab.measure import Allocation
 from tensionlab.solvers import make
 from tensionlab.solvers.contract import Nearest

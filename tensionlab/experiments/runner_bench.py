@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.demand import Demand, RigState
 from tensionlab.experiments.processes import simulated
-from tensionlab.hardware.clock import Clock, WorldClock
-from tensionlab.hardware.cycle import Demand, RigState
 from tensionlab.hardware.group import ModuleGroup, connect
-from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.run.clock import Clock, WorldClock
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.hardware.runner import Runner
-from tensionlab.hardware.statistics import Statistics
-from tensionlab.hardware.world import World
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from tensionlab.experiments.processes import each_simulated, process, simulated
 from tensionlab.experiments.soak_checks import Findings, examine
 from tensionlab.hardware.modules_file import modules_to_toml
-from tensionlab.hardware.run_record import read_run
+from tensionlab.hardware.record.run import read_run
 from tensionlab.model.files import load_rig
 
 RIG = Path("datasets/rigs/seven-modules.toml")
@@ -23,6 +23,8 @@ LINK = ("--latency-ms", 30, "--jitter-ms", 10, "--drop-pct", 1, "--corrupt-pct",
 ORBIT = ("--orbit", "0.05,10")
 """The hand goes round, 5 cm from its home, once in 10 s."""
 TTL, LARGEST_ERROR = 0.5, 0.05
+ON_THE_WAY = 0.1
+"""How long a set-point, and then the telemetry that tells of it, are on their way, in s."""
 HEAD = """name = "the force goes round"
 repeat = true
 
@@ -115,7 +117,7 @@ def main() -> None:
         f"{100 * found.often_error:.2f} %\noldest set-point followed: {1e3 * found.oldest:.0f} ms; "
         f"{found.went_back} went back; {found.outside} tensions outside their limits"
     )
-    problems = found.problems(TTL, LARGEST_ERROR)
+    problems = found.problems(TTL + ON_THE_WAY, LARGEST_ERROR)
     lacking = kills(options.kills, options.out)
     print(f"{options.kills} hosts killed: {len(lacking)} logs that lack more than the last second")
     for problem in (*problems, *lacking):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.hardware.codes import Limit, State
-from tensionlab.hardware.run_record import Run
+from tensionlab.hardware.record.run import Run
 from tensionlab.solvers.contract import Integers, Status
 
 ROUNDING = 1e-5
@@ -46,15 +46,15 @@ class Findings:
     oldest: float
     statuses: dict[str, int]
 
-    def problems(self, ttl: float, largest_error: float) -> list[str]:
-        """Which of it must not be? Empty if all is well."""
+    def problems(self, oldest: float, largest_error: float) -> list[str]:
+        """Which of it must not be, if set-points may be seen so old (s), and forces off by such a share?"""
         wrong = []
         if self.outside:
             wrong.append(f"{self.outside} tensions outside their limits")
         if self.went_back:
             wrong.append(f"{self.went_back} times a module went back to an older set-point")
-        if self.oldest > ttl:
-            wrong.append(f"a set-point of {self.oldest:.3f} s was still followed; they live {ttl:g} s")
+        if self.oldest > oldest:
+            wrong.append(f"a set-point of {self.oldest:.3f} s was still followed; at most {oldest:g} s are right")
         if not self.largest_error <= largest_error:
             wrong.append(f"the force was off by {100 * self.largest_error:.1f} % of the demand")
         if not self.compared:

@@ -1,1 +1,1 @@
-"""What force to ask for: effects, and what keeps them stable. Knows no solver and no device."""
+"""What force to ask for: effects, their stability, and one-way brakes. Knows no device."""

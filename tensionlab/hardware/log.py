@@ -15,12 +15,12 @@ from typing import Any
 
 from tensionlab.allocation import Allocator
 from tensionlab.errors import LogError
-from tensionlab.hardware import columns
-from tensionlab.hardware.cycle import Cycle
-from tensionlab.hardware.mcap_file import McapWriter
 from tensionlab.hardware.protocol import Info
-from tensionlab.hardware.run_settings import RunSettings
-from tensionlab.hardware.statistics import Statistics
+from tensionlab.hardware.record import columns
+from tensionlab.hardware.record.mcap_file import McapWriter
+from tensionlab.hardware.run.cycle import Cycle
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Nearest, Solver

@@ -39,12 +39,14 @@ from tensionlab.hardware.protocol import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.simulated import PARAMETERS
+from tensionlab.hardware.simulated import PARAMETERS, single
 
 TRIES = (0.2, 0.3, 0.45)
 """How long each try waits for an answer, in s."""
 SAVE_TRIES = (2.0, 2.0, 2.0)
 """The same for what takes a module long."""
+LET_GO = frozenset((State.TIMEOUT, State.FAULT, State.ESTOP))
+"""States in which a module follows no set-points any more, without having been told to stop."""
 LISTEN = 0.1
 """The reader looks up so often, in s, when nothing comes."""
 
@@ -188,7 +190,7 @@ class ModuleClient:
     def set_parameter(self, name: str, value: float) -> None:
         """Change a parameter until the next start, or for good with `save`."""
         row = PARAMETERS[known(name)]
-        if not row.lower <= value <= row.upper:
+        if not row.lower <= single(value) <= row.upper:
             raise ProtocolError(
                 f'module "{self.name}": {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}'
             )
@@ -221,23 +223,21 @@ class ModuleClient:
         """
         if self._broken is not None:
             raise self._broken
-        with self._news:
-            refused, self._refused = self._refused, []
-        if self.state in (State.FAULT, State.ESTOP, State.TIMEOUT):
+        if self.state in LET_GO:
             faults = f": {self.faults.name or int(self.faults)}" if self.faults else ""
             raise ModuleFault(
                 f'module "{self.name}" has let go ({self.state.name}{faults})',
                 self.name,
                 self.faults or self.state,
             )
-        if refused:
-            code = refused[-1].code
+        if self._refused:
+            code = self._refused[-1].code
+            self._refused = []
             raise ModuleFault(f'module "{self.name}" refused a set-point: {code.name}', self.name, code)
 
     def forget_refusals(self) -> None:
         """Do not raise what the module has refused up to now."""
-        with self._news:
-            self._refused = []
+        self._refused = []
 
     @property
     def bad_frames(self) -> int:

@@ -11,19 +11,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensionlab.demand import DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.claims import ESTOP_SIGNAL
-from tensionlab.hardware.clock import Clock, RealClock
-from tensionlab.hardware.cycle import Cycle, DemandSource, Pose, RigState
-from tensionlab.hardware.demands import require_demand
 from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.guard import GuardedAllocator, approach, require_within
-from tensionlab.hardware.interrupts import ENDING, Interrupted, Interrupts
-from tensionlab.hardware.observe import Observation, observe
-from tensionlab.hardware.pose_tracker import PoseTracker, velocity
-from tensionlab.hardware.roll import Roll
-from tensionlab.hardware.run_settings import RunSettings
-from tensionlab.hardware.statistics import Statistics
+from tensionlab.hardware.run.clock import Clock, RealClock
+from tensionlab.hardware.run.cycle import Cycle
+from tensionlab.hardware.run.demands import require_demand
+from tensionlab.hardware.run.guard import GuardedAllocator, approach, require_within
+from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts
+from tensionlab.hardware.run.observe import Observation, observe
+from tensionlab.hardware.run.pose_tracker import PoseTracker, velocity
+from tensionlab.hardware.run.roll import Roll
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Solver
 

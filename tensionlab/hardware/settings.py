@@ -26,7 +26,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.meanings import PARAMETER_MEANINGS
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import GetParameter, Info, ParameterValue, SetParameter
-from tensionlab.hardware.simulated import PARAMETERS
+from tensionlab.hardware.simulated import PARAMETERS, single
 
 CHOICES = frozenset({"timeout_brake", "motor_direction", "calibrated"})
 """Parameters that are one of their two bounds."""
@@ -173,12 +173,6 @@ def parameters(client: ModuleClient) -> dict[str, ParameterValue]:
 def firmware(info: Info) -> str:
     """Which firmware is it?"""
     return f"{info.firmware >> 8}.{info.firmware & 0xFF}"
-
-
-def single(value: float) -> float:
-    """Which number does a module have in place of this one? It keeps 32 bits."""
-    with np.errstate(over="ignore"):
-        return float(np.float32(value))
 
 
 def plain(value: float) -> str:

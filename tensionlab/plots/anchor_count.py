@@ -27,7 +27,7 @@ def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset, pat
     """
     singles, many = [read_field(swept) for swept in published], read_field(room)
     levels = shade_levels([*singles, many])
-    with new_figure(path, (16.0, 10.0)) as figure:
+    with new_figure(path, (15.0, 9.4), dpi=105) as figure:
         parts: Any = figure.subfigures(3, 1, height_ratios=(1.15, 0.65, 0.9))
         top, middle, bottom = parts
         panels: Any = top.subplots(1, len(singles))

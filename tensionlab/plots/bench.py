@@ -12,8 +12,8 @@ from tensionlab.errors import ShapeError
 from tensionlab.experiments.bench.contestants import PROGRAMS
 from tensionlab.experiments.bench.statistics import jumps, largest, profile, quantile
 from tensionlab.experiments.bench.text import newton as force
-from tensionlab.plots.house import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
-from tensionlab.plots.labels import label_points
+from tensionlab.plots.accuracy import ACCURACY, LOOKS, SIZE, Dot, draw_dots, kind, say_kinds, short_name
+from tensionlab.plots.house import BLUE, add_legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,23 +22,10 @@ if TYPE_CHECKING:
     from tensionlab.experiments.bench.rows import Row
     from tensionlab.solvers.contract import Floats
 
-ACCURACY = 1e-6
-"""An answer counts as one from here on, in N, as the interface judges."""
-FLOOR = 1e-16
-"""Errors below are drawn here, in N: rounding."""
-NO_ANSWER = 1e3
-"""Where a contestant is drawn, in N, that gave no answer to more than 1 % of the problems."""
 SLOWEST = 1e4
 """Ratios above are not drawn."""
 COLUMNS = 4
 """Small pictures beside each other."""
-LOOKS = {
-    "newton": ("newton", BLUE, "o"),
-    "house": ("tensionlab, others", GREEN, "s"),
-    "default": ("peer, default settings", ORANGE, "o"),
-    "tight": ("peer, tight settings", RED, "D"),
-}
-"""Name, colour and marker of each kind of contestant."""
 
 
 def plot_profile(results: Results, path: str | Path) -> None:
@@ -58,9 +45,9 @@ def plot_profile(results: Results, path: str | Path) -> None:
         for label, own in ratios.items():
             if not own.size:
                 continue
-            mine, kind = lines[label].name == name, lines[label].kind
-            colour = LOOKS[kind][1] if mine or kind == "newton" else "#D8D8D8"
-            width, front = (1.8, 3) if mine else (1.1, 2 if kind == "newton" else 1)
+            mine, newton = lines[label].name == name, lines[label].kind == "newton"
+            colour = LOOKS[lines[label].kind][1] if mine or newton else "#D8D8D8"
+            width, front = (1.8, 3) if mine else (1.1, 2 if newton else 1)
             reached = own[np.isfinite(own)]
             x = np.concatenate([[1.0], reached, [SLOWEST]])
             y = np.append(np.arange(len(reached) + 1), len(reached)) / len(own)
@@ -69,7 +56,7 @@ def plot_profile(results: Results, path: str | Path) -> None:
 
     with new_figure(path, (9.0, 0.9 + 1.75 * -(-len(panels) // COLUMNS))) as figure:
         _grid(figure, panels, draw, "time / fastest time", "share of problems")
-        _kinds(figure, [lines[label].kind for label in labels], marked=False)
+        say_kinds(figure, [lines[label].kind for label in labels], marked=False)
 
 
 def plot_accuracy(results: Results, path: str | Path) -> None:
@@ -78,36 +65,14 @@ def plot_accuracy(results: Results, path: str | Path) -> None:
     Across: the median call. Up: the error that 99 % of its answers do not exceed, of the wrench and the limits.
     A line leads from a peer's default settings to its tight ones.
     """
-    lines = _pooled(results)
-    with new_figure(path, (8.0, 6.2)) as figure:
-        axes = figure.add_subplot()
-        points: dict[str, list[tuple[float, float]]] = {}
-        for line in lines.values():
-            error = quantile(np.where(np.isfinite(line.seconds), line.error, np.nan), 0.99)
-            error = NO_ANSWER if line.missing > 0.01 or error > NO_ANSWER else max(error, FLOOR)
-            time = 1e6 * quantile(line.seconds, 0.5)
-            _, colour, marker = LOOKS[line.kind]
-            axes.plot(time, error, marker=marker, color=colour, linestyle="", markersize=6.5, zorder=3)
-            points.setdefault(line.name, []).append((time, error))
-        for ends in points.values():
-            axes.plot(*zip(*ends, strict=True), color="#BBBBBB", linewidth=1.0, zorder=2)
-        axes.axhline(ACCURACY, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-        axes.annotate("exact from here on down", (0, ACCURACY), xycoords=("axes fraction", "data"), xytext=(3, -3),
-                      textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
-        axes.set(xscale="log", yscale="log", xlabel="median time of a call (µs)", ylim=(FLOOR, 10 * NO_ANSWER))
-        axes.set_ylabel("error that 99 % of the answers keep (N)")
-        ticks = 10.0 ** np.arange(-15, 1, 3)
-        powers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
-        axes.set_yticks([*ticks, NO_ANSWER], [*powers, "over $10^3$,\nor none"])
-        axes.minorticks_off()
-        axes.grid()
-        times = [time for ends in points.values() for time, _ in ends]
-        axes.set_xlim(min(times) / 1.6, 1.6 * max(times))
-        ticks = np.outer(10.0 ** np.arange(-1, 7), [1, 2, 5]).ravel()
-        ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
-        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-        _kinds(figure, [line.kind for line in lines.values()])
-        label_points(figure, axes, points)
+    dots = []
+    for line in _pooled(results).values():
+        error = quantile(np.where(np.isfinite(line.seconds), line.error, np.nan), 0.99)
+        time = quantile(line.seconds, 0.5)
+        dots.append(Dot(line.name, line.kind, time, error if line.missing <= 0.01 else np.inf))
+    words = "median time of a call (µs)", "error that 99 % of the answers keep (N)"
+    with new_figure(path, SIZE) as figure:
+        draw_dots(figure, dots, *words)
 
 
 def plot_worst(results: Results, path: str | Path) -> None:
@@ -131,7 +96,7 @@ def plot_worst(results: Results, path: str | Path) -> None:
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.grid(axis="x")
-        _kinds(figure, [line.kind for line in lines])
+        say_kinds(figure, [line.kind for line in lines])
 
 
 def plot_continuity(results: Results, path: str | Path) -> None:
@@ -149,7 +114,7 @@ def plot_continuity(results: Results, path: str | Path) -> None:
         raise ShapeError("no trajectory in these results; measure the set `trajectory`")
     alone = [row.nearest is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
     names = [
-        _name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
+        short_name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
         for row, single in zip(rows, alone, strict=True)
     ]
     panels = dict(zip(names, rows, strict=True))
@@ -185,22 +150,14 @@ class _Line:
 
     def __init__(self, rows: Sequence[Row]) -> None:
         first = rows[0]
-        self.label = _name(first.label)
+        self.label = short_name(first.label)
         self.name = self.label.partition(",")[0]
-        self.kind = (
-            first.setting if first.setting != "proved" else "newton" if first.solver == "newton" else "house"
-        )
+        self.kind = kind(first)
         self.seconds: Floats = np.concatenate([np.array(row.call_s) for row in rows])
         errors = [np.maximum(row.errors, row.violations) for row in rows]
         self.error: Floats = np.concatenate(errors)
         tried = sum(row.tried for row in rows)
         self.missing = sum(row.refused + row.failed for row in rows) / max(1, tried)
-
-
-def _name(label: str) -> str:
-    """A contestant by its short name: peers without qpsolvers, but for the one that is there twice."""
-    short = label.removeprefix("qpsolvers:")
-    return short.replace("daqp", "daqp (qpsolvers)") if short != label else short
 
 
 def _pooled(results: Results) -> dict[str, _Line]:
@@ -209,7 +166,7 @@ def _pooled(results: Results) -> dict[str, _Line]:
     rows: dict[str, dict[str, Row]] = {}
     for row in results.rows:
         if row.problem_set in names and row.call_s:
-            rows.setdefault(_name(row.label), {}).setdefault(row.problem_set, row)
+            rows.setdefault(short_name(row.label), {}).setdefault(row.problem_set, row)
     there = {label: list(each.values()) for label, each in rows.items() if len(each) == len(names)}
     lines = {label: _Line(each) for label, each in there.items()}
     return {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
@@ -230,12 +187,3 @@ def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], 
             axes.set_xlabel(across)
         if place % COLUMNS == 0:
             axes.set_ylabel(up)
-
-
-def _kinds(figure: Any, kinds: Sequence[str], marked: bool = True) -> None:
-    """Say which colour is which kind of contestant."""
-    shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
-    add_legend(figure, len(shown), [
-        (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
-        for name, colour, marker in shown
-    ])  # fmt: skip

@@ -39,8 +39,11 @@ def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[s
 
 
 @contextmanager
-def new_figure(path: str | Path, size: tuple[float, float]) -> Iterator[Figure]:
-    """Make a figure in the house's style, written without dates or versions when the block ends."""
+def new_figure(path: str | Path, size: tuple[float, float], dpi: float | None = None) -> Iterator[Figure]:
+    """Make a figure in the house's style, written without dates or versions when the block ends.
+
+    The size is in inches; ``dpi``, the dots per inch of a PNG, is for large figures; None for the style's.
+    """
     metadata = METADATA.get(Path(path).suffix.lower())
     if metadata is None:
         raise ShapeError(f"{path}: pictures end in {', '.join(METADATA)}")
@@ -51,7 +54,7 @@ def new_figure(path: str | Path, size: tuple[float, float]) -> Iterator[Figure]:
     except ImportError as error:
         raise MissingDependency("pictures need matplotlib: pip install matplotlib") from error
     with style.context(STYLE):
-        figure = Figure(figsize=size, layout="constrained")
+        figure = Figure(figsize=size, layout="constrained", dpi=dpi)
         FigureCanvasAgg(figure)
         yield figure
         # The layout's solver leaves different last digits from run to run; the picture must not.
@@ -59,4 +62,4 @@ def new_figure(path: str | Path, size: tuple[float, float]) -> Iterator[Figure]:
         figure.set_layout_engine("none")
         for axes in figure.axes:
             axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-        figure.savefig(path, metadata=metadata)
+        figure.savefig(path, metadata=metadata, dpi="figure" if dpi else None)

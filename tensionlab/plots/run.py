@@ -15,7 +15,7 @@ from tensionlab.solvers.contract import Floats, Status
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.hardware.run_record import Run
+    from tensionlab.hardware.record.run import Run
 
 BINS = 1500
 """A longer run is drawn in so many stretches: lines by their least and largest value, ribbons and times

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 NONE = "#E4E4E4"
 """Where a value is zero or less."""
+PANEL = 3.3
+"""Width of a panel, in inches."""
 COLUMNS = 4
 """Panels in a row, at most."""
 CURVES = (BLUE, ORANGE, GREEN, RED, "#CC79A7", "#56B4E9", "#000000", "#B8860B")
@@ -56,9 +58,7 @@ def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = N
     columns = min(COLUMNS, len(field.names))
     rows = -(-len(field.names) // columns)
     levels = shade_levels([field])
-    width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
-    panel = min(max(3.3 * height / width if width > 0 else 3.3, 1.8), 5.5) + 0.7
-    with new_figure(path, (1.6 + 3.3 * columns, 1.0 + panel * rows)) as figure:
+    with new_figure(path, (1.6 + PANEL * columns, 1.0 + _height(field) * rows)) as figure:
         grid: Any = figure.subplots(rows, columns, squeeze=False)
         for axes in grid.flat[len(field.names) :]:
             axes.set_axis_off()
@@ -66,6 +66,26 @@ def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = N
             shades = draw_slice(axes, field, number, levels)
         figure.colorbar(shades, ax=grid, shrink=0.85, label=field.label)
         if title := cut_title(field):
+            figure.suptitle(title, fontsize="medium")
+        add_legend(figure, 3, SLICE_LEGEND)
+
+
+def plot_measures(swept: xarray.Dataset, path: str | Path) -> None:
+    """Draw every measure of a sweep, a row each, over a slice of space for each rig, a column each.
+
+    Parameters and errors as in `plot_slices`.
+    """
+    fields = [read_field(swept, str(name)) for name in swept.data_vars]
+    rigs = len(fields[0].names)
+    with new_figure(path, (1.6 + PANEL * rigs, 1.0 + (_height(fields[0]) - 0.3) * len(fields))) as figure:
+        grid: Any = figure.subplots(len(fields), rigs, squeeze=False, sharex=True, sharey=True)
+        for row, field in zip(grid, fields, strict=True):
+            levels = shade_levels([field])
+            for number, axes in enumerate(row):
+                shades = draw_slice(axes, field, number, levels)
+                axes.label_outer()
+            figure.colorbar(shades, ax=row, shrink=0.85, label=field.label)
+        if title := cut_title(fields[0]):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND)
 
@@ -188,6 +208,12 @@ def share_above(values: Floats, levels: Floats) -> Floats:
 def _middle(field: Field) -> dict[str, int]:
     """Index of the middle of each axis."""
     return {name: len(axis) // 2 for name, axis in field.axes.items()}
+
+
+def _height(field: Field) -> float:
+    """How high is the panel of a slice, in inches?"""
+    width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
+    return min(max(PANEL * height / width if width > 0 else PANEL, 1.8), 5.5) + 0.7
 
 
 def _plane(field: Field) -> tuple[str, str, str | None]:

@@ -8,7 +8,7 @@ import runs
 import xarray
 
 from tensionlab.cli import main
-from tensionlab.hardware.columns import COLUMNS
+from tensionlab.hardware.record.columns import COLUMNS
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ import pytest
 from tensionlab.cli import main
 from tensionlab.experiments.processes import command, simulated
 from tensionlab.hardware import discover
+from tensionlab.hardware.claims import holder
 from tensionlab.hardware.link import SerialPort
 from tensionlab.hardware.module import ModuleClient
 
@@ -170,10 +171,12 @@ def test_monitor_says_when_a_module_is_gone(run):
     assert f"{links['module']} broke" in err
 
 
-def test_ctrl_c_ends_the_monitor_in_good_order(modules):
+def test_ctrl_c_ends_the_monitor_in_good_order(modules, urls):
     words = command("module", "monitor", "--modules", modules)
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        time.sleep(1.5)
+        while holder(urls["top"]) is None:
+            time.sleep(0.02)
+        time.sleep(1.0)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=10)
     assert process.returncode == 0

@@ -6,7 +6,7 @@ import runs
 
 import tensionlab as tl
 from tensionlab.experiments.replay import replay
-from tensionlab.hardware.run_record import read_run
+from tensionlab.hardware.record.run import read_run
 
 
 @pytest.fixture(scope="module")

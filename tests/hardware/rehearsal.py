@@ -5,16 +5,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.hardware.clock import WorldClock
+from tensionlab.demand import Demand
 from tensionlab.hardware.codes import State
-from tensionlab.hardware.cycle import Demand
-from tensionlab.hardware.faulty import FaultyLink
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.run.clock import WorldClock
+from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.runner import Runner
-from tensionlab.hardware.world import World
+from tensionlab.hardware.simulation.faulty import FaultyLink
+from tensionlab.hardware.simulation.world import World
 
 GENTLE = np.array([0.0, 0.0, 0.5])
 """A force that no cable of the published rig needs more than 1.5 N for: a slew's way in one cycle."""

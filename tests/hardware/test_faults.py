@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
 from tensionlab.hardware.codes import Code, Fault, Limit, State
-from tensionlab.hardware.cycle import Demand
 from tensionlab.hardware.log import RunLog
-from tensionlab.hardware.run_settings import RunSettings
-from tensionlab.hardware.simulated_rig import simulated_module
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.records import manifest
 from tests.hardware.rehearsal import GENTLE, Rehearsal
 
@@ -187,6 +187,18 @@ def test_a_clock_that_jumps_back_or_far_ahead(rehearsal, jump):
         with pytest.raises(HardwareError, match=r"has let go \(TIMEOUT\)|the clock went back"):
             runner.run(2.0)
         assert rehearsal.let_pass(0.0) <= TAUT + 1e-6
+
+
+def test_a_clock_that_goes_back_while_it_is_waited_for(rehearsal):
+    class Falters(Jumping):
+        def wait_until(self, when):
+            super().wait_until(when)
+            if rehearsal.trouble_at is not None:
+                self.off = -0.1
+
+    with pytest.raises(HardwareError, match=r"the clock went back by 0\.1 s"):
+        rehearsal.runner(rehearsal.demand(), clock=Falters(rehearsal.clock)).run(2.0)
+    assert_let_go(rehearsal)
 
 
 def test_one_that_is_lost_is_done_without_by_the_others(published_rig):

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from tensionlab.hardware.channel import Conditions
-from tensionlab.hardware.faulty import FaultyLink
 from tensionlab.hardware.latency import Trips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.faulty import FaultyLink
 
 
 def client(conditions, seed=1, start_us=0):

@@ -13,7 +13,7 @@ import runs
 
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import FLUSH
-from tensionlab.hardware.run_record import read_run
+from tensionlab.hardware.record.run import read_run
 
 TESTS = Path(__file__).parents[1]
 WRITER = """
@@ -136,7 +136,7 @@ def test_cycles_are_in_the_file_soon(tmp_path):
 
 def test_a_disk_that_does_not_keep_up_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr("tensionlab.hardware.log.BACKLOG", 50)
-    monkeypatch.setattr("tensionlab.hardware.mcap_file.McapWriter.message", lambda *_: time.sleep(0.05))
+    monkeypatch.setattr("tensionlab.hardware.record.mcap_file.McapWriter.message", lambda *_: time.sleep(0.05))
     log = open_log(tmp_path / "run.mcap")
 
     def hurry():

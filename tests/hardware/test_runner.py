@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.demand import Demand, Impedance, Pose
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
-from tensionlab.hardware.clock import WorldClock
 from tensionlab.hardware.codes import Calibration, State
-from tensionlab.hardware.cycle import Demand, Impedance, Pose
-from tensionlab.hardware.run_settings import RunSettings
+from tensionlab.hardware.run.clock import WorldClock
+from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.runner import Runner
-from tensionlab.hardware.world import World
+from tensionlab.hardware.simulation.world import World
 from tensionlab.solvers.contract import Answer, Status
 
 

@@ -12,7 +12,7 @@ from tensionlab.hardware.codes import Calibration
 from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.settings import change, dump, restore
-from tensionlab.hardware.simulated import PARAMETERS, STEP, SimulatedModule
+from tensionlab.hardware.simulated import PARAMETERS, STEP, SimulatedModule, single
 
 
 @pytest.fixture
@@ -124,7 +124,7 @@ def test_the_host_knows_the_rules_of_the_firmware(client):
     for _ in range(300):
         name = generator.choice(list(PARAMETERS))
         row = PARAMETERS[name]
-        number = settings.single(generator.choice([row.lower, row.upper, generator.uniform(row.lower, row.upper)]))
+        number = single(generator.choice([row.lower, row.upper, generator.uniform(row.lower, row.upper)]))
         try:
             settings._require_consistent({**standard, name: number}, "")
             allowed = name not in settings.CHOICES or number in (row.lower, row.upper)
@@ -141,7 +141,7 @@ def test_the_host_knows_the_rules_of_the_firmware(client):
 
 def test_bounds_that_are_just_met_are_met_in_32_bits(client):
     change(client, {"current_continuous": 0.1, "tension_lower": 0.3}, "test")
-    assert client.parameter("tension_lower") == settings.single(0.3)
+    assert client.parameter("tension_lower") == single(0.3)
 
 
 def test_a_module_that_is_not_idle_is_left_alone(client):

@@ -7,8 +7,8 @@ import runs
 
 import tensionlab as tl
 from tensionlab.hardware.codes import Limit, State
-from tensionlab.hardware.columns import COLUMNS
-from tensionlab.hardware.run_record import read_run
+from tensionlab.hardware.record.columns import COLUMNS
+from tensionlab.hardware.record.run import read_run
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import BINS, HELD, severity, stretches, thinned
 

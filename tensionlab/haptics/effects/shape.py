@@ -14,7 +14,7 @@ from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import require_not_negative
 
 STEPS = 10
-"""Of the proxy at most, each time; a slow hand needs two or three, and what is left of the way it goes next time."""
+"""Of the proxy at most, each time; a slow hand needs two or three. What is left of the way it goes next time."""
 NEAR = 1e-6
 """Within so many m of the surface a proxy is on it; a step as short ends its way."""
 

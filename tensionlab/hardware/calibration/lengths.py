@@ -12,10 +12,10 @@ from tensionlab.hardware.calibration.poses import Poses, rotations
 from tensionlab.hardware.calibration.pulling import stopping
 from tensionlab.hardware.calibration.regression import Floats
 from tensionlab.hardware.calibration.tables import read_table
-from tensionlab.hardware.clock import Clock
 from tensionlab.hardware.codes import Calibration
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.protocol import Telemetry
+from tensionlab.hardware.run.clock import Clock
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 

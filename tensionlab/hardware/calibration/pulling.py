@@ -9,9 +9,9 @@ from contextlib import contextmanager, suppress
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.codes import Calibration, Limit, State
-from tensionlab.hardware.interrupts import ENDING, Interrupted, Interrupts
 from tensionlab.hardware.module import Heard, ModuleClient
 from tensionlab.hardware.protocol import Info, Message, Telemetry
+from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts
 
 PERIOD = 0.02
 """From one set-point to the next, in s."""

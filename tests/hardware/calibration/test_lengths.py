@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
 from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.claims import ESTOP_SIGNAL
-from tensionlab.hardware.clock import WorldClock
 from tensionlab.hardware.codes import State
-from tensionlab.hardware.cycle import Pose
-from tensionlab.hardware.world import World
+from tensionlab.hardware.run.clock import WorldClock
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 
 RIGS = Path(__file__).parents[3] / "datasets" / "rigs"

@@ -1,0 +1,165 @@
+"""The data sets of this repository by name: `names` and `load`.
+
+A name is the path of a file in ``datasets/`` without its suffix, such as ``vectors/grid18``; each folder has one
+kind of data, and its ``README.md`` is their card: origin, columns, units, licence, how to regenerate. The problem
+sets, under ``problems/``, are generated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tensionlab.errors import ShapeError
+
+SOURCE = Path(__file__).parents[1] / "datasets"
+"""In the source tree, which alone has them all."""
+PROBLEMS = "problems"
+COUNT = 1000
+"""Problems that a problem set has."""
+
+
+class _Kind(NamedTuple):
+    """What files a folder has, and what reads them."""
+
+    suffix: str
+    read: Callable[[Path], Any]
+
+
+def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:
+    """Which data sets are there?
+
+    Parameters
+    ----------
+    kind : str or None
+        Such as "recordings": only those of one folder.
+    folder : path or None
+        Where the data sets are; None for those of the source tree that this package is in.
+
+    Returns
+    -------
+    list of str
+        Names that `load` takes.
+
+    Raises
+    ------
+    ShapeError
+        If there is no such folder or kind.
+    """
+    from tensionlab.experiments.problem_sets import PROBLEM_SETS
+
+    where = _found(folder)
+    if kind is not None and kind not in (*_KINDS, PROBLEMS):
+        raise ShapeError(f"no data sets are called {kind!r}; there are {', '.join([*_KINDS, PROBLEMS])}")
+    stored = [
+        f"{each}/{path.stem}"
+        for each, (suffix, _) in _KINDS.items()
+        for path in sorted((where / each).glob(f"*{suffix}"))
+    ]
+    every = [*stored, *(f"{PROBLEMS}/{name}" for name in PROBLEM_SETS)]
+    return [name for name in every if kind is None or name.startswith(f"{kind}/")]
+
+
+def load(name: str, folder: str | Path | None = None) -> Any:
+    """What is in a data set?
+
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    folder : path or None
+        As in `names`.
+
+    Returns
+    -------
+    object
+        By folder: ``rigs`` a `tensionlab.Rig`; ``spaces`` a `LayoutTask`; ``vectors`` a (K, 3) array;
+        ``published`` a `Published`; ``recordings`` a `Recording`; ``what-if`` the `Trials`; ``benchmarks`` the
+        `Results`; ``problems`` a `ProblemSet` of 1000 problems, drawn with seed 0.
+
+    Raises
+    ------
+    ShapeError
+        If there is no data set of that name, or its file is damaged.
+    RigError
+        If a rig's or a space's file is.
+    """
+    known = names(folder=folder)
+    if name not in known:
+        import difflib
+
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+        hint = f"did you mean {close[0]!r}?" if close else "`tensionlab.datasets.names()` lists them"
+        raise ShapeError(f"no data set is called {name!r}; {hint}")
+    kind, _, stem = name.partition("/")
+    if kind == PROBLEMS:
+        from tensionlab.experiments.problem_sets import problem_set
+
+        return problem_set(stem, COUNT)
+    suffix, read = _KINDS[kind]
+    return read(_found(folder) / kind / f"{stem}{suffix}")
+
+
+def _found(folder: str | Path | None) -> Path:
+    if folder is not None:
+        if not Path(folder).is_dir():
+            raise ShapeError(f"{folder}: no such folder; leave it out for the source tree's")
+        return Path(folder)
+    if not (SOURCE / "SHA256SUMS").is_file():  # beside an installed package there may be others' `datasets`
+        cure = "clone the repository and install from there (pip install -e .), or give a folder"
+        raise ShapeError(f"{SOURCE}: the data sets are not here, they come with the source: {cure}")
+    return SOURCE
+
+
+def _rig(path: Path) -> Any:
+    from tensionlab.model.files import load_rig
+
+    return load_rig(path)
+
+
+def _space(path: Path) -> Any:
+    from tensionlab.workspace.layout.task import load_task
+
+    return load_task(path)
+
+
+def _vectors(path: Path) -> Any:
+    from tensionlab.experiments import vectors
+
+    return vectors.read(path)
+
+
+def _published(path: Path) -> Any:
+    from tensionlab.experiments import published
+
+    return published.read(path)
+
+
+def _recording(path: Path) -> Any:
+    from tensionlab.experiments import recordings
+
+    return recordings.read(path)
+
+
+def _trials(path: Path) -> Any:
+    from tensionlab.experiments import trials
+
+    return trials.read(path)
+
+
+def _results(path: Path) -> Any:
+    from tensionlab.experiments.bench import results
+
+    return results.read(path)
+
+
+_KINDS = {
+    "rigs": _Kind(".toml", _rig),
+    "spaces": _Kind(".toml", _space),
+    "vectors": _Kind(".parquet", _vectors),
+    "published": _Kind(".toml", _published),
+    "recordings": _Kind(".parquet", _recording),
+    "what-if": _Kind(".parquet", _trials),
+    "benchmarks": _Kind(".parquet", _results),
+}

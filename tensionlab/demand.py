@@ -1,0 +1,116 @@
+"""What is asked of a rig, and how the rig is: where those who ask and those who pull meet.
+
+The runner (`tensionlab.hardware`) asks a demand source once a cycle, and knows nothing of what it renders; effects
+and scenarios (`tensionlab.haptics`) are such sources, and know nothing of modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.model.pose import Frames
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Pose(NamedTuple):
+    """Where is what the cables hold? Fields as the arguments of `Rig.structure_matrix`."""
+
+    position: Floats
+    rotation: Floats | None = None
+    frames: Frames | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class RigState:
+    """How is the rig now, as far as the host can tell?
+
+    Arrays over cables have the rig's order; NaN where a module has not yet said it.
+
+    Attributes
+    ----------
+    cycle : int
+        Number of the cycle, from 0.
+    time : float
+        Of the cycle, in s since the run began.
+    pose : Pose
+        Where the point or the platform is.
+    twist : (n,) array
+        Velocity that fits the cables' speeds best: m/s, and rad/s where the platform turns.
+    structure : (n, m) array
+        Structure matrix at that pose.
+    lengths, speeds : (m,) arrays
+        Of the cables, in m; of paying out, in m/s.
+    tensions : (m,) array
+        What the modules said they pull with, in N.
+    ages : (m,) array
+        Time since the latest telemetry came, in s; infinite before the first.
+    active : (m,) array of bool
+        Modules that take part. One that is lost does not come back within a run.
+    states, faults, limits : (m,) arrays of int
+        `codes.State`, `codes.Fault` and `codes.Limit` of each module.
+    taken : (m,) array of int
+        Sequence number of the set-point that each module followed last; -1 before the first telemetry.
+    thermal : (m,) array
+        Share of each winding's budget that is spent.
+    """
+
+    cycle: int
+    time: float
+    pose: Pose
+    twist: Floats
+    structure: Floats
+    lengths: Floats
+    speeds: Floats
+    tensions: Floats
+    ages: Floats
+    active: NDArray[np.bool_]
+    states: Integers
+    faults: Integers
+    limits: Integers
+    taken: Integers
+    thermal: Floats
+
+
+@dataclass(frozen=True)
+class Impedance:
+    """What a module renders at its own rate, instead of a tension: see `protocol.SetImpedance`. SI units."""
+
+    rest: float
+    stiffness: float
+    damping: float = 0.0
+    feed_forward: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Demand:
+    """What is the rig to render until the next cycle?
+
+    Attributes
+    ----------
+    wrench : (n,) array or None
+        To be exerted on the platform, in N and N·m. None: each cable is held at its lower limit.
+    impedances : mapping of str to Impedance
+        Modules, by name, that render a spring instead; the wrench is left to the others.
+    brakes : set of str
+        Modules whose brake is to be on.
+    stop : bool
+        End the run: all modules let go.
+    """
+
+    wrench: Floats | None = None
+    impedances: Mapping[str, Impedance] = field(default_factory=dict)
+    brakes: frozenset[str] = frozenset()
+    stop: bool = False
+
+
+DemandSource = Callable[[RigState], Demand]
+"""What is to be rendered, given how the rig is? Asked once a cycle."""

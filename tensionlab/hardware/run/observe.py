@@ -1,0 +1,49 @@
+"""How are the modules, by the latest that each has said?"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab.demand import Floats, Integers
+from tensionlab.hardware.codes import Limit, State
+from tensionlab.hardware.group import ModuleGroup
+
+
+class Observation(NamedTuple):
+    """The latest telemetry of all modules; fields as in `RigState`."""
+
+    lengths: Floats
+    speeds: Floats
+    tensions: Floats
+    ages: Floats
+    states: Integers
+    faults: Integers
+    limits: Integers
+    taken: Integers
+    thermal: Floats
+
+
+NAN = float("nan")
+SILENT = (NAN, NAN, NAN, float("inf"), State.IDLE, 0, Limit.IDLE, -1, NAN)
+"""What is known of a module that has said nothing yet."""
+
+
+def observe(group: ModuleGroup) -> Observation:
+    """Read what has come by now."""
+    rows: list[tuple[float, ...]] = []
+    for client in group.clients:
+        client.listen()
+        heard = client.telemetry
+        if heard is None:
+            rows.append(SILENT)
+            continue
+        said = heard.message
+        age = client.link.clock() - heard.time
+        state = said.state if client.state is None else client.state
+        codes = (state, client.faults, said.limit, said.sequence)
+        rows.append((said.length, said.speed, said.tension, age, *codes, said.thermal))
+    lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
+    states, faults, limits, taken = np.array(numbers, dtype=np.int64)
+    return Observation(lengths, speeds, tensions, ages, states, faults, limits, taken, thermal)

@@ -1,0 +1,100 @@
+"""The modules of a rig in this process, around something that moves: time passes where somebody lets it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from tensionlab.demand import Floats, Pose
+from tensionlab.hardware.group import ModuleGroup
+from tensionlab.hardware.link import SimulatedLink
+from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.simulated import Trace
+from tensionlab.hardware.simulation.simulated_rig import simulated_module
+from tensionlab.model.rig import Rig
+
+MOVE = 5e-3
+"""Time, in s, over which the cables' far ends move evenly; in between, the pose is asked for."""
+Motion = Callable[[float], Pose]
+"""Where is what the cables hold, at a time in s?"""
+
+
+class World:
+    """Simulated modules, and where the platform is that their cables hold.
+
+    Parameters
+    ----------
+    rig : Rig
+    motion : callable, optional
+        Where the platform is at each time; at the rig's home if left out.
+    seed : int
+        Of the sensors' noise.
+    plants : mapping of str to mapping, optional
+        What the hardware of a module, by its name, really is: see `simulated_module`.
+
+    Attributes
+    ----------
+    modules : tuple of SimulatedModule
+        In the rig's order.
+    time : float
+        In s since the start.
+    pose : Pose
+        At that time.
+    watch : callable or None
+        Sees each step of all modules while time passes in `advance`: a `Trace` of each, in the rig's order.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        motion: Motion | None = None,
+        seed: int = 0,
+        *,
+        plants: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> None:
+        self._rig = rig
+        self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
+        self.time = 0.0
+        self.pose = self._motion(0.0)
+        self.watch: Callable[[Sequence[Trace]], None] | None = None
+        plants = {} if plants is None else plants
+        self.modules = tuple(
+            simulated_module(
+                module, length, serial_number=index + 1, seed=seed + index, plant=plants.get(module.name)
+            )
+            for index, (module, length) in enumerate(zip(rig.modules, self._lengths(), strict=True))
+        )
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass in all modules while the platform moves."""
+        end = self.time + seconds
+        while (left := end - self.time) > 1e-9:
+            step = min(left, MOVE)
+            self.time += step
+            self.pose = self._motion(self.time)
+            moved = list(zip(self.modules, self._lengths(), strict=True))
+            if self.watch is None:
+                for module, length in moved:
+                    module.advance(step, length)
+            else:
+                self.watch([module.trace(step, length) for module, length in moved])
+
+    @property
+    def tensions(self) -> Floats:
+        """What the cables really pull with, in N."""
+        return np.array([module.sample.tension for module in self.modules])
+
+    @property
+    def wrench(self) -> Floats:
+        """What they really exert on the platform, in N and N·m."""
+        structure: Floats = self._rig.structure_matrix(*self.pose) @ self.tensions
+        return structure
+
+    def group(self) -> ModuleGroup:
+        """Clients of these modules."""
+        named = zip(self._rig.modules, self.modules, strict=True)
+        return ModuleGroup([ModuleClient(module.name, SimulatedLink(simulated)) for module, simulated in named])
+
+    def _lengths(self) -> list[float]:
+        return [float(length) for length in self._rig.lengths(*self.pose)]

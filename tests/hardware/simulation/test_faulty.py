@@ -1,0 +1,177 @@
+"""A link that goes wrong on purpose does so as told, around real links and simulated ones."""
+
+import time
+
+import pytest
+
+from tensionlab.errors import LinkError, LinkTimeout, ModuleFault
+from tensionlab.experiments.processes import simulated
+from tensionlab.hardware.codes import Calibration, State
+from tensionlab.hardware.link import SimulatedLink, open_link
+from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.protocol import Hello
+from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.faulty import FaultyLink
+
+
+def lockstep(conditions=None, seed=0):
+    module = SimulatedModule()
+    module.advance(STEP)
+    return FaultyLink(SimulatedLink(module), conditions, seed=seed)
+
+
+def over_tcp(url, conditions=None, seed=0):
+    return FaultyLink(open_link(url), conditions, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def url():
+    with simulated() as (links, _):
+        yield links["module"]
+
+
+@pytest.fixture(params=["in lockstep", "over TCP"])
+def faulty(request, url):
+    """What makes a faulty link to a module; the links are closed at the end."""
+    links = []
+
+    def make(conditions=None, seed=0):
+        made = lockstep(conditions, seed) if request.param == "in lockstep" else over_tcp(url, conditions, seed)
+        links.append(made)
+        return made
+
+    yield make
+    for link in links:
+        link.close()
+
+
+def test_a_perfect_one_changes_nothing(faulty):
+    with ModuleClient("one", faulty()) as client:
+        client.hello()
+        trips = sorted(client.ping()[0] for _ in range(20))
+        assert trips[10] < 5e-3
+
+
+def test_bytes_take_their_time_both_ways(faulty):
+    with ModuleClient("one", faulty(Conditions(latency=0.03, jitter=0.01))) as client:
+        trips = sorted(client.ping()[0] for _ in range(20))
+        assert trips[0] >= 0.06
+        assert trips[10] < 0.09  # the others may be late on a busy machine
+        assert trips[-1] - trips[0] > 0.005
+
+
+def test_bytes_are_on_their_way_at_the_same_time(faulty):
+    with ModuleClient("one", faulty(Conditions(latency=0.05))) as client:
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+        client.telemetry_every(5)
+        client.arm()
+        began = client.link.clock()
+        for _ in range(10):
+            sequence = client.set_tension(2.0)
+        while client.telemetry is None or client.telemetry.message.sequence != sequence:
+            client.listen(0.005)
+            assert client.link.clock() - began < 0.2
+        client.stop()
+
+
+def test_what_is_lost_and_damaged_is_made_good_by_asking_again(faulty):
+    with ModuleClient("one", faulty(Conditions(drop=0.005, corrupt=0.005), seed=3)) as client:
+        answered = 0
+        for _ in range(10):
+            try:
+                client.ping()
+                answered += 1
+            except LinkTimeout:
+                pass
+        assert answered >= 8
+        client.telemetry_every(5)
+        end = client.link.clock() + 1.0
+        while client.link.clock() < end:
+            client.listen(0.1)
+            time.sleep(0.001)
+        assert client.bad_frames > 3
+
+
+def test_a_cut_link_is_an_error_from_then_on(faulty):
+    client = ModuleClient("one", faulty())
+    client.hello()
+    client.link.cut()
+    with pytest.raises(LinkError, match="it was cut"):
+        client.link.send(b"\0")
+    with pytest.raises(LinkError):
+        client.stop()
+    client.close()
+
+
+def test_a_module_whose_link_is_cut_lets_go(url):
+    link = lockstep()
+    client = ModuleClient("one", link)
+    client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+    client.arm()
+    client.set_tension(3.0)
+    client.listen(0.1)
+    link.cut()
+    link.inner.module.advance(0.01)
+    assert link.inner.module.sample.state is State.TIMEOUT
+
+
+def test_a_frozen_link_is_silent_and_a_thawed_one_forgets_what_was_said(faulty):
+    with ModuleClient("one", faulty(Conditions(latency=0.01))) as client:
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+        client.telemetry_every(5)
+        client.arm()
+        client.set_tension(3.0, ttl_ms=100)
+        client.link.freeze()
+        client.listen()
+        if not client.link.lockstep:
+            time.sleep(0.02)  # until what came before has been read
+        before = client.telemetry
+        began = client.link.clock()
+        with pytest.raises(LinkTimeout, match="did not answer Stop"):
+            client.stop()
+        assert client.link.clock() - began == pytest.approx(0.95, abs=0.05)
+        assert client.telemetry is before
+        client.link.thaw()
+        client.hello()
+        assert client.state is State.TIMEOUT  # neither set-point nor STOP came through
+        with pytest.raises(ModuleFault, match="has let go"):
+            client.check()
+        client.stop()
+        assert client.state is State.IDLE
+
+
+def test_what_is_on_its_way_into_a_freeze_never_comes():
+    link, hello = lockstep(Conditions(latency=0.05)), Hello().frame(1).pack()
+    link.send(hello)
+    link.freeze()
+    link.thaw()
+    assert link.receive(0.3) == b""
+    link.send(hello)
+    assert link.receive(0.06) == b""  # the answer is on its way
+    link.freeze()
+    link.thaw()
+    assert link.receive(0.3) == b""
+    link.send(hello)
+    assert link.receive(0.3) != b""
+    link.close()
+
+
+def test_time_passes_for_who_waits_at_a_frozen_link():
+    with ModuleClient("one", lockstep()) as client:
+        client.post(Hello())  # the module has an answer ready
+        client.link.freeze()
+        before = client.link.clock()
+        assert client.link.receive(0.1) == b""
+        assert client.link.clock() - before == pytest.approx(0.1)
+
+
+def test_the_same_seed_has_the_same_accidents():
+    def echoes(seed):
+        with ModuleClient("one", lockstep(Conditions(drop=0.01), seed)) as client:
+            client.telemetry_every(5)
+            client.listen(0.5)
+            return client.bad_frames, client.telemetry
+
+    assert echoes(1) == echoes(1)
+    assert echoes(1) != echoes(2)

@@ -1,0 +1,179 @@
+"""A served module, without a network: what it does at which time."""
+
+from collections import deque
+
+import pytest
+
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.codes import State
+from tensionlab.hardware.frames import Decoder
+from tensionlab.hardware.protocol import (
+    ConfigureTelemetry,
+    Hello,
+    Info,
+    Ping,
+    Pong,
+    Save,
+    read,
+)
+from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.serve import (
+    IDLE_TICK,
+    TICK,
+    PlannedFault,
+    ServedModule,
+    parse_fault,
+    read_settings,
+    serve,
+    write_settings,
+)
+
+
+class FakePort:
+    """What the client sends is in `coming`, None being its end; what it got is in `got`."""
+
+    url = "fake"
+
+    def __init__(self):
+        self.coming, self.got, self.there, self.closed = deque(), [], True, False
+
+    def files(self):
+        return []
+
+    def connected(self):
+        return self.there
+
+    def receive(self):
+        content = self.coming.popleft() if self.coming else b""
+        self.there = content is not None
+        return content
+
+    def send(self, content):
+        self.got += [read(frame) for frame in Decoder().feed(content)]
+
+    def close(self):
+        self.closed = True
+
+
+def test_an_answer_takes_the_latency_both_ways():
+    port = FakePort()
+    served = ServedModule(SimulatedModule(), port, conditions=Conditions(latency=0.1))
+    port.coming.append(Ping(5).frame(1).pack())
+    served.serve(1.0)
+    assert served.due(1.0) == pytest.approx(1.0 + TICK)
+    served.serve(1.0999)
+    assert served.due(1.0999) == pytest.approx(1.1)
+    served.serve(1.1)
+    served.serve(1.1999)
+    assert port.got == []
+    served.serve(1.2001)
+    [pong] = port.got
+    assert isinstance(pong, Pong)
+    assert pong.time_us == pytest.approx(1.1e6, abs=1e6 * STEP)
+
+
+def test_what_was_meant_for_a_client_that_went_is_not_for_the_next_one():
+    port = FakePort()
+    served = ServedModule(SimulatedModule(), port, conditions=Conditions(latency=0.1))
+    port.coming += [Ping(5).frame(1).pack()]
+    served.serve(1.0)
+    served.serve(1.1)
+    port.coming += [None, Ping(6).frame(1).pack()]
+    for now in (1.11, 1.12, 1.25, 1.4):
+        served.serve(now)
+    assert [message.echo for message in port.got] == [6]
+
+
+def test_the_client_s_end_arrives_after_what_it_sent():
+    port, module = FakePort(), SimulatedModule()
+    served = ServedModule(module, port, conditions=Conditions(latency=0.1))
+    port.coming += [ConfigureTelemetry(5).frame(1).pack(), None]
+    for now in (0.0, 0.01, 0.105, 0.2, 0.5):
+        served.serve(now)
+    port.got.clear()
+    served.serve(1.0)
+    assert port.got == []  # telemetry went on only as long as somebody was there
+
+
+def test_a_module_without_a_client_is_left_alone_for_longer():
+    port = FakePort()
+    served = ServedModule(SimulatedModule(), port)
+    port.there = False
+    assert served.due(0.0) == pytest.approx(IDLE_TICK)
+
+
+def test_time_passes_in_whole_steps_and_none_is_lost():
+    module = SimulatedModule()
+    served = ServedModule(module, FakePort())
+    for now in (1e-4, 3e-4, 7e-4, 0.01234, 0.5):
+        served.serve(now)
+    assert module.sample.seconds == pytest.approx(0.5)
+
+
+def test_a_planned_fault_comes_at_its_time():
+    module, port = SimulatedModule(), FakePort()
+    served = ServedModule(module, port, faults=[PlannedFault("supply", 0.5)])
+    port.coming.append(ConfigureTelemetry(5).frame(1).pack())
+    for tick in range(1000):
+        served.serve(1e-3 * tick)
+    supplies = {message.time_us: message.supply for message in port.got if hasattr(message, "supply")}
+    assert min(supply for time, supply in supplies.items() if time < 0.5e6) > 10.0
+    assert max(supply for time, supply in supplies.items() if time > 0.51e6) < 6.0
+
+
+def test_settings_are_written_when_the_module_saves_and_only_then(tmp_path):
+    file, port = tmp_path / "settings.bin", FakePort()
+    assert read_settings(file) is None
+    module = SimulatedModule()
+    served = ServedModule(module, port, settings_file=file)
+    port.coming.append(Hello().frame(1).pack())
+    served.serve(0.01)
+    assert not file.exists()
+    port.coming.append(Save().frame(2).pack())
+    served.serve(0.02)
+    served.serve(0.03)
+    assert SimulatedModule(settings=read_settings(file)).loaded
+    assert [path.name for path in tmp_path.iterdir()] == ["settings.bin"]
+    file.unlink()
+    served.serve(0.04)
+    assert not file.exists()
+
+
+def test_a_file_that_cannot_be_used_is_named(tmp_path):
+    with pytest.raises(HardwareError, match="cannot be read"):
+        read_settings(tmp_path)
+    with pytest.raises(HardwareError, match=r"none.settings\.bin: cannot be written"):
+        write_settings(tmp_path / "none" / "settings.bin", b"")
+
+
+def test_serving_ends_when_it_is_told_to_and_closes_the_ports():
+    port, module = FakePort(), SimulatedModule()
+    port.coming.append(Hello().frame(1).pack())
+    turns = iter([False] * 5 + [True])
+    serve([ServedModule(module, port)], 1.0, lambda: next(turns))
+    assert port.closed
+    assert isinstance(port.got[0], Info)
+    assert port.got[0].state is State.IDLE
+    assert module.sample.seconds > 2 * TICK
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("encoder@2s", PlannedFault("encoder", 2.0)),
+        ("cable@0.5", PlannedFault("cable", 0.5)),
+        ("supply@800ms", PlannedFault("supply", 0.8)),
+        ("brake@0s", PlannedFault("brake", 0.0)),
+    ],
+)
+def test_a_fault_is_planned_in_words(text, fault):
+    found = parse_fault(text)
+    assert found.part == fault.part
+    assert found.seconds == pytest.approx(fault.seconds)
+
+
+@pytest.mark.parametrize("text", ["encoder", "encoder@", "encoder@-1s", "encoder@2h", "wheel@2s", "@2s", ""])
+def test_a_plan_that_is_none_is_refused(text):
+    with pytest.raises(HardwareError, match="write one of encoder, supply, motor, brake, cable and a time"):
+        parse_fault(text)

@@ -1,0 +1,86 @@
+"""Simulated modules are set up as the rig says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.codes import State
+from tensionlab.hardware.frames import Decoder
+from tensionlab.hardware.protocol import Arm, ConfigureTelemetry, Hello, Info, Save, SetTension, Telemetry, read
+from tensionlab.hardware.simulation.simulated_rig import simulated_module
+from tensionlab.model.files import load_rig
+from tensionlab.model.module import Module
+
+RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
+
+
+def tell(simulated, *commands):
+    for sequence, command in enumerate(commands, start=1):
+        simulated.receive(command.frame(sequence).pack())
+    return [read(frame) for frame in Decoder().feed(simulated.transmit())]
+
+
+def test_limits_gain_and_length_are_the_rigs():
+    rig = load_rig(RIGS / "bartels2026-validation.toml")
+    for module, length in zip(rig.modules, rig.lengths(rig.home), strict=True):
+        simulated = simulated_module(module, length, serial_number=7)
+        [info] = tell(simulated, Hello())
+        assert (info.serial_number, info.calibrated, info.length_known) == (7, True, True)
+        got = (info.tension_lower, info.tension_upper, info.newton_per_ampere, info.spool_radius)
+        np.testing.assert_allclose(got, (0.5, 6.0, 3.0, 0.0195), rtol=1e-6)
+        tell(simulated, ConfigureTelemetry(100))
+        simulated.advance(0.11)
+        [telemetry] = tell(simulated)
+        assert isinstance(telemetry, Telemetry)
+        assert telemetry.length == pytest.approx(length, abs=1e-4)
+
+
+@pytest.mark.parametrize("gain", [2.0, 3.0, 4.0])
+def test_what_it_is_told_is_what_it_pulls(gain):
+    module = Module("a", [0.0, 0.0, 0.0], 0.4, 5.0, newton_per_ampere=gain, spool_radius=0.015)
+    simulated = simulated_module(module, 7.0)
+    tell(simulated, Arm(1), SetTension(1, 3.0, ttl_ms=2000))
+    trace = simulated.trace(0.5)
+    assert trace.tension[-400:].mean() == pytest.approx(3.0, abs=0.1)
+    assert trace.current[-400:].mean() == pytest.approx(3.0 / gain, rel=0.03)
+
+
+def test_a_module_without_a_brake_holds_nothing():
+    with_brake = Module("a", [0.0, 0.0], 0.5, 6.0, brake=100.0)
+    without = Module("a", [0.0, 0.0], 0.5, 6.0)
+    held = []
+    for module in (with_brake, without):
+        simulated = simulated_module(module, 1.0)
+        tell(simulated, Arm(1), SetTension(1, 0.5, brake=True, ttl_ms=2000))
+        simulated.advance(0.5)
+        simulated.advance(0.5, 1.012)
+        assert simulated.sample.state is State.RUNNING
+        held.append(simulated.sample.tension)
+    assert held[0] > 10.0
+    assert held[1] < 1.0
+
+
+def test_settings_that_were_stored_take_the_place_of_the_rigs():
+    first = simulated_module(Module("a", [0.0, 0.0], 0.5, 4.0), 1.0)
+    tell(first, Save())
+    first.advance(0.01)
+    second = simulated_module(Module("a", [0.0, 0.0], 0.5, 6.0), 1.5, settings=first.settings)
+    [info] = tell(second, Hello())
+    assert isinstance(info, Info)
+    assert (info.tension_upper, info.calibrated, info.length_known) == (4.0, True, True)
+
+
+@pytest.mark.parametrize(
+    ("module", "length", "message"),
+    [
+        (Module("winch", [0, 0, 0], 1.0, 200.0), 1.0, '"winch": tension_upper would be 200 N.*take 0.5 to 12'),
+        (Module("winch", [0, 0, 0], 1.0, 6.0), 15.0, '"winch": length_upper would be 30 m'),
+        (Module("winch", [0, 0, 0], 1.0, 6.0, spool_radius=0.5), 1.0, '"winch": spool_radius'),
+        (Module("winch", [0, 0, 0], 1.0, 6.0, newton_per_ampere=50.0), 1.0, '"winch" answered .*BAD_VALUE'),
+    ],
+)
+def test_what_no_module_can_do_is_refused_by_name(module, length, message):
+    with pytest.raises(HardwareError, match=message):
+        simulated_module(module, length)

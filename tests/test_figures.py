@@ -1,0 +1,79 @@
+"""The committed figures are the ones that the committed data make, and other data make other figures."""
+
+import re
+import shutil
+import subprocess
+import sys
+import zlib
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from tensionlab.experiments.bench import results
+
+ROOT = Path(__file__).parents[1]
+COMMITTED = ROOT / "docs" / "figures"
+CONSTRAINTS = (ROOT / "constraints.txt").read_text(encoding="utf-8")
+pinned = pytest.mark.skipif(
+    f"\nmatplotlib=={version('matplotlib')}\n" not in CONSTRAINTS, reason="another matplotlib draws other figures"
+)
+
+
+def make(out, *words):
+    command = [sys.executable, ROOT / "paper_figures" / "make.py", "--out", out, *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def content(path):
+    """What is in a file, however hard it is compressed."""
+    if path.suffix == ".png":
+        from matplotlib.image import imread
+
+        return imread(path).tobytes()
+    data = path.read_bytes()
+    if path.suffix != ".pdf":
+        return data
+    streams = re.findall(rb"\nstream\n(.*?)\nendstream\n", data, flags=re.DOTALL)
+    return [zlib.decompress(each) if each[:1] == b"x" else each for each in streams]
+
+
+@pinned
+@pytest.mark.slow
+def test_the_committed_figures_are_up_to_date(tmp_path):
+    made = make(tmp_path)
+    assert made.returncode == 0, made.stderr
+    names = {path.name for path in COMMITTED.iterdir()}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    different = [name for name in sorted(names) if content(tmp_path / name) != content(COMMITTED / name)]
+    assert not different, "run `make figures` and look at what changed"
+
+
+def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path):
+    for out in ("one", "two"):
+        assert make(tmp_path / out, "time-accuracy").returncode == 0
+    shutil.copytree(ROOT / "datasets", tmp_path / "datasets")
+    path = tmp_path / "datasets" / "benchmarks" / "results.parquet"
+    found = results.read(path)
+    rows = [replace(row, median_s=3 * row.median_s) if row.solver == "newton" else row for row in found.rows]
+    results.write(path, rows, found.manifest, evidence=False)
+    assert make(tmp_path / "three", "time-accuracy", "--datasets", tmp_path / "datasets").returncode == 0
+    for suffix in (".pdf", ".png"):
+        one, two, three = (tmp_path / out / f"time-accuracy{suffix}" for out in ("one", "two", "three"))
+        assert one.read_bytes() == two.read_bytes()
+        assert content(one) != content(three)
+
+
+def test_every_figure_is_told_of_and_small():
+    told = (ROOT / "paper_figures" / "README.md").read_text(encoding="utf-8")
+    assert {path.stem for path in COMMITTED.iterdir()} == set(re.findall(r"^\| `(.*?)`", told, re.MULTILINE))
+    for path in COMMITTED.iterdir():
+        assert path.stat().st_size < 300_000, path.name
+
+
+def test_a_figure_that_is_not_there_is_refused(tmp_path):
+    refused = make(tmp_path, "wrkspace")
+    assert refused.returncode == 2
+    assert "there are anchor-count" in refused.stderr
+    assert not list(tmp_path.iterdir())
