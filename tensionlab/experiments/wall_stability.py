@@ -118,7 +118,9 @@ def measured_bound(
 
     hand = hand or Hand()
     steps = np.rint(delays / step).astype(np.int64)[:, None]
-    tried = stiffness_bound(np.multiply(steps, step, dtype=np.float64), step, hand.damping, damping) * np.arange(0.7, 1.7, 0.01)
+    tried = stiffness_bound(np.multiply(steps, step, dtype=np.float64), step, hand.damping, damping) * np.arange(
+        0.7, 1.7, 0.01
+    )
     rest = -hand.push / tried
 
     def wall(_: int, position: Floats, velocity: Floats) -> Floats:
