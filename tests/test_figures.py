@@ -10,7 +10,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from recorded import made_up
 
+from tensionlab.experiments import recordings
 from tensionlab.experiments.bench import results
 
 ROOT = Path(__file__).parents[1]
@@ -63,6 +65,15 @@ def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path):
         one, two, three = (tmp_path / out / f"time-accuracy{suffix}" for out in ("one", "two", "three"))
         assert one.read_bytes() == two.read_bytes()
         assert content(one) != content(three)
+
+
+@pytest.mark.parametrize("name", ["forces", "error-sphere"])
+def test_another_recording_makes_other_pictures(tmp_path, name):
+    shutil.copytree(ROOT / "datasets", tmp_path / "datasets")
+    recordings.write(tmp_path / "datasets" / "recordings" / "paper-like-simulated.parquet", made_up())
+    assert make(tmp_path, name, "--datasets", tmp_path / "datasets").returncode == 0
+    for suffix in (".pdf", ".png"):
+        assert content(tmp_path / f"{name}{suffix}") != content(COMMITTED / f"{name}{suffix}")
 
 
 def test_every_figure_is_told_of_and_small():
