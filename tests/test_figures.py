@@ -86,5 +86,5 @@ def test_every_figure_is_told_of_and_small():
 def test_a_figure_that_is_not_there_is_refused(tmp_path):
     refused = make(tmp_path, "wrkspace")
     assert refused.returncode == 2
-    assert "there are anchor-count" in refused.stderr
+    assert "no figure is called 'wrkspace'; there are forces" in refused.stderr
     assert not list(tmp_path.iterdir())
