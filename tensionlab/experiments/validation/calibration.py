@@ -1,8 +1,8 @@
 """What do measured forces tell about a rig, and which rig should the host reckon with instead?
 
 From half of the vectors; the other half shows what it is worth. Three models of the force that tensions t make,
-from the least to the most: one gain for all cables, g W t; a gain and a bias for each, W (g t + b), with the nominal
-structure matrix W; and any linear map, A t + c, which also takes up wrong positions and a leaning sensor.
+from the least to the most: one gain for all cables, g W t; a gain and a bias for each, W (g t + b), with the
+nominal structure matrix W; and any linear map, A t + c, which also takes up wrong positions and a leaning sensor.
 """
 
 from __future__ import annotations

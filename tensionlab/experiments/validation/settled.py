@@ -1,8 +1,8 @@
 """What would the protocol measure? Worked out for tensions that have settled, without stepping through time.
 
-A cable's tension follows the motor's pull with a play of the dry friction, to either side; the rest is linear. That
-is what firmware and plant come to when the spool does not ring, as a test shows; it is ten thousand times faster, so
-that hundreds of rigs can be tried.
+A cable's tension follows the motor's pull with a play of the dry friction, to either side; the rest is linear.
+That is what firmware and plant come to when the spool does not ring, as a test shows; it is some thousand times
+faster, so that hundreds of rigs can be tried.
 """
 
 from __future__ import annotations
@@ -28,17 +28,22 @@ class Settled:
 
     Attributes
     ----------
+    rotation : (3, 3) array
+        What turns the readings, upright, into the devices' axes.
     sensor : (3 + K, 3) array
         Its readings less its zero, in its own axes, in N; the forces on the axes first.
     forces : (K, 3) array
-        The others, aligned as published.
+        The others, in the devices' axes.
     """
 
+    rotation: Floats
     sensor: Floats
     forces: Floats
 
 
-def settled(rig: Rig, errors: Errors, tensions: Floats, rendered: Floats, noise: Floats) -> Settled:
+def settled(
+    rig: Rig, errors: Errors, tensions: Floats, rendered: Floats, noise: Floats, rotation: Floats | None = None
+) -> Settled:
     """What does the sensor of a rig with errors show of tensions that are commanded one after another?
 
     Parameters
@@ -52,14 +57,17 @@ def settled(rig: Rig, errors: Errors, tensions: Floats, rendered: Floats, noise:
         What the first three add up to by the nominal rig, for the alignment.
     noise : (3 + K, 3) array
         To be added, from `wandering`.
+    rotation : (3, 3) array, optional
+        As it was found before; found from the first three if left out.
     """
     real = true_rig(rig, errors)
     pulled = np.maximum(play(errors.gains * tensions, errors.gains * rig.limits.lower, errors.play), 0.0)
     pulled = np.maximum(pulled + errors.biases, 0.0)
     forces = pulled @ real.structure_matrix(real.home, frames=real.at_rest).T @ errors.tilt.T
     upright = forces + noise @ UPRIGHT.T
-    rotation = ALIGNMENTS["paper"](rendered, upright[:BASIS])
-    return Settled(upright @ UPRIGHT, upright[BASIS:] @ rotation.T)
+    if rotation is None:
+        rotation = ALIGNMENTS["paper"](rendered, upright[:BASIS])
+    return Settled(rotation, upright @ UPRIGHT, upright[BASIS:] @ rotation.T)
 
 
 def play(pulls: Floats, first: Floats, width: float) -> Floats:
