@@ -23,8 +23,7 @@ class Trial:
     Attributes
     ----------
     question : str
-        What differs: "preset", "error", "solver", "side" or "calibration"; "solver alone" is the solver on a rig
-        without errors.
+        What differs: "preset", "error", "solver", "side" or "calibration".
     choice : str
         How: the preset's name, the only error that is there, the solver, the side of the triangle in m, what was
         calibrated.

@@ -45,7 +45,9 @@ def plot_what_if(trials: Trials, published: Published, path: str | Path) -> None
     """
     groups = {question: together(trials.of(question)) for question in QUESTIONS if trials.of(question)}
     ideal = trials.of(IDEAL)
-    heads, places, height = {}, {}, 0.0
+    heads: dict[str, float] = {}
+    places: dict[tuple[str, tuple[str, ...]], float] = {}
+    height = 0.0
     for question, lines in groups.items():
         heads[question] = height
         places |= {(question, names): height + 1.0 + line for line, names in enumerate(lines)}
