@@ -42,7 +42,7 @@ class LockRule:
         Least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the hand, or 2 cm of
         error in the hand's position at 1 m from the anchor. A locked one stays until it is 0.
     most : int
-        Largest number of locked cables. Three independent ones hold any force of their cone.
+        Largest number of locked cables, up to 3: any force of a cone is one of three of its cables.
     price : float
         Of each lock, as a share of the wanted force.
     hysteresis : float
@@ -59,8 +59,8 @@ class LockRule:
             raise ValueError(
                 f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap"
             )
-        if self.most < 0:
-            raise ValueError(f"LockRule(most={self.most}): must be 0 or more")
+        if not 0 <= self.most <= 3:
+            raise ValueError(f"LockRule(most={self.most}): must be from 0 to 3; a fourth cable adds nothing")
         for name in ("price", "hysteresis"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"LockRule({name}={getattr(self, name)}): must be 0 or more")

@@ -103,7 +103,7 @@ def statement(U, n, F, box, strengths, pushing, held, crowding, rule):
 def test_it_is_the_rule():
     rng = np.random.default_rng(11)
     locks = []
-    for _ in range(200):
+    for _ in range(400):
         m = int(rng.integers(3, 8))
         U, n, F = unit(rng, m, 3).T, unit(rng, 3), rng.choice([0.0, 3.0, 20.0, 80.0], p=[0.1, 0.1, 0.3, 0.5])
         box, strengths = limits(m), rng.choice([0.0, 4.0, 60.0, 186.0], m, p=[0.1, 0.1, 0.4, 0.4])
@@ -295,7 +295,9 @@ def test_bad_input_is_refused(change, message):
         choose_locks(**{**given, **change})
 
 
-@pytest.mark.parametrize("change", [{"margin": 0.0}, {"most": -1}, {"price": -0.1}, {"hysteresis": np.nan}])
+@pytest.mark.parametrize(
+    "change", [{"margin": 0.0}, {"most": -1}, {"most": 4}, {"price": -0.1}, {"hysteresis": np.nan}]
+)
 def test_a_rule_that_makes_no_sense_is_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         LockRule(**change)
