@@ -10,7 +10,7 @@ that may be locked and prices it: the force that stays unresisted, plus a share 
   upper limit in L: the exact solver's, of `tensionlab.solvers`. The motors pull with as much of it as they can.
 - What a brake holds is there only while the user pushes. It is reported apart from what the motors pull.
 
-Where the motors alone render the force, nothing is locked.
+Where the motors alone render the force, nothing is locked. The rule and its numbers are this project's own.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE
 
 @dataclass(frozen=True)
 class LockRule:
-    """How are sets of brakes compared? Defaults are this project's, not published.
+    """How are sets of brakes compared?
 
     Attributes
     ----------
@@ -146,10 +146,10 @@ def choose_locks(
     """
     U, n = pose.numbers(structure, "structure"), pose.numbers(normal, "normal")
     m = limits.lower.size
-    if U.ndim < 2 or U.shape[-1] != m or n.shape[-1:] != U.shape[-2:-1]:
+    if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
         raise ShapeError(
             f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
-            "(..., d) and m"
+            "(..., d) and m, with d = 2 or 3 for a point"
         )
     F, holds = pose.numbers(force, "force"), pose.points(strengths, m, "strengths")
     if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
