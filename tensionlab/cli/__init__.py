@@ -26,6 +26,7 @@ from tensionlab.cli.rig import rig
 from tensionlab.cli.run import run
 from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
+from tensionlab.cli.validate import validate
 from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
 
@@ -46,6 +47,7 @@ app.command()(workspace)
 app.command()(bench)
 app.command()(run)
 app.command()(simulate)
+app.command()(validate)
 app.command()(estop)
 app.add_typer(module, name="module")
 app.add_typer(rig, name="rig")

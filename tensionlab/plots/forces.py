@@ -65,15 +65,14 @@ def plot_error_sphere(recording: Recording, rig: Rig, path: str | Path) -> None:
         (angle, "angle to the force asked for (°)", {"cmap": "viridis_r", "vmin": 0.0}),
         (size, "size: felt minus asked for (N)", {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}),
     )
-    with new_figure(path, (12.0, 4.1)) as figure:
-        halves: Any = figure.subfigures(1, 2)
-        for half, (values, label, look) in zip(halves, looks, strict=True):
-            panels: Any = half.subplots(1, 2)
-            for axes, up, title in zip(panels, (1.0, -1.0), ("forces upwards", "forces downwards"), strict=True):
+    with new_figure(path, (12.0, 4.4)) as figure:
+        panels: Any = figure.subplots(1, 4)
+        for pair, (values, label, look) in zip((panels[:2], panels[2:]), looks, strict=True):
+            for axes, up, title in zip(pair, (1.0, -1.0), ("forces upwards", "forces downwards"), strict=True):
                 dots = _draw_hemisphere(axes, recording.desired, values, up, look)
                 _draw_cables(axes, rig, up)
                 axes.set_title(title, loc="center")
-            half.colorbar(dots, ax=panels, label=label, orientation="horizontal", shrink=0.6, aspect=30)
+            figure.colorbar(dots, ax=pair, label=label, orientation="horizontal", shrink=0.6, aspect=30)
         figure.suptitle(caption(recording), fontsize="medium", fontweight="bold")
         look = {"color": "white", "markeredgecolor": "black", "marker": "s", "ls": ""}
         add_legend(figure, 1, [("a cable pulls this way", look)])
