@@ -77,7 +77,7 @@ def run(
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
-    _check_solver(loaded, solver, nearest)
+    check_solver(loaded, solver, nearest)
     place = _place(loaded, at)
     clock: RealClock | WorldClock
     if modules is None:
@@ -86,13 +86,13 @@ def run(
         group, clock = world.group(), WorldClock(world, paced=True)
         links = dict.fromkeys((module.name for module in loaded.modules), "sim:")
     else:
-        links = _links(loaded, modules)
+        links = links_of(loaded, modules)
         group, clock = connect(loaded, links), RealClock()
     failure: HardwareError | None = None
     try:
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=place)
         if log is not None:
-            runner.log = _log(log, loaded, solver, settings, links)
+            runner.log = log_of(log, loaded, solver, settings, links)
         shown = sys.stdout.isatty() and not json
         with Screen(runner, REFRESH) if shown else nullcontext():
             try:
@@ -149,7 +149,7 @@ def _place(rig: Rig, at: str | None) -> Tracker | None:
     return lambda time: pose
 
 
-def _check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
+def check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
     """Refuse a solver that does not serve this rig."""
     from tensionlab.experiments.lineup import lineup
 
@@ -159,7 +159,7 @@ def _check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
         raise typer.BadParameter(str(error)) from None
 
 
-def _links(rig: Rig, modules: str) -> dict[str, str]:
+def links_of(rig: Rig, modules: str) -> dict[str, str]:
     """Where is each module reached?"""
     from tensionlab.hardware.modules_file import load_modules
 
@@ -175,7 +175,7 @@ def _links(rig: Rig, modules: str) -> dict[str, str]:
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 
 
-def _log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
+def log_of(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
     from tensionlab.hardware.log import RunLog
     from tensionlab.records import manifest
 
