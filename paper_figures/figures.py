@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tables
 
 import tensionlab as tl
 from tensionlab import plots
@@ -15,6 +17,10 @@ from tensionlab.experiments import anchor_count
 from tensionlab.workspace import Grid
 
 FIGURE = (".pdf", ".png")
+TABLE = (".md", ".tex")
+PUBLISHED = "published/bartels2026-validation"
+RECORDING = "recordings/paper-like-simulated"
+TRIALS = "what-if/paper-like-simulated"
 DIGITS = 6
 """Swept values are rounded to so many, so that no processor's last digit is seen in a figure."""
 
@@ -28,6 +34,11 @@ class Drawing:
     suffixes: tuple[str, ...] = FIGURE
 
 
+def load_all(*names: str) -> Callable[[Path], list[Any]]:
+    """What loads these data sets together."""
+    return lambda folder: [tl.datasets.load(name, folder) for name in names]
+
+
 def rounded(swept: Any) -> Any:
     """The same sweep with rounded values."""
     for values in swept.data_vars.values():
@@ -35,6 +46,7 @@ def rounded(swept: Any) -> Any:
     return swept
 
 
+@cache
 def sweeps_of_modules(folder: Path) -> Any:
     """Slices of published rigs, and three to eight modules in a room."""
     return [rounded(each) for each in anchor_count.sweep_published()], rounded(anchor_count.sweep_room())
@@ -48,9 +60,23 @@ def sweep_of_rooms(folder: Path) -> Any:
     return rounded(tl.sweep(rigs, grid, ["capacity-margin", "tension-factor"], progress=False))
 
 
+def published_and_simulated(data: list[Any], path: Path) -> None:
+    """The table of what the publication measured, beside one simulated rig and many."""
+    published, recording, trials = data
+    rigs = trials.of("preset")["paper-like"]
+    tables.write_table(tables.published_and_simulated(published, recording, rigs), path)
+
+
 DRAWINGS = {
+    "forces": Drawing(load_all(RECORDING), lambda data, path: plots.plot_forces(*data, path)),
+    "error-sphere": Drawing(
+        load_all(RECORDING, "rigs/bartels2026-validation"), lambda data, path: plots.plot_error_sphere(*data, path)
+    ),
+    "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data, path: plots.plot_summary(*data, path)),
     "anchor-count": Drawing(sweeps_of_modules, lambda data, path: plots.plot_anchor_count(*data, path)),
-    "time-accuracy": Drawing(lambda folder: tl.datasets.load("benchmarks/results", folder), plots.plot_summary),
+    "anchor-count-shares": Drawing(
+        sweeps_of_modules, lambda data, path: tables.write_table(tables.shares_of_room(data[1]), path), TABLE
+    ),
     "workspace": Drawing(sweep_of_rooms, plots.plot_measures),
 }
 """By the name of the file, without its suffix."""

@@ -8,6 +8,7 @@
     ├── UnknownSolver (LookupError)          a solver name that is not in the table
     ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
     ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
+    ├── EffectError (ValueError)             a haptic effect that cannot be; names it and its parameter
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
     ├── Unreachable                          an allocation that is not exact; carries the evidence
     └── HardwareError                        what goes wrong with modules
@@ -50,6 +51,10 @@ class PluginError(TensionlabError, ImportError):
 
 class SweepError(TensionlabError, ValueError):
     """A sweep that cannot be made; the message names the argument, or what is in the way of the store."""
+
+
+class EffectError(TensionlabError, ValueError):
+    """A haptic effect, or what keeps it stable, with parameters that make no sense; names both."""
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name

@@ -7,10 +7,17 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import ShapeError
-from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_worst
+from tensionlab.experiments.bench.rows import EVIDENCE
+from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
 from tensionlab.plots.labels import _cost, _distance, _places
 
-DRAW = {"profile": plot_profile, "accuracy": plot_accuracy, "worst": plot_worst, "continuity": plot_continuity}
+DRAW = {
+    "profile": plot_profile,
+    "accuracy": plot_accuracy,
+    "worst": plot_worst,
+    "continuity": plot_continuity,
+    "summary": plot_summary,
+}
 each = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 
 
@@ -36,6 +43,7 @@ def test_the_same_results_make_the_same_file(tmp_path, bench_results, draw, suff
         (plot_accuracy, ["newton", "daqp", "cvxpy", "median time of a call (µs)", "peer, default settings"]),
         (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "tensionlab, others"]),
         (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "out of reach"]),
+        (plot_summary, ["newton", "daqp", "typical time of a call (µs)", "largest error of all answers (N)"]),
     ],
     ids=DRAW,
 )
@@ -48,10 +56,18 @@ def test_what_is_shown_is_named(tmp_path, bench_results, draw, words):
 
 @each
 def test_who_answered_nothing_is_left_out(tmp_path, bench_results, draw):
-    nothing = {"call_s": [], "errors": [], "violations": [], "gaps": [], "path_mm": [], "sgm_s": np.nan}
+    nothing = {"call_s": [], "errors": [], "violations": [], "gaps": [], "path_mm": []}
+    nothing |= {"sgm_s": np.nan, "median_s": np.nan}
     absent = [replace(row, solver="absent", **nothing) for row in bench_results.rows if row.label == "newton"]
     draw(replace(bench_results, rows=(*bench_results.rows, *absent)), tmp_path / "p.svg")
     assert not any("absent" in word for word in words_of(tmp_path / "p.svg"))
+
+
+def test_the_summary_needs_no_evidence(tmp_path, bench_results):
+    plain = tuple(replace(row, **{name: [] for name in EVIDENCE}) for row in bench_results.rows)
+    plot_summary(bench_results, tmp_path / "one.svg")
+    plot_summary(replace(bench_results, rows=plain), tmp_path / "two.svg")
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
 
 
 def test_without_a_trajectory_there_is_no_picture_of_one(tmp_path, bench_results):

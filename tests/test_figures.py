@@ -10,7 +10,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from recorded import made_up
 
+from tensionlab.experiments import recordings
 from tensionlab.experiments.bench import results
 
 ROOT = Path(__file__).parents[1]
@@ -65,6 +67,15 @@ def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path):
         assert content(one) != content(three)
 
 
+@pytest.mark.parametrize("name", ["forces", "error-sphere"])
+def test_another_recording_makes_other_pictures(tmp_path, name):
+    shutil.copytree(ROOT / "datasets", tmp_path / "datasets")
+    recordings.write(tmp_path / "datasets" / "recordings" / "paper-like-simulated.parquet", made_up())
+    assert make(tmp_path, name, "--datasets", tmp_path / "datasets").returncode == 0
+    for suffix in (".pdf", ".png"):
+        assert content(tmp_path / f"{name}{suffix}") != content(COMMITTED / f"{name}{suffix}")
+
+
 def test_every_figure_is_told_of_and_small():
     told = (ROOT / "paper_figures" / "README.md").read_text(encoding="utf-8")
     assert {path.stem for path in COMMITTED.iterdir()} == set(re.findall(r"^\| `(.*?)`", told, re.MULTILINE))
@@ -75,5 +86,5 @@ def test_every_figure_is_told_of_and_small():
 def test_a_figure_that_is_not_there_is_refused(tmp_path):
     refused = make(tmp_path, "wrkspace")
     assert refused.returncode == 2
-    assert "there are anchor-count" in refused.stderr
+    assert "no figure is called 'wrkspace'; there are forces" in refused.stderr
     assert not list(tmp_path.iterdir())

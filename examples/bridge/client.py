@@ -6,7 +6,9 @@ import time
 
 from tensionlab.haptics.bridge.client import BridgeClient
 
-FLOOR = {"floor": {"kind": "wall", "plane": {"point": [0.0, 0.3, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 100.0}}
+FLOOR = {
+    "floor": {"kind": "wall", "plane": {"point": [0.0, 0.3, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 100.0}
+}
 
 
 def main() -> None:

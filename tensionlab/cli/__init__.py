@@ -27,6 +27,7 @@ from tensionlab.cli.run import run
 from tensionlab.cli.serve import serve
 from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
+from tensionlab.cli.validate import validate
 from tensionlab.cli.workspace import workspace
 from tensionlab.errors import TensionlabError
 
@@ -48,6 +49,7 @@ app.command()(bench)
 app.command()(run)
 app.command()(serve)
 app.command()(simulate)
+app.command()(validate)
 app.command()(estop)
 app.add_typer(module, name="module")
 app.add_typer(rig, name="rig")

@@ -86,7 +86,7 @@ def run(
         group, clock = world.group(), WorldClock(world, paced=True)
         links = dict.fromkeys((module.name for module in loaded.modules), "sim:")
     else:
-        links = links_of(loaded, modules)
+        links = module_links(loaded, modules)
         group, clock = connect(loaded, links), RealClock()
     failure: HardwareError | None = None
     try:
@@ -159,7 +159,7 @@ def check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
         raise typer.BadParameter(str(error)) from None
 
 
-def links_of(rig: Rig, modules: str) -> dict[str, str]:
+def module_links(rig: Rig, modules: str) -> dict[str, str]:
     """Where is each module reached?"""
     from tensionlab.hardware.modules_file import load_modules
 
@@ -176,6 +176,7 @@ def links_of(rig: Rig, modules: str) -> dict[str, str]:
 
 
 def log_of(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
+    """Begin the log of a run."""
     from tensionlab.hardware.log import RunLog
     from tensionlab.records import manifest
 

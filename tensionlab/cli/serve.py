@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tensionlab.cli import output
+
+if TYPE_CHECKING:
+    from tensionlab.hardware import Runner
 
 
 def serve(
@@ -43,17 +45,16 @@ def serve(
 
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
-    from tensionlab.cli.run import check_solver, links_of, log_of
+    from tensionlab.cli.run import check_solver, log_of, module_links
     from tensionlab.cli.run_table import summary_table
-    from tensionlab.errors import HardwareError
     from tensionlab.haptics.bridge.mailbox import Mailbox
-    from tensionlab.haptics.bridge.messages import Event, Welcome
+    from tensionlab.haptics.bridge.messages import Welcome
     from tensionlab.haptics.bridge.news import News
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.server import Bridge
     from tensionlab.haptics.bridge.source import FADE, PATIENCE, BridgedDemand, tracked_pose
     from tensionlab.hardware import RealClock, Runner, RunSettings, World, WorldClock, connect
-    from tensionlab.hardware.codes import Limit, State
+    from tensionlab.hardware.codes import Limit
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
     from tensionlab.model.files import load_rig
 
@@ -67,10 +68,10 @@ def serve(
         rate=rate,
         timeout=PATIENCE + FADE,
     )
-    events: list[Event] = []
-    limits, states = ({int(each): each.name for each in kind} for kind in (Limit, State))
-    news = News(loaded, limits, states, lambda event: bridge.tell(event))
+    limits = {int(each): each.name for each in Limit}
+    news = News(loaded, limits)
     bridge = Bridge(mailbox, welcome, news.state, host, port, token, tuple(page or ()))
+    news.tell = bridge.tell
     with ExitStack() as stack:
         stack.enter_context(bridge)
         typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
@@ -84,7 +85,7 @@ def serve(
             group, clock = world.group(), WorldClock(world, paced=True)
             links = dict.fromkeys(welcome.modules, "sim:")
         else:
-            links = links_of(loaded, modules)
+            links = module_links(loaded, modules)
             group, clock = connect(loaded, links), RealClock()
         stack.callback(group.close)
         demand = BridgedDemand(loaded, mailbox, news.take)
@@ -92,13 +93,19 @@ def serve(
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
             runner.log = log_of(log, loaded, solver, settings, links)
-        failure = None
-        try:
-            runner.run(seconds)
-        except HardwareError as error:
-            failure = error
+        failed = _run(runner, seconds)
     output.console().print(summary_table(runner))
-    if failure is not None:
-        print(f"tensionlab: {failure}", file=sys.stderr)
-    if failure is not None or runner.statistics.unconfirmed or runner.statistics.emergency:
+    if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)
+
+
+def _run(runner: Runner, seconds: float | None) -> bool:
+    """Run until it ends; whether something went wrong, which is said."""
+    from tensionlab.errors import HardwareError
+
+    try:
+        runner.run(seconds)
+    except HardwareError as error:
+        typer.echo(f"tensionlab: {error}", err=True)
+        return True
+    return False

@@ -13,6 +13,7 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
+    from tensionlab.experiments.validation.error_model import Errors
     from tensionlab.hardware.simulated import SimulatedModule
     from tensionlab.hardware.simulation.serve import PlannedFault
 
@@ -58,6 +59,19 @@ def simulate(
         Path | None,
         typer.Option(callback=output.output_file, help="Write there (CSV) what the cables really pull with."),
     ] = None,
+    sensor_port: Annotated[
+        int | None,
+        typer.Option(
+            help="A force sensor holds the point, and sends its three forces (N, its own axes, Z up) 1000 times a "
+            "second from this TCP port; 0 takes a free one.",
+            min=0,
+            max=65535,
+        ),
+    ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(help="With --sensor-port, what is wrong with the rig: ideal or paper-like; see validate."),
+    ] = "paper-like",
     config_file: Annotated[
         Path | None,
         typer.Option(
@@ -73,17 +87,24 @@ def simulate(
     line after it: names, and links that pyserial opens. A module has one client at a time; a second one is
     refused, and one that goes away is a link that closed.
     """
+    from tensionlab.experiments.validation.served import ServedSensor
     from tensionlab.hardware.modules_file import modules_to_toml
     from tensionlab.hardware.simulation.channel import Conditions
     from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
     from tensionlab.hardware.simulation.recording import Recording
     from tensionlab.hardware.simulation.serve import ServedModule, serve
+    from tensionlab.model.files import load_rig
 
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
     far_ends = {} if orbit is None else _orbit(rig, output.numbers(orbit))
-    simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file, far_ends)
+    errors = None
+    if sensor_port is not None:
+        if rig is None or only or orbit is not None:
+            raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
+        errors = _errors(rig, preset, seed)
+    simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file, far_ends, errors)
     chosen = _only(only, list(simulated))
     faults = _faults(fault or [], list(simulated))
     served = [
@@ -99,17 +120,25 @@ def simulate(
         for index, (name, (module, settings_file)) in enumerate(simulated.items())
         if name in chosen
     ]
+    sensor = None
+    if rig is not None and errors is not None and sensor_port is not None:
+        sensor = ServedSensor(load_rig(rig), errors, seed, TcpPort(listen, sensor_port))
     text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
+    if sensor is not None:
+        text += f"# Force sensor: {sensor.url}\n"
     if modules is not None:
         modules.write_text(text, encoding="utf-8")
 
     ended = []
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, lambda number, _: ended.append(number))
-    with Recording(record, chosen) if record is not None else nullcontext() as recording:
+    with (
+        Recording(record, chosen) if record is not None else nullcontext() as recording,
+        sensor if sensor is not None else nullcontext(),
+    ):
         typer.echo(text)
-        watch = None if recording is None else lambda: recording.take([each.module for each in served])
-        serve(served, speed, lambda: bool(ended), watch)
+        watchers = [each.take for each in (recording, sensor) if each is not None]
+        serve(served, speed, lambda: bool(ended), watchers)
 
 
 def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
@@ -122,22 +151,49 @@ def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModu
 
 
 def _rig(
-    path: Path, seed: int, config_file: Path | None, far_ends: dict[str, Callable[[], float]]
+    path: Path,
+    seed: int,
+    config_file: Path | None,
+    far_ends: dict[str, Callable[[], float]],
+    errors: Errors | None,
 ) -> dict[str, tuple[SimulatedModule, Path | None]]:
     """Which modules are simulated, and where does each keep its settings?"""
+    from tensionlab.experiments.validation.error_model import true_plants, true_rig
     from tensionlab.hardware.simulation.simulated_rig import simulated_module
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
+    plants = {} if errors is None else true_plants(rig, errors)
+    if errors is not None:
+        rig = true_rig(rig, errors)
     lengths = rig.lengths(rig.home, frames=rig.at_rest)
     simulated = {}
     for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
         at = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
         start = far_ends[each.name]() if far_ends else float(length)
-        module = simulated_module(each, start, serial_number=index + 1, seed=seed + index, settings=_settings(at))
+        module = simulated_module(
+            each,
+            start,
+            serial_number=index + 1,
+            seed=seed + index,
+            settings=_settings(at),
+            plant=plants.get(each.name),
+        )
         _complain(module, at)
         simulated[each.name] = (module, at)
     return simulated
+
+
+def _errors(path: Path, preset: str, seed: int) -> Errors:
+    """What is wrong with the rig that a force sensor holds?"""
+    from tensionlab.experiments.validation.error_model import PRESETS, draw, require_point
+    from tensionlab.model.files import load_rig
+
+    if preset not in PRESETS:
+        raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    rig = load_rig(path)
+    require_point(rig)
+    return draw(PRESETS[preset], rig.m, seed)
 
 
 def _only(only: list[str] | None, names: list[str]) -> list[str]:

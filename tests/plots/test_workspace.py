@@ -5,7 +5,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.plots import plot_layouts, plot_shares, plot_slices, plot_volume
+from tensionlab.plots import plot_layouts, plot_measures, plot_shares, plot_slices, plot_volume
 from tensionlab.plots.field import read_field
 from tensionlab.plots.workspace import share_above
 from tensionlab.workspace.pose_sets import Grid
@@ -31,6 +31,14 @@ def test_slices_name_the_rigs_the_measure_and_where_they_cut(tmp_path, swept):
         assert word in words, word
     plot_slices(swept, tmp_path / "c.svg", "condition-number")
     assert "condition number of the structure matrix" in words_of(tmp_path / "c.svg")
+
+
+def test_measures_are_rows_and_rigs_columns(tmp_path, swept):
+    plot_measures(swept, tmp_path / "m.svg")
+    words = words_of(tmp_path / "m.svg")
+    assert words.count("box-corners") == words.count("alternate-corners") == 2
+    assert words.count("capacity margin (N)") == words.count("condition number of the structure matrix") == 1
+    assert words.count("z = 0 m") == 1
 
 
 def test_a_slice_shows_the_values_of_its_plane(swept):

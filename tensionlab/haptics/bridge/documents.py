@@ -15,32 +15,35 @@ from tensionlab.haptics.effects import EFFECTS
 
 HEAD = f"""# The bridge
 
-A door to a rig for game engines: `tensionlab serve RIG` opens a WebSocket. Version {PROTOCOL}. This page comes from the
-code: `python -m tensionlab.haptics.bridge.documents` writes it.
+A door to a rig for game engines: `tensionlab serve RIG` opens a WebSocket. Version {PROTOCOL}. This page comes
+from the code: `python -m tensionlab.haptics.bridge.documents` writes it.
 
-- `ws://127.0.0.1:8765{COMMAND}` takes frames, 50 to 120 a second, and answers each with exactly one message: the state,
-  or why the frame was refused. One client commands; a second one is refused.
+- `ws://127.0.0.1:8765{COMMAND}` takes frames, 50 to 120 a second, and answers each with exactly one message: the
+  state, or why the frame was refused. One client commands; a second one is refused.
 - `ws://127.0.0.1:8765{EVENTS}` tells what happens, to any number of clients, and takes nothing.
-- Every message is one JSON object, {LARGEST // 1024} KiB at most. The first one to every client is a `welcome`. Units
-  are SI; axes are those of the rig (its file says which one is up; Unity's are left-handed: turn one round).
+- Every message is one JSON object, {LARGEST // 1024} KiB at most. The first one to every client is a `welcome`.
+  Units are SI; axes are those of the rig (its file says which one is up; Unity's are left-handed: turn one round).
 - The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind.
-- {SILENCE:g} s after the latest frame the force begins to fade, and {SILENCE + FADE:g} s after it there is none, until
-  frames come again. Then it comes back in {FADE:g} s.
-- More than {FASTEST:g} messages a second, beyond {BURST} at once, end the connection, and so do {PATIENCE} in a row that
-  are refused.
+- {SILENCE:g} s after the latest frame the force begins to fade, and {SILENCE + FADE:g} s after it there is none,
+  until frames come again. Then it comes back in {FADE:g} s.
+- More than {FASTEST:g} messages a second, beyond {BURST} at once, end the connection, and so do {PATIENCE} in a
+  row that are refused.
 - Pages of this machine may connect, and programs; other pages only with `--page`. Beyond this machine
   (`--host 0.0.0.0`) a token is needed: `?token=...` or `Authorization: Bearer ...`.
-- The same comes in over OSC (`--osc PORT`): `/body/hand x y z`, `/effect/NAME KIND parameter value ...`, `/effect/NAME`
-  alone to take it away, `/stop`. Nothing is answered.
+- The same comes in over OSC (`--osc PORT`): `/body/hand x y z`, `/effect/NAME KIND parameter value ...`,
+  `/effect/NAME` alone to take it away, `/stop`. Nothing is answered.
 
-`examples/bridge/` has clients in Python, JavaScript and C#.
+`examples/bridge/` has clients in Python, JavaScript and C#; the C# one is not run by the tests.
 """
+
+
+CLIENTS: tuple[type[Message], ...] = (*IN, Body)
 
 
 def document() -> str:
     """What does BRIDGE.md say?"""
     parts = [HEAD, "## What a client says\n"]
-    parts += [_message(kind) for kind in (*IN, Body)]
+    parts += [_message(kind) for kind in CLIENTS]
     parts += ["## What the bridge says\n", *(_message(kind) for kind in OUT)]
     parts += ["## Effects\n", "Parameters that are left out have their default.\n"]
     parts += [_effect(name, kind) for name, kind in EFFECTS.items()]
@@ -55,7 +58,7 @@ def _message(kind: type[Message]) -> str:
             rows.append(f'| `type` | `"{field.default}"` |')
             continue
         said = "left out" in (field.description or "")
-        needed = "" if said or field.is_required() or kind not in (*IN, Body) else "; may be left out"
+        needed = "" if said or field.is_required() or kind not in CLIENTS else "; may be left out"
         rows.append(f"| `{key}` | {field.description or 'text'}{needed} |")
     return "\n".join(rows) + "\n"
 

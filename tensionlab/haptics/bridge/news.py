@@ -20,17 +20,20 @@ class News:
     Parameters
     ----------
     rig : Rig
-    limits, states : mapping of int to str
-        Names of the numbers in `RigState.limits` and `RigState.states`.
+    limits : mapping of int to str
+        Names of the numbers in `RigState.limits`.
+
+    Attributes
+    ----------
     tell : callable
-        Hears each event.
+        Hears each event; set it before the run.
     """
 
-    def __init__(
-        self, rig: Rig, limits: Mapping[int, str], states: Mapping[int, str], tell: Callable[[Event], None]
-    ) -> None:
+    tell: Callable[[Event], None]
+
+    def __init__(self, rig: Rig, limits: Mapping[int, str]) -> None:
         self._names = [module.name for module in rig.modules]
-        self._limits, self._states, self._tell = limits, states, tell
+        self._limits = limits
         self._state: RigState | None = None
         self._asked = np.zeros(rig.n)
         self._home: Floats = rig.home
@@ -42,9 +45,9 @@ class News:
         came_back = self._share < SILENT <= share
         self._state, self._asked, self._share = state, asked, share
         if fell_silent:
-            self._tell(Event(time=state.time, kind="silent", text="no frames come: there is no force any more"))
+            self.tell(Event(time=state.time, kind="silent", text="no frames come: there is no force any more"))
         if came_back:
-            self._tell(Event(time=state.time, kind="fresh", text="frames come: the force comes in"))
+            self.tell(Event(time=state.time, kind="fresh", text="frames come: the force comes in"))
         if before is None:
             return
         for index, name in enumerate(self._names):
@@ -85,4 +88,4 @@ class News:
         )
 
     def _event(self, state: RigState, kind: str, text: str, module: str) -> None:
-        self._tell(Event(time=state.time, kind=kind, text=text, module=module))
+        self.tell(Event(time=state.time, kind=kind, text=text, module=module))

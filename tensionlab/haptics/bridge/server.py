@@ -1,4 +1,4 @@
-"""The WebSocket of the bridge: one client commands, others watch, and all that is wrong is refused with a reason."""
+"""The WebSocket of the bridge: one client commands, others watch; what is wrong is refused with a reason."""
 
 from __future__ import annotations
 
@@ -104,7 +104,9 @@ class Bridge:
                 'the bridge needs websockets; pip install "tensionlab[haptics]" brings it'
             ) from missing
         if host not in LOOPBACK and not token:
-            raise HardwareError(f"the bridge would be open to others at {host}; give a token that clients must know")
+            raise HardwareError(
+                f"the bridge would be open to others at {host}; give a token that clients must know"
+            )
         self._mailbox, self._welcome, self._state = mailbox, welcome, state
         self._host, self._port, self._token, self._pages = host, port, token, pages
         self._commander: ServerConnection | None = None

@@ -132,12 +132,13 @@ def serve(
     modules: Sequence[ServedModule],
     speed: float,
     stopped: Callable[[], bool],
-    watch: Callable[[], None] | None = None,
+    watchers: Sequence[Callable[[Sequence[SimulatedModule]], None]] = (),
 ) -> None:
-    """Let time pass in all modules, `speed` times as fast as here, until it is to stop; ``watch`` sees each step.
+    """Let time pass in all modules, `speed` times as fast as here, until it is to stop.
 
-    One thread for all: a module needs some 3 % of a processor, and they can't keep each other from running.
-    Deadlines are absolute, so that no delay adds to another. Ports are closed at the end.
+    After each step, ``watchers`` see the modules. One thread for all: a module needs some 3 % of a processor, and
+    they can't keep each other from running. Deadlines are absolute, so that no delay adds to another. Ports are
+    closed at the end.
     """
     start, now = time.monotonic(), 0.0
     try:
@@ -153,8 +154,8 @@ def serve(
                 now -= late
             for served in modules:
                 served.serve(now)
-            if watch is not None:
-                watch()
+            for watch in watchers:
+                watch([served.module for served in modules])
     finally:
         for served in modules:
             served.port.close()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.codes import Calibration, Code
 from tensionlab.hardware.frames import Decoder
@@ -10,8 +12,24 @@ from tensionlab.hardware.simulated import PARAMETERS, PLANT, STEP, SimulatedModu
 from tensionlab.model.module import Module
 
 
+def plant_of(module: Module) -> dict[str, float]:
+    """What is the hardware of a rig's module made of, where that is not as in `PLANT`?"""
+    spool = PLANT["radius"].standard if module.spool_radius is None else module.spool_radius
+    return {
+        "radius": spool,
+        "torque_constant": _gain(module) * spool,
+        "brake_strength": 0.0 if module.brake is None else module.brake,
+    }
+
+
 def simulated_module(
-    module: Module, length: float, *, serial_number: int = 1, seed: int = 0, settings: bytes | None = None
+    module: Module,
+    length: float,
+    *,
+    serial_number: int = 1,
+    seed: int = 0,
+    settings: bytes | None = None,
+    plant: Mapping[str, float] | None = None,
 ) -> SimulatedModule:
     """What would a module of a rig do?
 
@@ -26,22 +44,17 @@ def simulated_module(
         Of its cable, in m.
     serial_number, seed, settings
         As in `SimulatedModule`.
+    plant : mapping of str to float, optional
+        What the hardware really is where it is not as the rig says; the firmware does not know of it.
 
     Raises
     ------
     HardwareError
         Naming the module, for what no module of this kind can do.
     """
-    spool = PLANT["radius"].standard if module.spool_radius is None else module.spool_radius
-    gain = PARAMETERS["newton_per_ampere"].standard
-    if module.newton_per_ampere is not None:
-        gain = module.newton_per_ampere
-    plant = {
-        "radius": spool,
-        "torque_constant": gain * spool,
-        "brake_strength": 0.0 if module.brake is None else module.brake,
-    }
-    simulated = SimulatedModule(serial_number, plant=plant, distance=length, seed=seed, settings=settings)
+    built = plant_of(module)
+    made = built | ({} if plant is None else dict(plant))
+    simulated = SimulatedModule(serial_number, plant=made, distance=length, seed=seed, settings=settings)
     simulated.advance(STEP)  # before its first step, a module knows nothing
     commands: list[Message] = [Calibrate(Calibration.LENGTH, length)]
     if not simulated.loaded:
@@ -50,7 +63,7 @@ def simulated_module(
             "length_upper": max(PARAMETERS["length_upper"].standard, 2.0 * length),
             "tension_upper": module.upper,
             "tension_lower": min(max(module.lower, taut.lower), taut.upper),
-            "spool_radius": spool,
+            "spool_radius": built["radius"],
         }
         for name, value in wanted.items():
             row = PARAMETERS[name]
@@ -60,10 +73,17 @@ def simulated_module(
                     f"modules of this kind take {row.lower:g} to {row.upper:g}"
                 )
         commands = [SetParameter(PARAMETERS[name].index, value) for name, value in wanted.items()] + commands
-        commands.append(Calibrate(Calibration.NEWTON_PER_AMPERE, gain))
+        commands.append(Calibrate(Calibration.NEWTON_PER_AMPERE, _gain(module)))
     for command in commands:
         _tell(simulated, command, module.name)
     return simulated
+
+
+def _gain(module: Module) -> float:
+    """What does the firmware take the module's N/A for?"""
+    if module.newton_per_ampere is not None:
+        return module.newton_per_ampere
+    return PARAMETERS["newton_per_ampere"].standard
 
 
 def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from tensionlab.demand import Floats, Pose
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.simulated import Trace
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.model.rig import Rig
 
@@ -29,6 +30,8 @@ class World:
         Where the platform is at each time; at the rig's home if left out.
     seed : int
         Of the sensors' noise.
+    plants : mapping of str to mapping, optional
+        What the hardware of a module, by its name, really is: see `simulated_module`.
 
     Attributes
     ----------
@@ -38,15 +41,28 @@ class World:
         In s since the start.
     pose : Pose
         At that time.
+    watch : callable or None
+        Sees each step of all modules while time passes in `advance`: a `Trace` of each, in the rig's order.
     """
 
-    def __init__(self, rig: Rig, motion: Motion | None = None, seed: int = 0) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        motion: Motion | None = None,
+        seed: int = 0,
+        *,
+        plants: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> None:
         self._rig = rig
         self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
         self.time = 0.0
         self.pose = self._motion(0.0)
+        self.watch: Callable[[Sequence[Trace]], None] | None = None
+        plants = {} if plants is None else plants
         self.modules = tuple(
-            simulated_module(module, length, serial_number=index + 1, seed=seed + index)
+            simulated_module(
+                module, length, serial_number=index + 1, seed=seed + index, plant=plants.get(module.name)
+            )
             for index, (module, length) in enumerate(zip(rig.modules, self._lengths(), strict=True))
         )
 
@@ -57,8 +73,12 @@ class World:
             step = min(left, MOVE)
             self.time += step
             self.pose = self._motion(self.time)
-            for module, length in zip(self.modules, self._lengths(), strict=True):
-                module.advance(step, length)
+            moved = list(zip(self.modules, self._lengths(), strict=True))
+            if self.watch is None:
+                for module, length in moved:
+                    module.advance(step, length)
+            else:
+                self.watch([module.trace(step, length) for module, length in moved])
 
     @property
     def tensions(self) -> Floats:

@@ -283,7 +283,14 @@ def test_a_browser_drives_the_rig(bridge, tmp_path):
         thread.start()
         page = f"http://127.0.0.1:{server.server_port}/page.html?bridge={bridge}&seconds={SECONDS:g}"
         quiet = "--disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-sync"
-        words = [BROWSER, "--headless", "--no-sandbox", *quiet.split(), f"--user-data-dir={tmp_path / 'profile'}", page]
+        words = [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            *quiet.split(),
+            f"--user-data-dir={tmp_path / 'profile'}",
+            page,
+        ]
         with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
             end = time.monotonic() + SECONDS + 60.0
             while not found and time.monotonic() < end:

@@ -1,0 +1,103 @@
+"""Tables, for people (Markdown) and for papers (LaTeX)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tensionlab.experiments import anchor_count
+from tensionlab.experiments.published import Published
+from tensionlab.experiments.recordings import Recording
+from tensionlab.experiments.trials import Trial
+from tensionlab.experiments.validation.statistics import Interval, score
+
+LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
+TAILS = (0.1, 0.5, 0.9)
+FORCES = (0.5, 1.0, 1.5, 2.0, 3.0)
+"""In N."""
+LINES = (
+    ("mean angle error (°)", "angle_mean", "angle", 1),
+    ("mean size of the measured force (N)", "magnitude_mean", "magnitude", 2),
+    ("“magnitude error”, read as the length of the error vector (N)", "magnitude_error_mean", "vector", 2),
+    ("“magnitude error”, read as the difference of sizes (N)", "magnitude_error_mean", "magnitude_error", 2),
+)
+"""What it is called, here, in the publication and among the statistics, and how many decimals it has."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells by row, below their headings, and what is to be known of them."""
+
+    note: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def write_table(table: Table, path: Path) -> None:
+    """Write it as LaTeX (booktabs) or Markdown, by the suffix."""
+    text = _latex(table) if path.suffix == ".tex" else _markdown(table)
+    path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def published_and_simulated(published: Published, recording: Recording, rigs: Sequence[Trial]) -> Table:
+    """What the publication measured, beside one simulated rig and many."""
+    if not recording.simulated:
+        raise ValueError("the table is of simulated rigs; the recording is real")
+    one = score(recording.desired, recording.measured)
+    rows = [
+        (
+            name,
+            f"{published.results[key].value:.{digits}f}",
+            _interval(getattr(one, part).mean, digits),
+            _quantiles([getattr(rig, part) for rig in rigs], digits),
+        )
+        for name, key, part, digits in LINES
+    ]
+    within = 100.0 * one.within, _quantiles([100.0 * rig.within for rig in rigs], 1)
+    rows.insert(1, ("forces within 45° (%)", "100.0", f"{within[0]:.1f}", within[1]))
+    seed, count = recording.manifest["seed"], len(recording.desired)
+    note = (
+        f"Simulated rigs have errors drawn from the preset paper-like. One rig: seed {seed}, with 95 % bootstrap "
+        f"intervals over its {count} forces. Many rigs: median of {len(rigs)}, 10 to 90 %. "
+        f"Published: {published.source}."
+    )
+    return Table(note, ("", "published", "one simulated rig", "many simulated rigs"), tuple(rows))
+
+
+def shares_of_room(room: Any) -> Table:
+    """In which share of the room can so many modules render a force in every direction?"""
+    rows = []
+    for rig in room["rig"].to_numpy():
+        values = np.nan_to_num(room[anchor_count.MEASURE].sel(rig=rig).to_numpy())
+        rows.append((str(rig), *(f"{100 * (values >= force).mean():.1f} %" for force in FORCES)))
+    note = "Share of the room in which so many newtons can be rendered in every direction."
+    return Table(note, ("modules", *(f"{force:.1f} N" for force in FORCES)), tuple(rows))
+
+
+def _interval(found: Interval, digits: int) -> str:
+    return f"{found.value:.{digits}f} ({found.lower:.{digits}f} to {found.upper:.{digits}f})"
+
+
+def _quantiles(values: Sequence[float], digits: int) -> str:
+    low, middle, high = np.quantile(values, TAILS)
+    return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def _markdown(table: Table) -> str:
+    ruler = ("---", *("---:" for _ in table.headings[1:]))
+    lines = ["| " + " | ".join(row) + " |" for row in (table.headings, ruler, *table.rows)]
+    return "\n".join([*lines, "", table.note, ""])
+
+
+def _latex(table: Table) -> str:
+    columns = "l" + "r" * (len(table.headings) - 1)
+    head, *body = (" & ".join(row) + r" \\" for row in (table.headings, *table.rows))
+    lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", head, r"\midrule", *body, r"\bottomrule"]
+    text = "\n".join([*lines, r"\end{tabular}", ""])
+    for plain, word in LATEX:
+        text = text.replace(plain, word)
+    return f"% {table.note}\n{text}"

@@ -1,0 +1,176 @@
+"""``tensionlab validate``: the published technical validation, on simulated modules or real ones."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli import output
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tensionlab.experiments.validation.protocol import Measurement
+    from tensionlab.experiments.validation.results import Result
+    from tensionlab.experiments.validation.sitting import Plan
+
+SIMULATED = "sim:"
+
+
+def validate(
+    rig: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Rig file (TOML) of a point in space; the published one if left out.", show_default=False
+        ),
+    ] = None,
+    modules: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|URL,...",
+            help="Modules file, or links in the rig's order. Simulated modules in this process if left out.",
+        ),
+    ] = None,
+    sensor: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE|URL|sim:",
+            help="Force sensor: a table that its program goes on writing (ATI's CSV), socket://HOST:PORT that "
+            "sends lines of numbers, or a simulated one that simulated modules pull on.",
+        ),
+    ] = SIMULATED,
+    solver: Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")] = "newton",
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help="What is wrong with the simulated rig: ideal (nothing) or paper-like.  [default: paper-like]"
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the simulated rig's errors and noise.", min=0)] = 0,
+    hold: Annotated[
+        float, typer.Option(help="How long each force is held, in s; the first 0.3 s are not averaged.")
+    ] = 1.0,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for measurements and report.", show_default=False)
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
+) -> None:
+    """Hold 182 forces one after another, measure them, and compare with the published validation.
+
+    An interrupted validation goes on with the same command. Exit status 1 where it is not complete, or something
+    went wrong with a module or the sensor.
+    """
+    from tensionlab.errors import HardwareError
+    from tensionlab.experiments.validation.report import HEADINGS, remarks, rows
+    from tensionlab.experiments.validation.results import result_of
+
+    if out is None:
+        raise typer.BadParameter("--out is missing; name a folder for measurements and report")
+    plan = _plan(rig, modules, sensor, solver, preset, seed, hold)
+    total = len(plan.protocol.forces)
+    output.output_file(out)
+    if modules is None:
+        typer.echo("no --modules: these are simulated, in this process", err=True)
+    with output.progress(f"{total} forces") as progress:
+        try:
+            setup, measurements = _measured(plan, modules, sensor, out, progress)
+        except HardwareError as error:
+            typer.echo(f"tensionlab: {error}", err=True)
+            raise typer.Exit(1) from None
+    if len(measurements) < total:
+        typer.echo(
+            f"{len(measurements)} of {total} forces are measured; the same command goes on with the others",
+            err=True,
+        )
+        raise typer.Exit(1)
+    result = result_of(setup, measurements)
+    report = _written(result, plan, sensor, out)
+    if json:
+        output.print_json(report)
+        return
+    table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces")
+    for heading in HEADINGS:
+        table.add_column(heading, justify="left" if not heading else "right")
+    for row in rows(result):
+        table.add_row(*row)
+    console = output.console()
+    console.print(table)
+    console.print()
+    for remark in remarks(result):
+        console.print(remark)
+
+
+def _plan(
+    rig: Path | None,
+    modules: str | None,
+    sensor: str,
+    solver: str,
+    preset: str | None,
+    seed: int,
+    hold: float,
+) -> Plan:
+    """What is asked for? Refuses what does not go together."""
+    from tensionlab.cli.run import check_solver
+    from tensionlab.experiments.validation.error_model import PRESETS, require_point
+    from tensionlab.experiments.validation.protocol import Protocol
+    from tensionlab.experiments.validation.sitting import Plan
+    from tensionlab.model.files import load_rig
+    from tensionlab.model.layouts import ring_plus_top
+
+    if modules is not None and sensor == SIMULATED:
+        raise typer.BadParameter(
+            "--modules needs --sensor: what do they pull on? `tensionlab simulate --sensor-port` has one as well"
+        )
+    if modules is None and sensor != SIMULATED:
+        raise typer.BadParameter(
+            "--sensor is of no use without --modules: simulated ones pull on a simulated sensor"
+        )
+    if modules is not None and preset is not None:
+        raise typer.BadParameter("--preset is for modules of this process; those of --modules are as they are")
+    if preset is not None and preset not in PRESETS:
+        raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
+    loaded = ring_plus_top(1.0) if rig is None else load_rig(rig)
+    require_point(loaded)
+    check_solver(loaded, solver, None)
+    chosen = (preset or "paper-like") if modules is None else None
+    return Plan(loaded, solver, Protocol(hold=hold), chosen, seed)
+
+
+def _measured(
+    plan: Plan, modules: str | None, sensor: str, out: Path, progress: Callable[[float], None]
+) -> tuple[dict[str, object], list[Measurement]]:
+    """What is measured, by now?"""
+    from contextlib import closing
+
+    from tensionlab.cli.run import module_links
+    from tensionlab.experiments.validation.followed import open_sensor
+    from tensionlab.experiments.validation.sitting import validate as measure
+    from tensionlab.hardware.group import connect
+
+    if modules is None:
+        return measure(plan, out, progress=progress)
+    links = module_links(plan.rig, modules)
+    with closing(open_sensor(sensor)) as opened, closing(connect(plan.rig, links)) as group:
+        return measure(plan, out, (group, opened), progress)
+
+
+def _written(result: Result, plan: Plan, sensor: str, out: Path) -> dict[str, object]:
+    """Write report and table; what the report says."""
+    import json
+
+    from tensionlab.experiments.recordings import write
+    from tensionlab.experiments.validation.report import as_json, as_latex, as_markdown
+    from tensionlab.experiments.validation.results import recording_of
+    from tensionlab.records import manifest
+
+    origin = manifest(["tensionlab", *sys.argv[1:]], plan.seed if plan.preset else None)
+    report = as_json(result, origin)
+    (out / "report.json").write_text(json.dumps(output.plain(report), indent=2) + "\n", encoding="utf-8")
+    (out / "report.md").write_text(as_markdown(result), encoding="utf-8")
+    (out / "table.tex").write_text(as_latex(result), encoding="utf-8")
+    name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
+    write(out / name, recording_of(result, plan.rig, sensor, origin))
+    return report

@@ -1,0 +1,236 @@
+"""The published protocol: zero the sensor, then hold one force after another, and average what it shows.
+
+Everything that pulls does so through the `Runner`. The first three forces are along the axes: they tell how the
+sensor is turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tensionlab.demand import Demand, Pose, RigState
+from tensionlab.errors import HardwareError
+from tensionlab.experiments.validation.sensor import ForceSensor
+from tensionlab.hardware.codes import Limit
+from tensionlab.hardware.group import ModuleGroup
+from tensionlab.hardware.run.clock import Clock
+from tensionlab.hardware.run.cycle import Cycle
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.runner import Runner
+from tensionlab.model.directions import grid18
+from tensionlab.model.kinematics import Floats
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.contract import Solver, Status
+
+BASIS = 3
+"""How many forces come first, to find out how the sensor is turned."""
+ZERO = 1.0
+"""How long the sensor is watched with all motors off, in s."""
+SLACK = 1e-6
+"""A cycle may begin so much too early, in s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """What is commanded, and for how long?
+
+    Attributes
+    ----------
+    hold : float
+        How long each force is held, in s.
+    settle : float
+        What is left out of the average at the begin of each, in s, while tensions move.
+    force : float
+        Size of all forces, in N.
+    directions : (K, 3) array
+    """
+
+    hold: float = 1.0
+    settle: float = 0.3
+    force: float = 1.5
+    directions: Floats = field(default_factory=grid18)
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.settle < self.hold < np.inf:
+            raise HardwareError(
+                f"each force is held for {self.hold:g} s, of which {self.settle:g} s are left out; "
+                "hold longer than that"
+            )
+
+    @property
+    def forces(self) -> Floats:
+        """All that is commanded, in N: (3 + K, 3), the axes first."""
+        return self.force * np.concatenate([np.eye(BASIS), self.directions])
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What came of one force?
+
+    Attributes
+    ----------
+    number : int
+        Its row of `Protocol.forces`.
+    desired, rendered, measured : (float, float, float)
+        What was asked for; what the tensions that were sent add up to, by the nominal rig; and what the sensor
+        showed in its own axes, less its zero. In N.
+    tensions : tuple of float
+        As they were sent, in N.
+    status : str
+        Of the solver's answer; a name of `Status`.
+    replaced : bool
+        Whether the solver left that unproved, so that the exact solver's was sent.
+    samples : int
+        How many were averaged.
+    spread : float
+        Standard deviation of these, of the axis where it is largest, in N.
+    hindered : tuple of str
+        Modules that something kept from pulling as they were told.
+    """
+
+    number: int
+    desired: tuple[float, ...]
+    rendered: tuple[float, ...]
+    measured: tuple[float, ...]
+    tensions: tuple[float, ...]
+    status: str
+    replaced: bool
+    samples: int
+    spread: float
+    hindered: tuple[str, ...]
+
+
+class Sequence:
+    """Hold one force after another; asked as a demand source.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    first : int
+        Row of `Protocol.forces` to begin with.
+    sensor : ForceSensor
+    done : callable
+        Told of each force when it has been held: its number, and the samples (K, 3).
+    """
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        first: int,
+        sensor: ForceSensor,
+        done: Callable[[int, Floats], None],
+    ) -> None:
+        self._protocol, self._sensor, self._done = protocol, sensor, done
+        self._first = self._number = first
+        self._settled = False
+        self._demands = [Demand(force) for force in protocol.forces]
+
+    def __call__(self, state: RigState) -> Demand:
+        """What to render now? Takes and drops what the sensor showed while tensions moved."""
+        held = (state.time + SLACK) / self._protocol.hold
+        number = self._first + int(held)
+        if number > self._number:
+            self._done(self._number, self._sensor.take())
+            self._number, self._settled = number, False
+        if number >= len(self._demands):
+            return Demand(stop=True)
+        if not self._settled and held % 1.0 * self._protocol.hold >= self._protocol.settle:
+            self._sensor.take()
+            self._settled = True
+        return self._demands[number]
+
+
+def zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
+    """What does the sensor show while nothing pulls? (3,) in N, of one second.
+
+    Raises
+    ------
+    HardwareError
+        If it shows nothing.
+    """
+    modules.stop()
+    clock.wait_until(clock.now() + ZERO)
+    sensor.take()
+    clock.wait_until(clock.now() + ZERO)
+    return _average(sensor.take(), "at zero tension")
+
+
+def measure(
+    rig: Rig,
+    modules: ModuleGroup,
+    clock: Clock,
+    sensor: ForceSensor,
+    solver: str | Solver,
+    protocol: Protocol,
+    done: Callable[[Measurement], None],
+    first: int = 0,
+) -> bool:
+    """Go through the protocol.
+
+    Parameters
+    ----------
+    rig : Rig
+        As it is believed to be.
+    modules, clock, solver
+        As for `Runner`.
+    sensor : ForceSensor
+    protocol : Protocol
+    done : callable
+        Told of each measurement as soon as it is there.
+    first : int
+        Row of `Protocol.forces` to begin with.
+
+    Returns
+    -------
+    bool
+        Whether all forces were held; a signal, such as Ctrl-C, may end it before.
+
+    Raises
+    ------
+    HardwareError
+        Of the modules, as from `Runner.run`, or of the sensor.
+    """
+    offset = zero(sensor, clock, modules)
+    place = Pose(rig.home, frames=rig.at_rest)
+    forces = protocol.forces
+
+    def held(number: int, samples: Floats) -> None:
+        assert runner.latest is not None
+        average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
+        done(_measurement(number, forces[number], average, samples, runner.latest, rig))
+
+    sequence = Sequence(protocol, first, sensor, held)
+    runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: place)
+    runner.run()
+    if runner.statistics.unconfirmed:
+        names = ", ".join(runner.statistics.unconfirmed)
+        raise HardwareError(f"{names} did not confirm to have stopped; look at them before anything else")
+    return runner.statistics.ended == "the demand"
+
+
+def _measurement(
+    number: int, desired: Floats, average: Floats, samples: Floats, latest: Cycle, rig: Rig
+) -> Measurement:
+    free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
+    limits = zip(rig.modules, latest.state.limits.tolist(), strict=True)
+    return Measurement(
+        number=number,
+        desired=tuple(desired.tolist()),
+        rendered=tuple(latest.allocation.wrench.tolist()),
+        measured=tuple(average.tolist()),
+        tensions=tuple(latest.sent.tolist()),
+        status=Status(int(latest.allocation.status)).name,
+        replaced=latest.replaced,
+        samples=len(samples),
+        spread=float(samples.std(axis=0).max()),
+        hindered=tuple(module.name for module, limit in limits if limit not in free),
+    )
+
+
+def _average(samples: Floats, when: str) -> Floats:
+    if not len(samples):
+        raise HardwareError(f"the force sensor showed nothing {when}; is it on, and does it send by itself?")
+    return np.asarray(samples.mean(axis=0))

@@ -1,0 +1,167 @@
+"""What does the space around the hand feel like: something viscous, water, a spring, a vibration?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from tensionlab.haptics.effects.contact import ORIGIN, Plane
+from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, length_of, smoothstep
+from tensionlab.haptics.effects.on_module import AxisImpedance
+from tensionlab.haptics.effects.parameters import (
+    require_direction,
+    require_not_negative,
+    require_point,
+    require_positive,
+)
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """What does something viscous feel like? ``F = -b v``. Continuous; passive.
+
+    Parameters
+    ----------
+    damping : float
+        b in N s/m; water's 2 is a default of this project.
+    """
+
+    damping: float = 2.0
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "damping")
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Brake the hand."""
+        return Rendered(-self.damping * motion.velocity)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """What does a spring to a point feel like? ``F = K (centre - p) - B v``. Continuous; passive.
+
+    Parameters
+    ----------
+    centre : tuple of d floats
+        In m.
+    stiffness : float
+        K in N/m; 30, which a link of 30 ms can bear, is a default of this project.
+    damping : float
+        B in N s/m; 0.
+    """
+
+    centre: tuple[float, ...] = ORIGIN
+    stiffness: float = 30.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_point(self, "centre")
+        require_not_negative(self, "stiffness", "damping")
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Draw the hand to the centre."""
+        stretch = np.asarray(self.centre) - motion.position
+        return Rendered(self.stiffness * stretch - self.damping * motion.velocity)
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """All of it, along the way to the centre. At the centre there is no way, and nothing to pull."""
+        stretch = np.asarray(self.centre) - motion.position
+        size = float(length_of(stretch))
+        if size == 0.0:
+            return None
+        return AxisImpedance(stretch / size, size, self.stiffness, self.damping)
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """The damping across."""
+        axis = along(np.asarray(self.centre) - motion.position)
+        across = motion.velocity - (motion.velocity @ axis) * axis
+        return Rendered(-self.damping * across)
+
+
+@dataclass(frozen=True)
+class Water:
+    """What does water feel like? Drag, and a lift.
+
+    ``F = s (-b v - c |v| v + F_b up)``, where s goes from 0 at the surface to 1 at a depth of ``mixing``, as a
+    smoothstep. Pushed by F_0, the hand comes to the speed ``(sqrt(b² + 4 c F_0) - b) / (2 c)``. Continuous.
+    Passive: the lift only depends on the depth. The quadratic drag is Newton's, the linear one keeps it felt in
+    a slow hand.
+
+    Parameters
+    ----------
+    surface : Plane
+        Its normal is up.
+    linear : float
+        b in N s/m; 2 is a default of this project.
+    quadratic : float
+        c in N s²/m²; 3 is a default of this project.
+    lift : float
+        F_b in N; 1 is a default of this project.
+    mixing : float
+        Depth from which on all of it is there, in m; 2 cm is a default of this project.
+    """
+
+    surface: Plane = field(default_factory=Plane)
+    linear: float = 2.0
+    quadratic: float = 3.0
+    lift: float = 1.0
+    mixing: float = 0.02
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "linear", "quadratic", "lift")
+        require_positive(self, "mixing")
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Brake the hand, and lift it."""
+        share = smoothstep(-self.surface.height(motion.position) / self.mixing)
+        drag = self.linear + self.quadratic * length_of(motion.velocity)
+        force = self.lift * self.surface.n - drag[..., None] * motion.velocity
+        return Rendered(share[..., None] * force)
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """What does a vibration feel like? ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
+
+    It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
+    slack. A host would need more than ten steps a period.
+
+    Parameters
+    ----------
+    axis : tuple of d floats
+        Its length does not matter.
+    amplitude : float
+        A in N; 1 is a default of this project.
+    frequency : float
+        f in Hz; 40 is a default of this project.
+    """
+
+    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    amplitude: float = 1.0
+    frequency: float = 40.0
+
+    def __post_init__(self) -> None:
+        require_direction(self, "axis")
+        require_not_negative(self, "amplitude")
+        require_positive(self, "frequency")
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Push and pull."""
+        phase = 2.0 * math.pi * self.frequency * np.asarray(motion.time)
+        force = (self.amplitude * np.sin(phase))[..., None] * self._axis
+        return Rendered(np.broadcast_to(force, np.broadcast_shapes(force.shape, motion.position.shape)))
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """All of it."""
+        return AxisImpedance(self._axis, amplitude=self.amplitude, frequency=self.frequency)
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Nothing."""
+        return Rendered(np.zeros_like(motion.position))
+
+    @cached_property
+    def _axis(self) -> Floats:
+        return along(np.asarray(self.axis, dtype=np.float64))

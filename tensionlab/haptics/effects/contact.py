@@ -1,0 +1,236 @@
+"""What does a flat surface feel like: a wall, a magnet, a texture?
+
+A plane has a point and a normal n that points out of it, towards the free side. The height of a hand above it is
+``h = n·(p - point)``, its penetration ``d = -h``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot
+from tensionlab.haptics.effects.friction import Friction
+from tensionlab.haptics.effects.on_module import AxisImpedance
+from tensionlab.haptics.effects.parameters import (
+    require_direction,
+    require_not_negative,
+    require_point,
+    require_positive,
+)
+
+ORIGIN = (0.0, 0.0, 0.0)
+UP = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Where is a flat surface, and which way is out of it?
+
+    Parameters
+    ----------
+    point : tuple of d floats
+        Any point of it, in m.
+    normal : tuple of d floats
+        Out of it; its length does not matter.
+    """
+
+    point: tuple[float, ...] = ORIGIN
+    normal: tuple[float, ...] = UP
+
+    def __post_init__(self) -> None:
+        require_point(self, "point")
+        require_direction(self, "normal")
+
+    @cached_property
+    def n(self) -> Floats:
+        """The unit normal (d,)."""
+        return along(np.asarray(self.normal, dtype=np.float64))
+
+    def height(self, position: Floats) -> Floats:
+        """How far above it is a position (..., d), in m? Negative inside."""
+        return dot(position - np.asarray(self.point), self.n)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """What does a wall feel like? A spring and a damper that only push.
+
+    ``F = n max(0, K d - B n·v)`` where the penetration d > 0, else 0. Continuous in the position for a hand at
+    rest; one that comes in at the speed s meets a step of ``B s``. Passive. All of it runs on a module: over a
+    link of 20 ms only some 50 N/m are stable (Colgate and Schenkel 1994, "Passivity of a class of sampled-data
+    systems").
+
+    Parameters
+    ----------
+    plane : Plane
+    stiffness : float
+        K in N/m. 300, on the module, is a default of this project.
+    damping : float
+        B in N s/m; 2 is a default of this project.
+    """
+
+    plane: Plane = Plane()
+    stiffness: float = 300.0
+    damping: float = 2.0
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "stiffness", "damping")
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Push, in contact."""
+        return Rendered(self.push(motion)[..., None] * self.plane.n)
+
+    def push(self, motion: Motion) -> Floats:
+        """How hard does it push along its normal, in N?"""
+        depth = -self.plane.height(motion.position)
+        push = self.stiffness * depth - self.damping * dot(motion.velocity, self.plane.n)
+        return np.where(depth > 0.0, np.maximum(push, 0.0), 0.0)
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """All of it, along the normal; the module's damper does not act on the way out."""
+        depth = -float(self.plane.height(motion.position))
+        return AxisImpedance(self.plane.n, depth, self.stiffness, self.damping)
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Nothing."""
+        return Rendered(np.zeros_like(motion.position))
+
+
+@dataclass(frozen=True)
+class Magnet:
+    """What does a magnetic surface feel like? It draws the hand near, and holds it at the surface.
+
+    At the distance h: towards the surface, ``K h`` for ``h < h_1``, else ``F_1 (h_max - h)/(h_max - h_1)``, and
+    nothing beyond h_max, with ``h_1 = F_max/K`` and ``F_1 = F_max``; where K is too small for that (capped, say),
+    ``h_1 = h_max/2`` and ``F_1 = K h_1``. Inside, ``K |h|`` pushes out: an addition of this project, as is that
+    the damping ``-b v`` fades with the force beyond h_1. Continuous. Passive. The profile is that of CHAI3D's
+    magnetic effect (Conti et al. 2003, "The CHAI libraries").
+
+    Parameters
+    ----------
+    plane : Plane
+    max_force : float
+        F_max in N; 3 is a default of this project.
+    reach : float
+        h_max in m; 0.10 is a default of this project.
+    stiffness : float
+        K in N/m; the wall's 300 is a default of this project.
+    damping : float
+        b in N s/m; 1 is a default of this project.
+    """
+
+    plane: Plane = Plane()
+    max_force: float = 3.0
+    reach: float = 0.10
+    stiffness: float = 300.0
+    damping: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "max_force", "reach", "stiffness")
+        require_not_negative(self, "damping")
+
+    @property
+    def peak(self) -> float:
+        """At which distance does it pull most, in m?"""
+        return min(self.max_force / self.stiffness, self.reach / 2)
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Pull towards the surface, and damp."""
+        height = self.plane.height(motion.position)
+        spring = self.stiffness * np.minimum(height, self.peak)
+        pull = spring * self._fade(height)
+        damping = self.damping * self._fade(height)
+        return Rendered(-pull[..., None] * self.plane.n - damping[..., None] * motion.velocity)
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """The spring, along the normal, from the side where the hand is; further away, the pull as it is now."""
+        height = float(self.plane.height(motion.position))
+        if height >= self.reach:
+            return None
+        if height < self.peak:
+            axis = self.plane.n * (-1.0 if height > 0.0 else 1.0)
+            return AxisImpedance(axis, abs(height), self.stiffness, self.damping)
+        return AxisImpedance(
+            -self.plane.n, feed_forward=self.stiffness * self.peak * float(self._fade(np.asarray(height)))
+        )
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """The damping beyond the spring."""
+        height = self.plane.height(motion.position)
+        damping = np.where(height < self.peak, 0.0, self.damping * self._fade(height))
+        return Rendered(-damping[..., None] * motion.velocity)
+
+    def _fade(self, height: Floats) -> Floats:
+        return np.clip((self.reach - height) / (self.reach - self.peak), 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Texture:
+    """What does a rough surface feel like? A wall, friction on it, and ripples across.
+
+    Along a direction of the surface, with x the way along it and F_n the wall's push, ``-F_n (2 pi A/l)
+    cos(2 pi x/l)`` is added: the slope of ripples of height A and period l. It fades where they pass by faster
+    than the loop can render: by a share from 1 at ``|v|/l = rate/10`` to 0 at twice that, where the rate is one a
+    step. Clean textures want 5 to 10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic texture").
+    Continuous in the position for a hand at rest. Not passive: F_n may be larger on the way down a ripple than on
+    the way up. A ripple gives at most ``2 A (F_n down - F_n up)`` that way, 0.6 mJ a newton.
+
+    Parameters
+    ----------
+    wall : Wall
+        Runs on a module.
+    friction : Friction
+        Its load is the wall's push.
+    direction : tuple of d floats
+        Across the ripples; what of it is along the wall's normal is left out.
+    period : float
+        l in m; 4 mm is a default of this project.
+    height : float
+        A in m; 0.3 mm is a default of this project.
+    """
+
+    wall: Wall = Wall()
+    friction: Friction = field(default_factory=Friction)
+    direction: tuple[float, ...] = (1.0, 0.0, 0.0)
+    period: float = 0.004
+    height: float = 0.0003
+
+    def __post_init__(self) -> None:
+        require_direction(self, "direction")
+        require_positive(self, "period")
+        require_not_negative(self, "height")
+        if not np.linalg.norm(self._across) > 0.5:
+            raise EffectError(
+                f"Texture: direction {self.direction} is along the wall's normal {self.wall.plane.normal}; "
+                "give one along the surface"
+            )
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Push, rub and ripple; the memory is the friction's."""
+        done = self.on_host(motion, memory)
+        return done._replace(force=done.force + self.wall.render(motion).force)
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """The wall."""
+        return self.wall.on_module(motion)
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Friction and ripples."""
+        load = self.wall.push(motion)
+        rub = self.friction.rub(motion, load, self.wall.plane.n, memory)
+        x = dot(motion.position - np.asarray(self.wall.plane.point), self._across)
+        passing = np.abs(dot(motion.velocity, self._across)) / self.period * motion.step
+        fade = np.clip(2.0 - 10.0 * passing, 0.0, 1.0)
+        slope = 2.0 * math.pi * self.height / self.period * np.cos(2.0 * math.pi * x / self.period)
+        return rub._replace(force=rub.force - (load * fade * slope)[..., None] * self._across)
+
+    @cached_property
+    def _across(self) -> Floats:
+        direction = along(np.asarray(self.direction, dtype=np.float64))
+        across = direction - (direction @ self.wall.plane.n) * self.wall.plane.n
+        return along(across) if np.linalg.norm(across) > 1e-6 else np.zeros_like(across)

@@ -1,0 +1,181 @@
+"""Which part of an effect must a module render by itself, at its own rate?
+
+What is stiff, or vibrates, cannot wait for a link (see `tensionlab.haptics.stability`). A module knows its own
+cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed of paying out, 0)
++ amplitude sin(2 pi frequency t)``. So an effect that has such a part says what happens along one axis, and
+`divide` finds the cable that lies best along it. Whoever wires effects to modules makes the module's command
+from a `CableImpedance`, field by field.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
+
+ALIGNED = math.cos(math.radians(45.0))
+"""Cosine between axis and cable below which no cable is good enough: the published threshold of a convincing
+direction."""
+
+
+@dataclass(frozen=True, eq=False)
+class AxisImpedance:
+    """What is to happen along an axis, faster than a host can ask for it?
+
+    A push along the axis of ``feed_forward + stiffness max(compression, 0) + damping max(its rate, 0)
+    + amplitude sin(2 pi frequency t)`` N.
+
+    Attributes
+    ----------
+    axis : (d,) array
+        Unit vector along which it pushes the hand.
+    compression : float
+        How far the hand is in now, against the axis, in m; negative before contact.
+    stiffness, damping : float
+        In N/m and N s/m.
+    feed_forward, amplitude, frequency : float
+        In N, N and Hz.
+    """
+
+    axis: Floats
+    compression: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    feed_forward: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+
+
+@dataclass(frozen=True)
+class CableImpedance:
+    """What is one module to render along its cable? m, N/m, N s/m, N, N and Hz."""
+
+    rest: float
+    stiffness: float = 0.0
+    damping: float = 0.0
+    feed_forward: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+
+
+@runtime_checkable
+class OnModule(Effect, Protocol):
+    """What an effect can do that has a part for a module. Both take one motion, not a batch."""
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """What must a module render now? None: nothing, as things are."""
+        ...
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """What is left for the host while a module does that?"""
+        ...
+
+
+def along_cable(part: AxisImpedance, length: float, direction: Floats, lower: float = 0.5) -> CableImpedance:
+    """What must a module render so that this happens along the axis?
+
+    Where the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and only c of its tension is along
+    the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its cable
+    pays out, in contact or not: it gets the damping only once there is contact. Beyond the module's own limits of
+    stiffness and damping it refuses all of it, which is for the caller to know.
+
+    Parameters
+    ----------
+    part : AxisImpedance
+    length : float
+        Of the cable, in m.
+    direction : (d,) array
+        Unit vector of the cable, from the hand to the module.
+    lower : float
+        Least tension of the module, in N: it is held under a vibration too, by as much more feed-forward.
+    """
+    c = float(part.axis @ direction)
+    amplitude = part.amplitude / c
+    return CableImpedance(
+        rest=max(length - c * part.compression, 0.0),
+        stiffness=part.stiffness / c**2,
+        damping=part.damping / c**2 if part.compression >= 0.0 else 0.0,
+        feed_forward=max(part.feed_forward / c, lower + amplitude if amplitude else 0.0),
+        amplitude=amplitude,
+        frequency=part.frequency,
+    )
+
+
+class Divided(NamedTuple):
+    """Who renders what?
+
+    Attributes
+    ----------
+    force : (d,) array
+        For the host to ask the other cables for, in N.
+    impedances : dict of int to CableImpedance
+        By the number of the cable.
+    memory : tuple
+        Of the effects, for the next step.
+    sudden : bool
+        As in `Rendered`.
+    """
+
+    force: Floats
+    impedances: dict[int, CableImpedance]
+    memory: tuple[Memory, ...]
+    sudden: bool
+
+
+def divide(
+    effects: Sequence[Effect],
+    motion: Motion,
+    memory: tuple[Memory, ...] | None,
+    lengths: Floats,
+    directions: Floats,
+    able: NDArray[np.bool_] | None = None,
+    lower: float = 0.5,
+) -> Divided:
+    """Which part of some effects goes to which module, and what is left for the host?
+
+    In the order of the effects, each part goes to the cable that lies best along its axis and is still free. An
+    effect that finds none within 45 degrees is rendered by the host as a whole: cap its stiffness.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Most important first.
+    motion : Motion
+        One, not a batch.
+    memory : tuple or None
+        What `divide` returned before; None at first.
+    lengths : (m,) array
+        Of the cables, in m.
+    directions : (m, d) array
+        Unit vectors of the cables, from the hand to the modules.
+    able : (m,) array of bool or None
+        Modules that may render an impedance; None: all.
+    lower : float
+        Least tension of the modules, in N.
+    """
+    free = np.ones(len(lengths), dtype=bool) if able is None else np.array(able, dtype=bool)
+    force = np.zeros_like(motion.position)
+    impedances: dict[int, CableImpedance] = {}
+    memories, sudden = [], False
+    for effect, own in zip(effects, memory or (None,) * len(effects), strict=True):
+        cable = None
+        if isinstance(effect, OnModule) and (part := effect.on_module(motion, own)) is not None:
+            cosines = np.where(free, directions @ part.axis, -1.0)
+            best = int(np.argmax(cosines)) if len(cosines) else -1
+            if best >= 0 and cosines[best] >= ALIGNED:
+                cable = best
+                impedances[cable] = along_cable(part, float(lengths[cable]), directions[cable], lower)
+                free[cable] = False
+        done = effect.render(motion, own)
+        if cable is not None and isinstance(effect, OnModule):
+            done = effect.on_host(motion, own)
+        force = force + done.force
+        memories.append(done.memory)
+        sudden = sudden or bool(np.any(done.sudden))
+    return Divided(force, impedances, tuple(memories), sudden)

@@ -1,0 +1,232 @@
+"""What do things in the hand feel like: a weight, a shot, a bow?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, length_of, smoothstep
+from tensionlab.haptics.effects.on_module import AxisImpedance
+from tensionlab.haptics.effects.parameters import (
+    require_direction,
+    require_not_negative,
+    require_point,
+    require_positive,
+    require_share,
+)
+
+
+class Felt(NamedTuple):
+    """What does a weight remember? The velocity of the step before, and its acceleration; (..., d) each."""
+
+    velocity: Floats
+    acceleration: Floats
+
+
+@dataclass(frozen=True)
+class Weight:
+    """What does a mass in the hand feel like? Gravity, and its inertia: ``F = m (g - a)``.
+
+    a is the change of the velocity, low-passed (first order), each component clipped; then the whole rises from 0
+    to 1 after the grasp. Continuous for a hand whose velocity is. Gravity is passive; the inertia is not, since it
+    is felt late.
+
+    Parameters
+    ----------
+    mass : float
+        m in kg. 0.5 is a default of this project; 6 N, the most of one module right below, is 0.61 kg.
+    gravity : tuple of d floats
+        g in m/s².
+    cutoff : float
+        Of the low-pass, in Hz; 10 is a default of this project.
+    limit : float
+        Of each component of a, in m/s²; 5 is a default of this project.
+    grasped : float
+        When it was taken, in s, on the motion's clock; -inf: long ago.
+    ramp : float
+        How long it then takes to be there, in s; 0.1 is a default of this project.
+    """
+
+    mass: float = 0.5
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
+    cutoff: float = 10.0
+    limit: float = 5.0
+    grasped: float = -math.inf
+    ramp: float = 0.1
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "mass", "limit")
+        require_point(self, "gravity")
+        require_positive(self, "cutoff", "ramp")
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Pull down, and against the acceleration; the memory is `Felt`."""
+        felt = memory or Felt(motion.velocity, np.zeros_like(motion.velocity))
+        now = (motion.velocity - felt.velocity) / motion.step
+        share = -math.expm1(-2.0 * math.pi * self.cutoff * motion.step)
+        acceleration = felt.acceleration + share * (now - felt.acceleration)
+        force = self.mass * (np.asarray(self.gravity) - np.clip(acceleration, -self.limit, self.limit))
+        held = np.clip((np.asarray(motion.time) - self.grasped) / self.ramp, 0.0, 1.0)
+        return Rendered(held[..., None] * force, Felt(motion.velocity, acceleration))
+
+
+@dataclass(frozen=True)
+class Recoil:
+    """What does a shot feel like? A kick that rises at once and fades.
+
+    After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
+    left of earlier shots adds to it. Its impulse is ``F_p (t_r/2 + tau)``, 0.34 N s: about a tenth of a real 9 mm
+    pistol. It rises faster than the common limit of 200 N/s, and is marked as sudden for five tau. Continuous.
+    Not passive.
+
+    Parameters
+    ----------
+    shots : tuple of float
+        When, in s, on the motion's clock, in order; the last few will do.
+    direction : tuple of d floats
+        Where the hand is kicked; its length does not matter.
+    peak : float
+        F_p in N; 5.5 is a default of this project.
+    rise, fade : float
+        t_r and tau in s; 5 ms and 60 ms are defaults of this project.
+    rate : float
+        Most shots a second; 10 is a default of this project.
+    """
+
+    shots: tuple[float, ...] = ()
+    direction: tuple[float, ...] = (0.0, -1.0, 0.0)
+    peak: float = 5.5
+    rise: float = 0.005
+    fade: float = 0.060
+    rate: float = 10.0
+
+    def __post_init__(self) -> None:
+        require_direction(self, "direction")
+        require_not_negative(self, "peak")
+        require_positive(self, "rise", "fade", "rate")
+        gaps = np.diff(self.shots)
+        if not np.isfinite(self.shots).all() or (gaps < (1.0 - 1e-9) / self.rate).any():
+            raise EffectError(
+                f"Recoil: shots are {self.shots}; give finite times in order, {1.0 / self.rate:g} s apart or more"
+            )
+
+    @property
+    def impulse(self) -> float:
+        """Which impulse has a shot, in N s?"""
+        return self.peak * (self.rise / 2 + self.fade)
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Kick."""
+        since = np.asarray(motion.time)[..., None] - np.asarray(self.shots)
+        late = np.maximum(since - self.rise, 0.0)
+        kick = self.peak * (np.clip(since / self.rise, 0.0, 1.0) * np.exp(-late / self.fade)).sum(axis=-1)
+        force = kick[..., None] * self._direction
+        force = np.broadcast_to(force, np.broadcast_shapes(force.shape, motion.position.shape))
+        return Rendered(force, sudden=((since >= 0.0) & (late <= 5.0 * self.fade)).any(axis=-1))
+
+    @cached_property
+    def _direction(self) -> Floats:
+        return along(np.asarray(self.direction, dtype=np.float64))
+
+
+@dataclass(frozen=True)
+class Bow:
+    """What does a bow feel like, to the hand that draws it? The motion is that hand's, seen from the bow's.
+
+    Drawn by ``x = max(0, |p| - brace)``, it pulls towards the bow's hand with ``F = min(F_max, F_0 + k x)``; a
+    compound bow lets off, ``F (1 - let_off s)``, where s goes as a smoothstep from 0 at ``valley x_d`` to 1 at
+    x_d. Its energy is the integral of F dx. Once loosed, F goes linearly to the slack tension within ``loose``,
+    and the string hums: with ``e = exp(-t/fade)``, at least ``slack + A e`` is pulled, and
+    ``A e sin(2 pi f t)`` on top, so that the cable never goes slack. That pretension, 1.5 N at first, fades with
+    the hum: held at 1.5 N, it would never come down to the slack tension. The force is sudden from the loose on,
+    for five fades. Until then it is continuous, and passive. At the bow's hand itself it pulls nowhere. The other
+    hand feels the opposite.
+
+    Parameters
+    ----------
+    brace : float
+        Distance of the string undrawn, in m; 0.20 is a default of this project.
+    initial, stiffness : float
+        F_0 in N and k in N/m; 1 and 8.3 are defaults of this project.
+    most : float
+        F_max in N; 6 is a default of this project.
+    draw_length : float
+        x_d in m, where it is fully drawn, and a brake may lock; 0.60 is a default of this project.
+    let_off : float
+        Share of the pull that a compound bow takes back, 0.6 to 0.8; 0: none, the default.
+    valley : float
+        Share of the draw length at which it begins to; 0.75 is a default of this project.
+    loosed : float
+        When the string was let go, in s, on the motion's clock; inf: not yet.
+    slack : float
+        Tension after that, in N; 0.5, the modules' least, is a default of this project.
+    loose : float
+        How long the fall takes, in s; 10 ms is a default of this project.
+    hum, frequency, fade : float
+        A in N, f in Hz and time constant in s; 1, 60 and 50 ms are defaults of this project.
+    """
+
+    brace: float = 0.20
+    initial: float = 1.0
+    stiffness: float = 8.3
+    most: float = 6.0
+    draw_length: float = 0.60
+    let_off: float = 0.0
+    valley: float = 0.75
+    loosed: float = math.inf
+    slack: float = 0.5
+    loose: float = 0.010
+    hum: float = 1.0
+    frequency: float = 60.0
+    fade: float = 0.050
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "brace", "initial", "stiffness", "most", "slack", "hum")
+        require_positive(self, "draw_length", "loose", "frequency", "fade")
+        require_share(self, "let_off", "valley")
+        if self.valley == 1.0:
+            raise EffectError("Bow: valley is 1; give a share below 1, so that it lets off before it is drawn")
+
+    def draw(self, motion: Motion) -> Floats:
+        """How far is it drawn, in m?"""
+        return np.maximum(length_of(motion.position) - self.brace, 0.0)
+
+    def pull(self, draw: Floats) -> Floats:
+        """How hard does it pull when drawn that far, in N?"""
+        start = self.valley * self.draw_length
+        off = smoothstep((draw - start) / (self.draw_length - start))
+        pull: Floats = np.minimum(self.initial + self.stiffness * draw, self.most) * (1.0 - self.let_off * off)
+        return pull
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Pull the string's hand towards the bow's."""
+        since = np.asarray(motion.time) - self.loosed
+        gone = np.where(since >= 0.0, 1.0, 0.0)
+        late = np.maximum(since, 0.0)
+        held = 1.0 - np.clip(late / self.loose, 0.0, 1.0)
+        falling = self.slack + (self.pull(self.draw(motion)) - self.slack) * held
+        hum = gone * self.hum * np.exp(-late / self.fade)
+        pull = np.maximum(falling, gone * (self.slack + hum)) + hum * np.sin(2.0 * math.pi * self.frequency * late)
+        sudden = (since >= 0.0) & (since <= 5.0 * self.fade)
+        return Rendered(-pull[..., None] * along(motion.position), sudden=sudden)
+
+    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """The spring, up to the module's own limit; once loosed, the hum. With let-off it is the host's."""
+        since = float(motion.time) - self.loosed
+        if not motion.position.any() or (since < 0.0 and self.let_off > 0.0):
+            return None
+        axis = -along(motion.position)
+        if since < 0.0:
+            drawn = float(length_of(motion.position)) - self.brace
+            return AxisImpedance(axis, drawn, self.stiffness, feed_forward=self.initial)
+        hum = self.hum * math.exp(-since / self.fade)
+        return AxisImpedance(axis, feed_forward=self.slack + hum, amplitude=hum, frequency=self.frequency)
+
+    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Nothing but that the force may leap."""
+        return Rendered(np.zeros_like(motion.position), sudden=self.render(motion).sudden)

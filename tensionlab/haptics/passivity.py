@@ -1,0 +1,117 @@
+"""What keeps a loop from giving out energy that it never took? An observer, and a damper that it switches on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects.effect import Floats, Motion, dot
+
+SHARE = 0.8
+"""Of the damping ``m/(T/2 + t_d)``: a late damper shakes at about pi/2 of that. A default of this project."""
+
+
+def most_damping(mass: float, delay: float, step: float) -> float:
+    """How much may a late damper damp, in N s/m? ``0.8 m/(T/2 + t_d)``.
+
+    A damper that is late by tau and a mass m shake where its damping is above ``pi/2 m/tau``.
+
+    Parameters
+    ----------
+    mass : float
+        m of the hand, in kg. The least there may be counts.
+    delay, step : float
+        t_d, there and back, and T, for which a force is held; in s.
+    """
+    if not (mass > 0.0 and delay >= 0.0 and step > 0.0):
+        raise EffectError(
+            f"most damping: mass {mass}, delay {delay}, step {step}; give them above 0, the delay 0 or more"
+        )
+    return SHARE * mass / (step / 2 + delay)
+
+
+class Observed(NamedTuple):
+    """What does the observer remember?
+
+    Attributes
+    ----------
+    energy : (...) array
+        That the loop has taken from the hand, less what it gave, in J.
+    position : (..., d) array
+        Of the step before.
+    forces : tuple of (..., d) arrays
+        Asked for, and not yet felt as far as is known; the oldest first.
+    """
+
+    energy: Floats
+    position: Floats
+    forces: tuple[Floats, ...]
+
+
+class Corrected(NamedTuple):
+    """Which force (..., d) is to be asked for, how much of N s/m was damped (...), and what to remember?"""
+
+    force: Floats
+    damping: Floats
+    memory: Observed
+
+
+@dataclass(frozen=True)
+class PassivityController:
+    """Which force is safe to ask for? The one that was wanted, and a damper when energy comes out of nowhere.
+
+    The observer adds up ``E_k = E_k-1 - F_k-1·dp``. The hand feels a force as late as the host sees the hand, so
+    each dp is taken with the force that was asked for a round trip ago. Where the forces that are on their way
+    would make E negative at the present velocity, a damper is added: ``F - alpha v`` with
+    ``alpha = min(-E/(T |v|²), alpha_max)``. What it takes is observed with the rest, so E needs no correction. A
+    surplus is forgotten where nothing acts: it would let the loop give out as much later.
+
+    After Hannaford and Ryu 2002, "Time-domain passivity control of haptic interfaces", who have no delay and look
+    one step ahead; the pairing with the round trip and the look at what is on its way are this project's own. With
+    a delay it comes late: E dips, once, by what is given within a round trip.
+
+    Parameters
+    ----------
+    most : float
+        alpha_max in N s/m, see `most_damping`.
+    delay : int
+        Round trip, in steps.
+    """
+
+    most: float
+    delay: int = 0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.most) and self.most >= 0.0):
+            raise EffectError(f"PassivityController: most is {self.most}; give a damping in N s/m, 0 or more")
+        if self.delay < 0 or self.delay != int(self.delay):
+            raise EffectError(f"PassivityController: delay is {self.delay}; give a number of steps, 0 or more")
+
+    def correct(self, force: Floats, motion: Motion, memory: Observed | None = None) -> Corrected:
+        """Which force is safe to ask for now?
+
+        Parameters
+        ----------
+        force : (..., d) array
+            Wanted, in N.
+        motion : Motion
+            As the host sees it.
+        memory : Observed or None
+            From the step before.
+        """
+        if memory is None:
+            nothing = (np.zeros_like(motion.position),) * (self.delay + 1)
+            memory = Observed(np.zeros(motion.position.shape[:-1]), motion.position, nothing)
+        energy = memory.energy - dot(memory.forces[0], motion.position - memory.position)
+        coming = np.sum(memory.forces[1:], axis=0) + force
+        idle = ~np.any(coming, axis=-1) & ~np.any(memory.forces[0], axis=-1)
+        energy = np.where(idle, np.minimum(energy, 0.0), energy)
+        foreseen = energy - motion.step * np.maximum(dot(coming, motion.velocity), 0.0)
+        per_damping = motion.step * dot(motion.velocity, motion.velocity)
+        needed = np.maximum(-foreseen, 0.0) / np.where(per_damping > 0.0, per_damping, 1.0)
+        damping = np.where(per_damping > 0.0, np.minimum(needed, self.most), 0.0)
+        corrected = force - damping[..., None] * motion.velocity
+        return Corrected(corrected, damping, Observed(energy, motion.position, (*memory.forces[1:], corrected)))

@@ -1,0 +1,120 @@
+"""How stiff may an effect be, given how late the loop is? Bounds, and the cap that keeps away from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.errors import EffectError
+
+Floats = NDArray[np.float64]
+T = TypeVar("T")
+
+MARGIN = 0.5
+"""Share of the bound that a host may use: a default of this project."""
+
+
+def stiffness_bound(
+    delay: float | Floats, step: float, hand_damping: float | Floats, damping: float | Floats = 0.0
+) -> Floats:
+    """Up to which stiffness does a hand against a spring not shake, in N/m?
+
+    ``K < (b + B)/(T/2 + t_d)``: a force held for a step T is on average T/2 late; a spring that is late by tau
+    gives back ``K tau`` of negative damping, and the dampers have to make up for it. Exact for a heavy hand. For
+    one of 0.3 kg and 30 ms it is 3 % too low without B, and 3 % too high where B is as large as b.
+
+    Parameters
+    ----------
+    delay : array
+        t_d, there and back, from the hand's motion to the force on it, in s.
+    step : float
+        T, for which a force is held, in s: the slowest of the loops on the way.
+    hand_damping : array
+        b of the hand, in N s/m.
+    damping : array
+        B of the effect, which is just as late, in N s/m.
+
+    Notes
+    -----
+    After Colgate and Schenkel 1994, "Passivity of a class of sampled-data systems: application to haptic
+    interfaces"; Gil, Sanchez, Hulin, Preusche and Hirzinger 2009, "Stability boundary for haptic rendering:
+    influence of damping and delay".
+    """
+    if not step > 0.0:
+        raise EffectError(f"stiffness bound: step is {step}; give the period of the loop, above 0, in s")
+    for name, value in (("delay", delay), ("hand_damping", hand_damping), ("damping", damping)):
+        if not (np.asarray(value) >= 0.0).all():
+            raise EffectError(f"stiffness bound: {name} is {value}; give 0 or more")
+    total: Floats = (np.asarray(hand_damping) + damping) / (step / 2 + np.asarray(delay))
+    return total
+
+
+def passive_stiffness(step: float, hand_damping: float | Floats, damping: float | Floats = 0.0) -> Floats:
+    """Up to which stiffness is a sampled spring without delay passive, whatever holds it, in N/m?
+
+    ``b > K T/2 + |B|`` (Colgate and Schenkel 1994, equation 6), so ``K < 2 (b - |B|)/T``; zero where B alone is
+    too much. Passive is more than stable: B costs here, where it helps in `stiffness_bound`.
+
+    Parameters
+    ----------
+    step : float
+        T in s.
+    hand_damping, damping : arrays
+        b of the hand and B of the effect, in N s/m.
+    """
+    return np.maximum(2.0 * (np.asarray(hand_damping) - np.abs(damping)) / step, 0.0)
+
+
+def stiffness_cap(
+    round_trips: float | Sequence[float] | Floats,
+    step: float,
+    hand_damping: float,
+    damping: float = 0.0,
+    margin: float = MARGIN,
+) -> float:
+    """How stiff may the host make an effect over this link, in N/m?
+
+    Parameters
+    ----------
+    round_trips : array
+        Measured, in s, as pings tell them, or a single one. The 99th percentile counts: shaking needs only a few
+        periods to start.
+    step : float
+        Period of the host's loop, or of the telemetry if that is longer, in s.
+    hand_damping, damping : float
+        As in `stiffness_bound`.
+    margin : float
+        Share of the bound.
+
+    Raises
+    ------
+    EffectError
+        If there is no round trip, or one is no time.
+    """
+    trips = np.atleast_1d(np.asarray(round_trips, dtype=np.float64))
+    if trips.size == 0 or not (np.isfinite(trips) & (trips >= 0.0)).all():
+        raise EffectError(f"stiffness cap: round trips are {round_trips}; measure some, in s")
+    late = float(np.percentile(trips, 99.0, method="higher"))
+    return margin * float(stiffness_bound(late, step, hand_damping, damping))
+
+
+def capped(effect: T, cap: float) -> T:
+    """What becomes of an effect whose stiffness, and that of its parts, may not exceed a cap in N/m?
+
+    Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling.
+    """
+    changes: dict[str, object] = {}
+    for each in fields(effect) if is_dataclass(effect) else ():
+        value = getattr(effect, each.name)
+        if each.name == "stiffness":
+            changes[each.name] = min(value, cap)
+        elif is_dataclass(value) and not isinstance(value, type):
+            changes[each.name] = capped(value, cap)
+        elif isinstance(value, tuple):
+            changes[each.name] = tuple(capped(part, cap) for part in value)
+    changes = {name: value for name, value in changes.items() if value != getattr(effect, name)}
+    return replace(effect, **changes) if changes else effect  # type: ignore[type-var]

@@ -1,0 +1,119 @@
+"""The verb: in this process, and against modules and a sensor of another one."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tensionlab.cli import main
+from tensionlab.experiments.processes import simulated
+from tensionlab.experiments.recordings import read
+from tensionlab.experiments.validation.followed import NetworkSensor
+from tensionlab.experiments.validation.protocol import Protocol
+from tensionlab.experiments.validation.results import result_of
+from tensionlab.experiments.validation.sitting import Plan, validate
+from tensionlab.hardware.group import connect
+from tensionlab.model.directions import grid18
+from tensionlab.model.files import load_rig
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+RIG = RIGS / "bartels2026-validation.toml"
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command in this process: exit status, stdout, stderr."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
+
+
+def test_one_command_measures_and_compares(run, tmp_path):
+    out = tmp_path / "ideal"
+    code, text, _ = run("validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out)
+    assert code == 0
+    for line in ("mean angle error (degrees)", "within 45 degrees", "as | |F| - |F0| |", "as |F - F0|"):
+        assert line in text
+    assert "our inference" in " ".join(text.split())
+    report = json.loads((out / "report.json").read_text())
+    angle, within, magnitude, scalar, vector = report["comparison"]
+    assert angle["measured"]["value"] < 1e-3
+    assert (angle["published"], magnitude["published"]) == (14.0, 1.84)
+    assert scalar["published"] == vector["published"] == 0.58
+    assert within["measured"]["value"] == 100.0
+    assert report["simulated"] is True
+    assert set(report["alignments"]) == {"paper", "kabsch"}
+    recording = read(out / "forces-simulated.parquet")
+    assert recording.simulated
+    assert np.abs(recording.error).max() < 1e-3
+    assert "simulated" in (out / "report.md").read_text()
+    assert (out / "table.tex").read_text().startswith("% Simulated modules.")
+
+    before = (out / "measurements.jsonl").stat().st_mtime_ns
+    code, text, _ = run("validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out, "--json")
+    assert code == 0
+    assert json.loads(text)["comparison"] == report["comparison"]
+    assert (out / "measurements.jsonl").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([RIG], "--out is missing"),
+        ([RIG, "--out", "x", "--preset", "perfect"], "no preset 'perfect'"),
+        ([RIG, "--out", "x", "--modules", "m.toml"], "--modules needs --sensor"),
+        ([RIG, "--out", "x", "--sensor", "f.csv"], "without --modules"),
+        ([RIG, "--out", "x", "--modules", "m.toml", "--sensor", "f.csv", "--preset", "ideal"], "--preset is for"),
+        ([RIG, "--out", "x", "--hold", "0.2"], "hold longer"),
+        ([RIG, "--out", "x", "--solver", "nonsense"], "no solver is called"),
+        ([RIGS / "kntu-planar.toml", "--out", "x"], "point in space"),
+        ([RIG, "--out", "no/such/folder"], "make it first"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_pulls(run, tmp_path, monkeypatch, words, complaint):
+    monkeypatch.chdir(tmp_path)
+    code, _, said = run("validate", *words)
+    assert code == 2
+    assert complaint in " ".join(said.replace("│", " ").split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_over_tcp_the_statistics_are_the_same(tmp_path):
+    """Modules and sensor of another process, in real time, against those of this one in lockstep."""
+    rig = load_rig(RIG)
+    protocol = Protocol(hold=0.4, directions=grid18()[::14])
+    setup, found = validate(Plan(rig, "newton", protocol, "paper-like", 2), tmp_path / "here")
+    here = result_of(setup, found)
+    modules = tmp_path / "modules.toml"
+    with simulated(RIG, "--sensor-port", 0, "--seed", 2, "--modules", modules) as (links, _):
+        url = modules.read_text().partition("# Force sensor: ")[2].strip()
+        sensor, group = NetworkSensor(url), connect(rig, links)
+        setup, found = validate(Plan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
+        group.close()
+        sensor.close()
+    there = result_of(setup, found)
+    assert setup["simulated"] is True  # the sensor said so
+    assert setup["preset"] is None
+    # Both sensors wander by 0.03 N per axis.
+    assert np.abs(there.aligned["paper"].forces - here.aligned["paper"].forces).max() < 0.2
+    a, b = here.aligned["paper"].score, there.aligned["paper"].score
+    assert b.angle.mean.value == pytest.approx(a.angle.mean.value, abs=2.0)
+    assert b.magnitude.mean.value == pytest.approx(a.magnitude.mean.value, abs=0.05)
+    assert b.vector.mean.value == pytest.approx(a.vector.mean.value, abs=0.05)
+    assert min(each.samples for each in there.measurements) > 20
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [(["--sensor-port", 0], "takes a rig"), ([RIG, "--sensor-port", 0, "--preset", "x"], "no preset")],
+)
+def test_a_simulated_sensor_needs_a_rig(run, words, complaint):
+    code, _, said = run("simulate", *words)
+    assert code == 2
+    assert complaint in " ".join(said.replace("│", " ").split())

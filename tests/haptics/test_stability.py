@@ -1,0 +1,208 @@
+"""Walls under the cap stand still, the bound is where a simulation finds it, the observer stops what shakes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import EffectError
+from tensionlab.experiments.wall_stability import Hand, measured_bound, simulate
+from tensionlab.haptics.effects import (
+    Friction,
+    Magnet,
+    Motion,
+    Ramp,
+    Shape,
+    Sum,
+    Texture,
+    Viscous,
+    Wall,
+    WhileFresh,
+)
+from tensionlab.haptics.effects.shape import VirtualCoupling
+from tensionlab.haptics.passivity import PassivityController, most_damping
+from tensionlab.haptics.stability import capped, passive_stiffness, stiffness_bound, stiffness_cap
+
+STEP = 0.001
+DELAYS = np.array([0, 1, 2, 5, 10, 15, 20, 25, 30]) * 1e-3
+
+
+def law(wall):
+    """A wall effect as the law of the simulated hand."""
+
+    def push(k, position, velocity):
+        zero = np.zeros_like(position)
+        motion = Motion(
+            np.stack([zero, zero, position], axis=-1), np.stack([zero, zero, velocity], axis=-1), k * STEP, STEP
+        )
+        return wall.render(motion).force[..., 2]
+
+    return push
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_the_predicted_bound_is_within_10_percent_of_the_simulated_one(damping):
+    predicted = stiffness_bound(DELAYS, STEP, 2.0, damping)
+    measured = measured_bound(DELAYS, damping)
+    assert measured == pytest.approx(predicted, rel=0.10)
+    assert measured == pytest.approx(predicted, rel=0.05), "and closer than that"
+
+
+def test_the_numbers_that_the_project_agreed_on():
+    """No delay 4000 N/m, 5 ms 366, 20 ms 100, 30 ms 68: as simulated, and the formula within 4 %."""
+    agreed = [4000.0, 366.0, 100.0, 68.0]
+    delays = np.array([0.0, 0.005, 0.020, 0.030])
+    assert measured_bound(delays) == pytest.approx(agreed, rel=0.015)
+    assert stiffness_bound(delays, STEP, 2.0) == pytest.approx(agreed, rel=0.04)
+
+
+def test_a_light_hand_is_further_from_the_formula():
+    """Where (b + B) tau is no longer small against the mass: 6 % at 0.15 kg and 30 ms."""
+    light = measured_bound(DELAYS[-1:], hand=Hand(mass=0.15)) / stiffness_bound(DELAYS[-1:], STEP, 2.0)
+    assert 1.04 < light[0] < 1.08
+
+
+@pytest.mark.parametrize("delay", [0, 5, 20, 30])
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_a_wall_under_the_cap_comes_to_rest(delay, damping):
+    cap = stiffness_cap(delay * 1e-3, STEP, 2.0, damping)
+    wall = capped(Wall(stiffness=1e6, damping=damping), cap)
+    assert wall.stiffness == cap
+    for push, speed in ((2.0, 0.0), (5.0, -1.0), (0.5, -0.3)):
+        track = simulate(law(wall), np.array([delay]), 0.01, speed, Hand(push=push), STEP, 6.0)
+        assert np.ptp(track.position[-1000:]) < 1e-4
+        assert track.position[-1] == pytest.approx(-push / wall.stiffness, abs=1e-4)
+
+
+def test_a_wall_over_the_bound_shakes():
+    wall = Wall(stiffness=1.2 * float(stiffness_bound(0.020, STEP, 2.0)), damping=0.0)
+    track = simulate(law(wall), np.array([20]), -2.0 / wall.stiffness, -0.01, Hand(), STEP, 10.0)
+    assert np.abs(track.velocity[-1000:]).max() > 0.1
+
+
+def test_the_cap_is_half_of_what_the_slowest_trips_allow():
+    trips = np.full(1000, 0.020)
+    assert stiffness_cap(trips, STEP, 2.0) == pytest.approx(0.5 * 2.0 / 0.0205)
+    trips[:20] = 0.060
+    assert stiffness_cap(trips, STEP, 2.0) == pytest.approx(0.5 * 2.0 / 0.0605)
+    assert stiffness_cap(0.020, STEP, 1.3, 2.0, 0.5) == pytest.approx(80.0, rel=0.01)  # needs b + B of 3.3
+
+
+def test_passive_is_more_than_stable():
+    assert passive_stiffness(STEP, 2.0, 0.5) == pytest.approx(3000.0)
+    assert passive_stiffness(STEP, 2.0, 3.0) == 0.0
+    dampings = np.array([0.0, 1.0, 2.0])
+    assert (passive_stiffness(STEP, 2.0, dampings) <= stiffness_bound(0.0, STEP, 2.0, dampings)).all()
+
+
+def test_a_sampled_spring_gives_no_more_than_the_hand_takes_up_to_the_passive_bound():
+    """Worst is a hand that goes to and fro at half the loop's rate; b is what it must lose."""
+    stiffness = float(passive_stiffness(STEP, 2.0))
+    position = 0.001 * (-1.0) ** np.arange(100)
+    # It moves steadily between the samples, in T each; the force is of the last sample.
+    force = -stiffness * position[:-1]
+    moved = np.diff(position)
+    given, lost = (force * moved).sum(), (2.0 * (moved / STEP) ** 2 * STEP).sum()
+    assert given == pytest.approx(lost)
+
+
+def test_every_stiffness_of_an_effect_is_capped():
+    whole = WhileFresh(Ramp(Sum((Wall(), Texture(), Magnet(), Shape(), Viscous(), Friction(stiffness=10.0)))))
+    soft = capped(whole, 50.0).effect.effect.parts
+    assert [soft[0].stiffness, soft[1].wall.stiffness, soft[1].friction.stiffness] == [50.0, 50.0, 50.0]
+    assert [soft[2].stiffness, soft[3].coupling.stiffness, soft[5].stiffness] == [50.0, 50.0, 10.0]
+    assert soft[4] == Viscous()
+    assert capped(Wall(), 1000.0) == Wall()
+    assert capped(Shape(coupling=VirtualCoupling(400.0, 1.0)), 50.0).coupling == VirtualCoupling(50.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: stiffness_bound(0.01, 0.0, 2.0), "step is 0.0"),
+        (lambda: stiffness_bound(-0.01, STEP, 2.0), "delay is -0.01"),
+        (lambda: stiffness_bound(0.01, STEP, float("nan")), "hand_damping is nan"),
+        (lambda: stiffness_cap([], STEP, 2.0), "round trips"),
+        (lambda: stiffness_cap([0.01, float("nan")], STEP, 2.0), "round trips"),
+        (lambda: most_damping(0.0, 0.01, STEP), "mass 0.0"),
+        (lambda: PassivityController(float("inf")), "most is inf"),
+        (lambda: PassivityController(1.0, -1), "delay is -1"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make, says):
+    with pytest.raises(EffectError, match=says):
+        make()
+
+
+def bounce(delay, push, speed, observed, factor=3.0, seconds=4.0):
+    """A hand of 0.3 kg against a wall of ``factor`` times the bound, with or without the observer."""
+    stiffness = factor * float(stiffness_bound(delay * 1e-3, STEP, 2.0))
+    controller = PassivityController(most_damping(0.3, delay * 1e-3, STEP), delay)
+    memory = None
+
+    def host(k, position, velocity):
+        nonlocal memory
+        force = law(Wall(stiffness=stiffness, damping=0.0))(k, position, velocity)
+        if not observed:
+            return force
+        motion = Motion(position[..., None], velocity[..., None], k * STEP, STEP)
+        corrected, _, memory = controller.correct(force[..., None], motion, memory)
+        return corrected[..., 0]
+
+    hand = Hand(push=push)
+    track = simulate(host, np.array([delay]), 0.02, speed, hand, STEP, seconds)
+    lost = np.cumsum(hand.damping * track.velocity[:-1] ** 2 * STEP, axis=0)
+    brought = 0.15 * speed**2 + push * (0.02 - track.position.min())
+    return track, lost, brought
+
+
+BOUNCES = [(0.1, -0.5), (0.5, -0.3), (2.0, 0.0), (5.0, -0.5)]
+
+
+@pytest.mark.parametrize("delay", [0, 1, 5, 10])
+@pytest.mark.parametrize(("push", "speed"), BOUNCES)
+def test_with_the_observer_the_system_is_passive_at_three_times_the_bound(delay, push, speed):
+    """Wall, loop and the hand's own damping together never give out more than they took, at any step."""
+    track, lost, _ = bounce(delay, push, speed, observed=True)
+    assert (track.energy() + lost).min() >= -1e-9
+    assert np.abs(track.velocity[-1000:]).max() < 0.06
+    if push >= 2.0:  # pressed against the wall, it shakes without the observer, instead of bouncing off
+        wild, _, _ = bounce(delay, push, speed, observed=False)
+        assert wild.energy().min() < -0.05
+        assert np.abs(wild.velocity[-1000:]).max() > 0.15
+
+
+@pytest.mark.parametrize(("delay", "share"), [(20, 0.15), (30, 0.45)])
+@pytest.mark.parametrize(("push", "speed"), BOUNCES)
+def test_over_a_slow_link_it_comes_late_once_and_then_all_is_still(delay, share, push, speed):
+    """What a round trip gives before the observer knows: once, at most that share of what the hand brought."""
+    track, lost, brought = bounce(delay, push, speed, observed=True)
+    system = track.energy() + lost
+    assert system.min() >= -share * brought
+    assert system[1000:].min() >= 0.0
+    assert np.ptp(track.position[-1000:]) < 1e-3
+
+
+def test_the_observer_leaves_a_stable_wall_alone():
+    track, _, _ = bounce(20, 2.0, 0.0, observed=True, factor=0.25)
+    plain, _, _ = bounce(20, 2.0, 0.0, observed=False, factor=0.25)
+    assert np.abs(track.position - plain.position).max() < 0.1 * np.abs(plain.position).max()
+
+
+def test_the_observer_adds_up_what_the_hand_felt():
+    """Its energy is that of the port, a round trip late."""
+    controller = PassivityController(0.0, delay=7)
+    memory, seen = None, []
+
+    def host(k, position, velocity):
+        nonlocal memory
+        force = np.where(position < 0.0, -200.0 * position, 0.0) + 0.01
+        _, _, memory = controller.correct(
+            force[..., None], Motion(position[..., None], velocity[..., None]), memory
+        )
+        seen.append(memory.energy)
+        return force
+
+    track = simulate(host, np.array([7]), 0.01, -0.3, replace(Hand(), push=1.0), STEP, 1.0)
+    felt = track.energy()[:, 0]
+    assert np.array(seen)[8:, 0] == pytest.approx(felt[: len(seen) - 8], abs=1e-9)
