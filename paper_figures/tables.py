@@ -62,10 +62,10 @@ def published_and_simulated(published: Published, recording: Recording, rigs: Se
     seed, count = recording.manifest["seed"], len(recording.desired)
     note = (
         f"Simulated rigs have errors drawn from the preset paper-like. One rig: seed {seed}, with 95 % bootstrap "
-        f"intervals over its {count} forces. Many rigs: median of {len(rigs)}, 10 to 90 %. "
+        f"intervals over its {count} forces. {len(rigs)} rigs: median, 10 to 90 %. "
         f"Published: {published.source}."
     )
-    return Table(note, ("", "published", "one simulated rig", "many simulated rigs"), tuple(rows))
+    return Table(note, ("", "published", "one simulated rig", f"{len(rigs)} simulated rigs"), tuple(rows))
 
 
 def shares_of_room(room: Any) -> Table:
