@@ -73,9 +73,7 @@ def remarks(result: Result) -> list[str]:
             "sensor leans, or the forces on the axes are off; a turn about the vertical leaves that in the errors."
         )
     if result.rested:
-        found.append(
-            f"Between forces, modules had to rest for {result.rested:.0f} s in all, for a winding was hot."
-        )
+        found.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
     for name, times in result.hindered.items():
         found.append(f"Module {name} was kept from pulling as it was told at {times} forces.")
     return found
