@@ -12,7 +12,7 @@ ROOT = FOLDER.parents[1]
 RIG = "datasets/rigs/bartels2026-validation.toml"
 RECORDINGS = {
     "paper-like-simulated": [RIG],
-    "paper-like-dykstra-10-simulated": [RIG, "--solver", "dykstra:10"],
+    "paper-like-closed-form-simulated": [RIG, "--solver", "closed-form"],
     "paper-like-0.3m-simulated": ["datasets/rigs/bartels2026-validation-0.3m.toml"],
     "paper-like-floor-3-simulated": ["datasets/rigs/floor-3.toml"],
     "ideal-simulated": [RIG, "--preset", "ideal"],
