@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-runner stress soak what-if bench-brakes figures checksums clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak what-if figures checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
