@@ -9,10 +9,11 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 import pytest
-from recorded import made_up
+from recorded import made_up, made_up_trials
 
-from tensionlab.experiments import recordings
+from tensionlab.experiments import recordings, trials
 from tensionlab.experiments.bench import results
 
 ROOT = Path(__file__).parents[1]
@@ -67,13 +68,21 @@ def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path):
         assert content(one) != content(three)
 
 
-@pytest.mark.parametrize("name", ["forces", "error-sphere"])
-def test_another_recording_makes_other_pictures(tmp_path, name):
-    shutil.copytree(ROOT / "datasets", tmp_path / "datasets")
-    recordings.write(tmp_path / "datasets" / "recordings" / "paper-like-simulated.parquet", made_up())
-    assert make(tmp_path, name, "--datasets", tmp_path / "datasets").returncode == 0
-    for suffix in (".pdf", ".png"):
-        assert content(tmp_path / f"{name}{suffix}") != content(COMMITTED / f"{name}{suffix}")
+def test_other_recordings_and_trials_make_other_figures_and_tables(tmp_path):
+    data = tmp_path / "datasets"
+    shutil.copytree(ROOT / "datasets", data)
+    recordings.write(data / "recordings" / "paper-like-simulated.parquet", made_up())
+    trials.write(data / "what-if" / "paper-like-simulated.parquet", made_up_trials(), {})
+    made = make(tmp_path / "out", "forces", "error-sphere", "published", "what-if", "--datasets", data)
+    assert made.returncode == 0, made.stderr
+    files = list((tmp_path / "out").iterdir())
+    assert len(files) == 8
+    for path in files:
+        assert content(path) != content(COMMITTED / path.name), path.name
+    table = (tmp_path / "out" / "published.md").read_text(encoding="utf-8")
+    assert "20 simulated rigs" in table
+    felt = np.linalg.norm(made_up().measured, axis=1).mean()
+    assert f"| mean size of the measured force (N) | 1.84 | {felt:.2f} (" in table
 
 
 def test_every_figure_is_told_of_and_small():
