@@ -21,12 +21,13 @@ Law = Callable[[int, Floats, Floats], Floats]
 class Hand:
     """How is the hand? Mass in kg, damping in N s/m, and the constant force with which it pushes, in N.
 
-    0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero.
+    0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero. Hands that
+    are simulated together may be pushed with different forces, (...).
     """
 
     mass: float = 0.3
     damping: float = 2.0
-    push: float = 2.0
+    push: float | Floats = 2.0
 
 
 @dataclass(frozen=True, eq=False)
