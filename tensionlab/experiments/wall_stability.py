@@ -12,6 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.haptics.effects.parameters import require_positive
+from tensionlab.haptics.stability import stiffness_bound
+
 Floats = NDArray[np.float64]
 Law = Callable[[int, Floats, Floats], Floats]
 """Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""
@@ -28,6 +31,9 @@ class Hand:
     mass: float = 0.3
     damping: float = 2.0
     push: float | Floats = 2.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass", "damping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +121,6 @@ def measured_bound(
     -------
     (q,) array
     """
-    from tensionlab.haptics.stability import stiffness_bound
-
     hand = hand or Hand()
     steps = np.rint(delays / step).astype(np.int64)[:, None]
     tried = stiffness_bound(np.multiply(steps, step, dtype=np.float64), step, hand.damping, damping) * np.arange(

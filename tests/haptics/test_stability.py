@@ -63,16 +63,26 @@ def test_a_light_hand_is_further_from_the_formula():
     assert 1.04 < light[0] < 1.08
 
 
+def test_a_hand_moves_as_it_should_where_nothing_acts():
+    """Pushed in the open it comes to push/b, and half way there after m/b ln 2."""
+    track = simulate(lambda k, p, v: 0.0 * p, np.array(0), np.zeros(1), np.zeros(1), Hand(), 0.001, 3.0)
+    assert track.velocity[-1] == pytest.approx(-1.0)
+    assert np.interp(0.15 * np.log(2), np.arange(3000) * STEP, -track.velocity[:, 0]) == pytest.approx(
+        0.5, rel=1e-3
+    )
+    assert track.position[1000, 0] == pytest.approx(-(1.0 - 0.15 * (1 - np.exp(-1 / 0.15))), rel=1e-9)
+
+
 @pytest.mark.parametrize("delay", [0, 5, 20, 30])
 @pytest.mark.parametrize("damping", [0.0, 2.0])
 def test_a_wall_under_the_cap_comes_to_rest(delay, damping):
     cap = stiffness_cap(delay * 1e-3, STEP, 2.0, damping)
     wall = capped(Wall(stiffness=1e6, damping=damping), cap)
     assert wall.stiffness == cap
-    for push, speed in ((2.0, 0.0), (5.0, -1.0), (0.5, -0.3)):
-        track = simulate(law(wall), np.array([delay]), 0.01, speed, Hand(push=push), STEP, 6.0)
-        assert np.ptp(track.position[-1000:]) < 1e-4
-        assert track.position[-1] == pytest.approx(-push / wall.stiffness, abs=1e-4)
+    push, speeds = np.array([2.0, 5.0, 0.5]), np.array([0.0, -1.0, -0.3])
+    track = simulate(law(wall), np.array(delay), 0.01, speeds, Hand(push=push), STEP, 6.0)
+    assert np.ptp(track.position[-1000:], axis=0).max() < 1e-4
+    assert track.position[-1] == pytest.approx(-push / wall.stiffness, abs=1e-4)
 
 
 def test_a_wall_over_the_bound_shakes():
@@ -125,6 +135,7 @@ def test_every_stiffness_of_an_effect_is_capped():
         (lambda: stiffness_bound(0.01, STEP, float("nan")), "hand_damping is nan"),
         (lambda: stiffness_cap([], STEP, 2.0), "round trips"),
         (lambda: stiffness_cap([0.01, float("nan")], STEP, 2.0), "round trips"),
+        (lambda: Hand(mass=0.0), "Hand: mass"),
         (lambda: most_damping(0.0, 0.01, STEP), "mass 0.0"),
         (lambda: PassivityController(float("inf")), "most is inf"),
         (lambda: PassivityController(1.0, -1), "delay is -1"),
@@ -180,7 +191,7 @@ def test_and_without_it_is_not(delay):
 
 @pytest.mark.parametrize(("delay", "least", "most"), [(0, 0.995, 1.0), (5, 0.97, 1.0), (20, 1.8, 2.1)])
 def test_the_observer_leaves_a_stable_wall_alone_where_the_link_is_quick(delay, least, most):
-    """At half the bound and 5 ms, it takes 2 % of the largest force; over 20 ms it doubles it, at the first touch."""
+    """At half the bound and 5 ms, it takes 2 % of the largest force; over 20 ms it doubles it, at first touch."""
     peaks = [
         bounce(delay, observed, 0.5, np.array([2.0]), np.array([-0.3]))[0].force.max()
         for observed in (True, False)
