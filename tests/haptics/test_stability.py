@@ -216,3 +216,15 @@ def test_the_observer_adds_up_what_the_hand_felt():
     track = simulate(host, np.array([7]), 0.01, -0.3, replace(Hand(), push=1.0), STEP, 1.0)
     felt = track.energy()[:, 0]
     assert np.array(seen)[8:, 0] == pytest.approx(felt[: len(seen) - 8], abs=1e-9)
+
+
+def test_a_surplus_is_forgotten_where_nothing_acts_and_a_debt_is_not():
+    """What a damper took a while ago does not pay for what a wall gives now."""
+    for pull, kept in ((-1.0, 0.0), (1.0, -0.1)):
+        controller, memory = PassivityController(0.0, delay=2), None
+        for k in range(20):
+            force = np.array([pull if k < 10 else 0.0])
+            _, _, memory = controller.correct(force, Motion(np.array([0.01 * k]), np.array([10.0])), memory)
+            if k == 12:
+                assert memory.energy == pytest.approx(-0.1 * pull)
+        assert memory.energy == pytest.approx(kept)

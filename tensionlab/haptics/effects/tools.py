@@ -81,9 +81,9 @@ class Recoil:
 
     After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
     left of earlier shots adds to it. Its impulse is ``F_p (t_r/2 + tau)``, 0.34 N s: about a tenth of a real 9 mm
-    pistol. It rises faster than the common limit of 200 N/s, and is marked as sudden for five tau. But a module has
-    a limit of its own: at the 60 N/s with which it comes, 2.8 N and 0.23 N s are left of a shot; at 300 N/s, its
-    most, 4.6 N and 0.31 N s. Continuous. Not passive.
+    pistol. It rises faster than the common limit of 200 N/s, and is marked as sudden for five tau. But a module
+    has a limit of its own: at the 60 N/s with which it comes, 2.8 N and 0.23 N s are left of a shot; at 300 N/s,
+    its most, 4.6 N and 0.31 N s. Continuous. Not passive.
 
     Parameters
     ----------
