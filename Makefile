@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-runner stress soak figures checksums clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak what-if figures checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -43,8 +43,14 @@ stress: .venv/dev.stamp
 soak: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.soak --out out/soak
 
+bench-brakes: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.brakes_bench
+
 bench-runner: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.runner_bench
+
+what-if: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.validation.what_if --out datasets/what-if/paper-like-simulated.parquet
 
 figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py

@@ -72,6 +72,8 @@ DRAWINGS = {
     "error-sphere": Drawing(
         load_all(RECORDING, "rigs/bartels2026-validation"), lambda data, path: plots.plot_error_sphere(*data, path)
     ),
+    "published": Drawing(load_all(PUBLISHED, RECORDING, TRIALS), published_and_simulated, TABLE),
+    "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data, path: plots.plot_what_if(*data, path)),
     "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data, path: plots.plot_summary(*data, path)),
     "anchor-count": Drawing(sweeps_of_modules, lambda data, path: plots.plot_anchor_count(*data, path)),
     "anchor-count-shares": Drawing(

@@ -188,6 +188,22 @@ class Single:
 
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
 def instruction_set() -> str: ...
+def choose_locks(
+    structure: NDArray[float64],
+    normal: NDArray[float64],
+    force: NDArray[float64],
+    pushing: NDArray[bool_],
+    held: NDArray[bool_],
+    crowding: NDArray[float64],
+    limits: NDArray[float64],
+    brake: NDArray[bool_],
+    margin: float,
+    most: int,
+    price: float,
+    hysteresis: float,
+    negligible: float,
+    rank_tolerance: float,
+) -> tuple[NDArray[bool_], NDArray[float64], NDArray[float64], NDArray[bool_]]: ...
 def closest_pair(
     segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...

@@ -24,7 +24,7 @@ ALLOWED = {
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
     "hardware": {"model", "demand", "solvers", "measure", "allocation", "_native"},
-    "haptics": {"model", "demand", "solvers"},  # which brakes to lock is a bounded least squares
+    "haptics": {"model", "demand", "solvers", "_native"},  # which brakes to lock: many bounded least squares
     "experiments": {
         "_native",
         "records",
@@ -65,6 +65,8 @@ DOORS = {
     "filelock": {"hardware/claims.py"},
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
+    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},
+    "pythonosc": {"haptics/bridge/osc.py"},
     "mcap": {"hardware/record/mcap_file.py"},
     "zstandard": {"hardware/record/mcap_file.py"},
     "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/record/dataset.py"},
@@ -94,6 +96,7 @@ NATIVE = {
     "workspace/margin.py",
     "workspace/measures.py",
     "workspace/wrench_set.py",
+    "haptics/brakes.py",
     "hardware/run/pose_tracker.py",
     "hardware/simulated.py",
 }

@@ -92,7 +92,7 @@ def run(
     try:
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=place)
         if log is not None:
-            runner.log = _log(log, loaded, solver, settings, links)
+            runner.log = log_of(log, loaded, solver, settings, links)
         shown = sys.stdout.isatty() and not json
         with Screen(runner, REFRESH) if shown else nullcontext():
             try:
@@ -175,7 +175,8 @@ def module_links(rig: Rig, modules: str) -> dict[str, str]:
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 
 
-def _log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
+def log_of(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
+    """Begin the log of a run."""
     from tensionlab.hardware.log import RunLog
     from tensionlab.records import manifest
 

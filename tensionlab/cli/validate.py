@@ -11,11 +11,12 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from contextlib import ExitStack
 
-    from tensionlab.experiments.validation.protocol import Measurement
     from tensionlab.experiments.validation.results import Result
+    from tensionlab.experiments.validation.sensor import ForceSensor
     from tensionlab.experiments.validation.sitting import Plan
+    from tensionlab.hardware.group import ModuleGroup
 
 SIMULATED = "sim:"
 
@@ -63,9 +64,12 @@ def validate(
     An interrupted validation goes on with the same command. Exit status 1 where it is not complete, or something
     went wrong with a module or the sensor.
     """
-    from tensionlab.errors import HardwareError
+    from contextlib import ExitStack
+
+    from tensionlab.errors import HardwareError, LogError
     from tensionlab.experiments.validation.report import HEADINGS, remarks, rows
     from tensionlab.experiments.validation.results import result_of
+    from tensionlab.experiments.validation.sitting import validate as measure
 
     if out is None:
         raise typer.BadParameter("--out is missing; name a folder for measurements and report")
@@ -74,9 +78,12 @@ def validate(
     output.output_file(out)
     if modules is None:
         typer.echo("no --modules: these are simulated, in this process", err=True)
-    with output.progress(f"{total} forces") as progress:
+    with ExitStack() as opened, output.progress(f"{total} forces") as progress:
+        reached = None if modules is None else _reached(plan, modules, sensor, opened)
         try:
-            setup, measurements = _measured(plan, modules, sensor, out, progress)
+            setup, measurements = measure(plan, out, reached, progress)
+        except LogError:
+            raise  # the folder is not the right one
         except HardwareError as error:
             typer.echo(f"tensionlab: {error}", err=True)
             raise typer.Exit(1) from None
@@ -139,22 +146,17 @@ def _plan(
     return Plan(loaded, solver, Protocol(hold=hold), chosen, seed)
 
 
-def _measured(
-    plan: Plan, modules: str | None, sensor: str, out: Path, progress: Callable[[float], None]
-) -> tuple[dict[str, object], list[Measurement]]:
-    """What is measured, by now?"""
+def _reached(plan: Plan, modules: str, sensor: str, opened: ExitStack) -> tuple[ModuleGroup, ForceSensor]:
+    """Open the links to modules and sensor, to be closed with the others."""
     from contextlib import closing
 
     from tensionlab.cli.run import module_links
     from tensionlab.experiments.validation.followed import open_sensor
-    from tensionlab.experiments.validation.sitting import validate as measure
     from tensionlab.hardware.group import connect
 
-    if modules is None:
-        return measure(plan, out, progress=progress)
     links = module_links(plan.rig, modules)
-    with closing(open_sensor(sensor)) as opened, closing(connect(plan.rig, links)) as group:
-        return measure(plan, out, (group, opened), progress)
+    felt = opened.enter_context(closing(open_sensor(sensor)))
+    return opened.enter_context(closing(connect(plan.rig, links))), felt
 
 
 def _written(result: Result, plan: Plan, sensor: str, out: Path) -> dict[str, object]:

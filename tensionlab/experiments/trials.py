@@ -23,7 +23,8 @@ class Trial:
     Attributes
     ----------
     question : str
-        What differs: "preset", "error", "solver", "side" or "calibration".
+        What differs: "preset", "error", "solver", "solver alone" (on a rig without errors), "side" or
+        "calibration".
     choice : str
         How: the preset's name, the only error that is there, the solver, the side of the triangle in m, what was
         calibrated.

@@ -10,36 +10,31 @@ that may be locked and prices it: the force that stays unresisted, plus a share 
   upper limit in L: the exact solver's, of `tensionlab.solvers`. The motors pull with as much of it as they can.
 - What a brake holds is there only while the user pushes. It is reported apart from what the motors pull.
 
-Where the motors alone render the force, nothing is locked.
+Where the motors alone render the force, nothing is locked. The rule and its numbers are this project's own.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab import _native
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brake_cones import Flags
 from tensionlab.model import pose
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import TOLERANCE, Problem
-from tensionlab.solvers.newton import Newton
-
-AT_ONCE = 1 << 11
-"""Walls in one go: a few hundred thousand sets of tensions."""
+from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE
 
 
 @dataclass(frozen=True)
 class LockRule:
-    """How are sets of brakes compared? Defaults are this project's, not published.
+    """How are sets of brakes compared?
 
     Attributes
     ----------
@@ -47,7 +42,7 @@ class LockRule:
         Least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the hand, or 2 cm of
         error in the hand's position at 1 m from the anchor. A locked one stays until it is 0.
     most : int
-        Largest number of locked cables. Three independent ones hold any force of their cone.
+        Largest number of locked cables, up to 3: any force of a cone is one of three of its cables.
     price : float
         Of each lock, as a share of the wanted force.
     hysteresis : float
@@ -64,8 +59,8 @@ class LockRule:
             raise ValueError(
                 f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap"
             )
-        if self.most < 0:
-            raise ValueError(f"LockRule(most={self.most}): must be 0 or more")
+        if not 0 <= self.most <= 3:
+            raise ValueError(f"LockRule(most={self.most}): must be from 0 to 3; a fourth cable adds nothing")
         for name in ("price", "hysteresis"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"LockRule({name}={getattr(self, name)}): must be 0 or more")
@@ -149,101 +144,65 @@ def choose_locks(
         Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
         or strength is negative.
     """
-    U, n = np.ascontiguousarray(pose.numbers(structure, "structure")), pose.numbers(normal, "normal")
+    U, n = pose.numbers(structure, "structure"), pose.numbers(normal, "normal")
     m = limits.lower.size
-    if U.ndim < 2 or U.shape[-1] != m or n.shape[-1:] != U.shape[-2:-1]:
+    if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
         raise ShapeError(
             f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
-            "(..., d) and m"
+            "(..., d) and m, with d = 2 or 3 for a point"
         )
-    F, held_by = pose.numbers(force, "force"), pose.points(strengths, m, "strengths")
-    if F.min(initial=0.0) < 0.0 or held_by.min(initial=0.0) < 0.0:
+    F, holds = pose.numbers(force, "force"), pose.points(strengths, m, "strengths")
+    if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
         raise ShapeError(
             "force and strengths must be 0 N or more; turn the normal round for a force the other way"
         )
     if np.abs(np.einsum("...i,...i->...", n, n) - 1.0).max(initial=0.0) > 2e-6:
         raise ShapeError("normal is not a unit vector; divide it by its length")
-    given = {"structure": (U, 2), "normal": (n, 1), "force": (F, 0), "pushing": (np.asarray(pushing, np.bool_), 0)}
-    if held is not None:
-        given["held"] = (np.asarray(held, np.bool_), 1)
-        if given["held"][0].shape[-1:] != (m,):
-            raise ShapeError(f"held has shape {given['held'][0].shape}; give one bool for each of {m} cables")
-    if crowding is not None:
-        given["crowding"] = (np.asarray(crowding, np.float64), 0)
-    shape = pose.common_shape({name: array.shape[: array.ndim - inner] for name, (array, inner) in given.items()})
-    count = math.prod(shape)
-    walls = {name: _rows(array, shape, inner, count) for name, (array, inner) in given.items()}
-    if count <= AT_ONCE:
-        chosen = _choose(walls, limits, held_by, rule)
-    else:
-        starts = range(0, count, AT_ONCE)
-        parts = [
-            _choose({name: array[i : i + AT_ONCE] for name, array in walls.items()}, limits, held_by, rule)
-            for i in starts
-        ]
-        chosen = LockSet(*map(np.concatenate, zip(*parts, strict=True)))
-    return LockSet(*(array.reshape((*shape, *array.shape[1:])) for array in chosen))
+    push = np.asarray(pushing, np.bool_)
+    now = np.zeros(m, np.bool_) if held is None else np.asarray(held, np.bool_)
+    stiff = np.asarray(math.inf if crowding is None else crowding, np.float64)
+    if now.shape[-1:] != (m,):
+        raise ShapeError(f"held has shape {now.shape}; give one bool for each of {m} cables")
+    shape = pose.common_shape(
+        {
+            "structure": U.shape[:-2],
+            "normal": n.shape[:-1],
+            "force": F.shape,
+            "pushing": push.shape,
+            "held": now.shape[:-1],
+            "crowding": stiff.shape,
+        }
+    )
+    locked, tensions, unresisted, able = _native.choose_locks(
+        _rows(U, shape, 2),
+        _rows(n, shape, 1),
+        _rows(F, shape, 0),
+        _rows(push, shape, 0),
+        _rows(now, shape, 1),
+        _rows(stiff, shape, 0),
+        np.stack([limits.lower, limits.upper, np.maximum(limits.upper, holds)]),
+        holds > 0.0,
+        rule.margin,
+        rule.most,
+        rule.price,
+        rule.hysteresis,
+        TOLERANCE,
+        RANK_TOLERANCE,
+    )
+    motors = np.minimum(tensions, limits.upper)
+    brakes = tensions - motors
+    return LockSet(
+        locked.reshape((*shape, m)),
+        motors.reshape((*shape, m)),
+        brakes.reshape((*shape, m)),
+        unresisted.reshape(shape),
+        able.reshape((*shape, m)),
+    )
 
 
-def _choose(walls: dict[str, NDArray[Any]], limits: TensionLimits, strengths: Floats, rule: LockRule) -> LockSet:
-    """As `choose_locks`, with its arrays by name and one leading axis."""
-    U, n, F, pushing = (walls[name] for name in ("structure", "normal", "force", "pushing"))
-    held, crowding = walls.get("held"), walls.get("crowding")
-    sets, sizes = _sets(limits.lower.size, rule.most)
-    outward = np.einsum("bim,bi->bm", U, n)
-    least = rule.margin if held is None else np.where(held, 0.0, rule.margin)
-    able = (outward > least) & (strengths > 0.0)
-    new = able & (pushing & (F > 0.0))[:, None]
-    may = new if held is None else new | (able & held & (F > 0.0)[:, None])
-    # A set that has a cable which may not be locked is not tried; the first set, of none, always is.
-    tried = ~may @ sets.T == 0.0
-    if crowding is not None:
-        tried &= _stiffest(U, sets) <= crowding[:, None]
-    wall, which = tried.nonzero()
-
-    columns, wanted = U[wall], (F[:, None] * n)[wall]
-    low = limits.lower[None].repeat(len(wall), axis=0)
-    upper = np.where(sets[which] > 0.0, np.maximum(limits.upper, strengths), limits.upper)
-    problem = Problem(columns, wanted, low, upper, low, np.ones(n.shape[1]), "force")
-    tensions = Newton().solve(problem).tensions
-    missing = np.einsum("bim,bm->bi", columns, tensions) - wanted
-    left = np.sqrt(np.einsum("bi,bi->b", missing, missing))
-
-    cost = np.full(tried.shape, math.inf)
-    cost[tried] = left + rule.price * F[wall] * sizes[which]
-    if held is not None:
-        same = (sets == held[:, None]).all(axis=2) & (sizes > 0.0)
-        cost -= rule.hysteresis * F[:, None] * same
-    motors_do = cost[:, 0] <= TOLERANCE * np.maximum(1.0, F)
-    best = np.where(motors_do, 0, cost.argmin(axis=1))
-    row = np.searchsorted(wall * len(sets) + which, np.arange(len(U)) * len(sets) + best)
-    motors = np.minimum(tensions[row], limits.upper)
-    return LockSet(sets[best] > 0.0, motors, tensions[row] - motors, left[row], able)
-
-
-@lru_cache(maxsize=32)
-def _sets(m: int, most: int) -> tuple[Floats, Floats]:
-    """All sets of at most so many of m cables, (S, m) of 0 and 1, and their sizes; the empty one first."""
-    chosen = [each for size in range(min(most, m) + 1) for each in combinations(range(m), size)]
-    sets = np.zeros((len(chosen), m))
-    for row, each in zip(sets, chosen, strict=True):
-        row[list(each)] = 1.0
-    return sets, sets.sum(axis=1)
-
-
-def _stiffest(U: Floats, sets: Floats) -> Floats:
-    """What is the stiffness of each set along its stiffest direction, in that of one cable? (B, S) array.
-
-    An upper bound of the largest eigenvalue of ``U_L U_L'``, which is that of the matrix of cosines ``U_L' U_L``:
-    its largest sum of absolute values along a row (Gershgorin). Exact for one cable and for two.
-    """
-    cosines = np.abs(np.einsum("bik,bim->bkm", U, U))
-    return np.asarray((sets * (sets @ cosines)).max(axis=2))
-
-
-def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int, count: int) -> NDArray[Any]:
-    """An array with one leading axis, one row a wall."""
+def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[Any]:
+    """An array with one leading axis, one row a wall; in one piece."""
     own = array.shape[array.ndim - inner :]
     if array.shape != shape + own:
         array = np.broadcast_to(array, shape + own)
-    return array.reshape((count, *own))
+    return np.ascontiguousarray(array.reshape((math.prod(shape), *own)))

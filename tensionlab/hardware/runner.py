@@ -18,7 +18,7 @@ from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.run.clock import Clock, RealClock
 from tensionlab.hardware.run.cycle import Cycle
 from tensionlab.hardware.run.demands import require_demand
-from tensionlab.hardware.run.guard import GuardedAllocator, approach, require_within
+from tensionlab.hardware.run.guard import EXACT_SOLVER, GuardedAllocator, approach, require_within
 from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts
 from tensionlab.hardware.run.observe import Observation, observe
 from tensionlab.hardware.run.pose_tracker import PoseTracker, velocity
@@ -99,6 +99,7 @@ class Runner:
         self.latest: Cycle | None = None
         self.statistics = Statistics()
         self._allocator = GuardedAllocator(rig.limits, solver, self.settings.nearest)
+        self._taut = GuardedAllocator(rig.limits, EXACT_SOLVER)  # least tensions, whatever the solver is after
         self._demand, self._tracker = demand, tracker
         self.log = log
         self._clock = RealClock() if clock is None else clock
@@ -194,8 +195,11 @@ class Runner:
         free = state.active
         if demand.impedances:
             free = free & [name not in demand.impedances for name in self._names]
-        wrench = state.structure @ np.where(free, limits.lower, 0.0) if demand.wrench is None else demand.wrench
-        allocation, replaced = self._allocator(state.structure, wrench, free)
+        if demand.wrench is None:
+            wrench = state.structure @ np.where(free, limits.lower, 0.0)
+            allocation, replaced = self._taut(state.structure, wrench, free)
+        else:
+            allocation, replaced = self._allocator(state.structure, demand.wrench, free)
         require_within(allocation.tensions, limits, free, self._names)
         wanted = np.where(free, allocation.tensions, self._before)
         self._before = approach(self._before, wanted, min(self.modules.slews) / self.settings.rate)

@@ -6,6 +6,7 @@
 namespace tensionlab {
 
 void bind_allocate(nanobind::module_&);
+void bind_brakes(nanobind::module_&);
 void bind_clearance(nanobind::module_&);
 void bind_closed_form(nanobind::module_&);
 void bind_dykstra(nanobind::module_&);

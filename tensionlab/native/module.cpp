@@ -14,6 +14,7 @@ NB_MODULE(_native, module) {
   module.attr("MAX_CABLES") = kMaxCables;
   module.def("instruction_set", [] { return std::string(instruction_set_name()); });
   bind_allocate(module);
+  bind_brakes(module);
   bind_clearance(module);
   bind_closed_form(module);
   bind_dykstra(module);

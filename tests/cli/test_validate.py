@@ -60,6 +60,9 @@ def test_one_command_measures_and_compares(run, tmp_path):
     assert code == 0
     assert json.loads(text)["comparison"] == report["comparison"]
     assert (out / "measurements.jsonl").stat().st_mtime_ns == before
+    code, _, said = run("validate", RIG, "--preset", "paper-like", "--hold", 0.35, "--out", out)
+    assert code == 2
+    assert "of a validation with other preset" in said
 
 
 @pytest.mark.parametrize(

@@ -84,8 +84,9 @@ def test_a_platform_is_found_with_its_rotation():
     np.testing.assert_allclose(runner.latest.state.twist[:3], [0.1, 0.05, -0.02], atol=0.02)
 
 
-def test_without_a_wrench_the_cables_are_held_taut(rig):
-    runner = run(World(rig), rig, lambda state: Demand())
+@pytest.mark.parametrize("solver", ["newton", "closed-form", "safe"])
+def test_without_a_wrench_the_cables_are_held_taut(rig, solver):
+    runner = run(World(rig), rig, lambda state: Demand(), solver=solver)
     np.testing.assert_allclose(runner.latest.sent, rig.limits.lower, atol=1e-9)
 
 

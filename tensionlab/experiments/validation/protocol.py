@@ -10,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tensionlab.allocation import allocate
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.experiments.validation.sensor import ForceSensor
@@ -20,15 +22,22 @@ from tensionlab.hardware.run.clock import Clock
 from tensionlab.hardware.run.cycle import Cycle
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.runner import Runner
+from tensionlab.hardware.simulated import PARAMETERS
+from tensionlab.hardware.simulation.simulated_rig import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Solver, Status
 
+CONTINUOUS = PARAMETERS["current_continuous"].standard
+"""What a winding stands for ever, in A."""
 BASIS = 3
 """How many forces come first, to find out how the sensor is turned."""
 ZERO = 1.0
 """How long the sensor is watched with all motors off, in s."""
+HOT, COOL = 0.5, 0.4
+"""Shares of a winding's budget: when modules are to rest before a force that needs more current than they stand
+for ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7."""
 SLACK = 1e-6
 """A cycle may begin so much too early, in s."""
 
@@ -87,6 +96,8 @@ class Measurement:
         How many were averaged.
     spread : float
         Standard deviation of these, of the axis where it is largest, in N.
+    rested : float
+        How long modules had to cool before it, in s.
     hindered : tuple of str
         Modules that something kept from pulling as they were told.
     """
@@ -100,47 +111,66 @@ class Measurement:
     replaced: bool
     samples: int
     spread: float
+    rested: float
     hindered: tuple[str, ...]
 
 
 class Sequence:
     """Hold one force after another; asked as a demand source.
 
+    Before a force that needs more current than a winding stands for ever, modules rest at their lower limits until
+    all are cool enough.
+
     Parameters
     ----------
     protocol : Protocol
+    heating : (3 + K,) array of bool
+        Which of `Protocol.forces` need so much current.
     first : int
         Row of `Protocol.forces` to begin with.
     sensor : ForceSensor
     done : callable
-        Told of each force when it has been held: its number, and the samples (K, 3).
+        Told of each force when it has been held: its number, the samples (K, 3), and how long modules had to rest
+        before it, in s.
     """
 
     def __init__(
         self,
         protocol: Protocol,
+        heating: NDArray[np.bool_],
         first: int,
         sensor: ForceSensor,
-        done: Callable[[int, Floats], None],
+        done: Callable[[int, Floats, float], None],
     ) -> None:
         self._protocol, self._sensor, self._done = protocol, sensor, done
-        self._first = self._number = first
-        self._settled = False
+        self._heating, self._number = heating, first
+        self._since = self._rested = 0.0
+        self._settled = self._resting = False
         self._demands = [Demand(force) for force in protocol.forces]
 
     def __call__(self, state: RigState) -> Demand:
         """What to render now? Takes and drops what the sensor showed while tensions moved."""
-        held = (state.time + SLACK) / self._protocol.hold
-        number = self._first + int(held)
-        if number > self._number:
-            self._done(self._number, self._sensor.take())
-            self._number, self._settled = number, False
-        if number >= len(self._demands):
-            return Demand(stop=True)
-        if not self._settled and held % 1.0 * self._protocol.hold >= self._protocol.settle:
+        now = state.time + SLACK
+        heat = float(np.nanmax(state.thermal, initial=0.0))
+        if self._resting:
+            if heat > COOL:
+                return Demand()
+            self._rested += now - self._since
+            self._resting, self._since = False, now
+        elif now >= self._since + self._protocol.hold:
+            self._done(self._number, self._sensor.take(), self._rested)
+            self._number += 1
+            self._settled, self._rested = False, 0.0
+            self._since += self._protocol.hold
+            if self._number == len(self._demands):
+                return Demand(stop=True)
+            if heat > HOT and self._heating[self._number]:
+                self._resting, self._since = True, now
+                return Demand()
+        if not self._settled and now >= self._since + self._protocol.settle:
             self._sensor.take()
             self._settled = True
-        return self._demands[number]
+        return self._demands[self._number]
 
 
 def zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
@@ -197,12 +227,15 @@ def measure(
     place = Pose(rig.home, frames=rig.at_rest)
     forces = protocol.forces
 
-    def held(number: int, samples: Floats) -> None:
+    def held(number: int, samples: Floats, rested: float) -> None:
         assert runner.latest is not None
         average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
-        done(_measurement(number, forces[number], average, samples, runner.latest, rig))
+        done(_measurement(number, forces[number], average, samples, rested, runner.latest, rig))
 
-    sequence = Sequence(protocol, first, sensor, held)
+    chosen = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits, solver=solver)
+    for_ever = [CONTINUOUS * newton_per_ampere(module) for module in rig.modules]
+    heating = np.any(chosen.tensions > for_ever, axis=-1)
+    sequence = Sequence(protocol, heating, first, sensor, held)
     runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: place)
     runner.run()
     if runner.statistics.unconfirmed:
@@ -212,7 +245,13 @@ def measure(
 
 
 def _measurement(
-    number: int, desired: Floats, average: Floats, samples: Floats, latest: Cycle, rig: Rig
+    number: int,
+    desired: Floats,
+    average: Floats,
+    samples: Floats,
+    rested: float,
+    latest: Cycle,
+    rig: Rig,
 ) -> Measurement:
     free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
     limits = zip(rig.modules, latest.state.limits.tolist(), strict=True)
@@ -226,6 +265,7 @@ def _measurement(
         replaced=latest.replaced,
         samples=len(samples),
         spread=float(samples.std(axis=0).max()),
+        rested=rested,
         hindered=tuple(module.name for module, limit in limits if limit not in free),
     )
 

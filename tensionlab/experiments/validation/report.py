@@ -72,6 +72,8 @@ def remarks(result: Result) -> list[str]:
             f"The best rotation (Kabsch) differs from the published alignment by {result.tilt:.1f} degrees: the "
             "sensor leans, or the forces on the axes are off; a turn about the vertical leaves that in the errors."
         )
+    if result.rested:
+        found.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
     for name, times in result.hindered.items():
         found.append(f"Module {name} was kept from pulling as it was told at {times} forces.")
     return found
@@ -86,6 +88,7 @@ def as_json(result: Result, manifest: Mapping[str, Any]) -> dict[str, Any]:
         "vectors": len(result.desired),
         "exact": result.exact,
         "replaced": result.replaced,
+        "rested": result.rested,
         "source": SOURCE,
         "comparison": [
             {

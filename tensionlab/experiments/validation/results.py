@@ -10,8 +10,8 @@ import numpy as np
 
 from tensionlab.experiments.recordings import Recording
 from tensionlab.experiments.validation.alignment import ALIGNMENTS, UPRIGHT, angle
+from tensionlab.experiments.validation.noise import RATE
 from tensionlab.experiments.validation.protocol import BASIS, Measurement
-from tensionlab.experiments.validation.sensor import RATE
 from tensionlab.experiments.validation.statistics import Score, score
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
@@ -76,6 +76,11 @@ class Result:
     def tilt(self) -> float:
         """By how many degrees do the two ways to align differ? That tilt stays in the published way."""
         return angle(self.aligned["kabsch"].rotation @ self.aligned["paper"].rotation.T)
+
+    @property
+    def rested(self) -> float:
+        """How long did modules have to cool between forces, in s?"""
+        return sum(each.rested for each in self.measurements)
 
     @property
     def hindered(self) -> dict[str, int]:

@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 
 from tensionlab.experiments.validation.alignment import UPRIGHT
 from tensionlab.experiments.validation.error_model import Errors, true_rig
+from tensionlab.experiments.validation.noise import RATE, Wander
 from tensionlab.hardware.simulated import STEP, SimulatedModule, Trace
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 
-RATE = 1000
-"""Samples a second."""
 STRIDE = round(1.0 / RATE / STEP)
 """Steps of the firmware from one sample to the next."""
-WANDER = 1.0
-"""Correlation time of the noise, in s."""
 
 
 class ForceSensor(Protocol):
@@ -54,9 +51,7 @@ class SimulatedSensor:
     def __init__(self, rig: Rig, errors: Errors, seed: int = 0) -> None:
         real = true_rig(rig, errors)
         self._pull = UPRIGHT.T @ errors.tilt @ real.structure_matrix(real.home, frames=real.at_rest)
-        self._biases, self._noise = errors.biases, errors.noise
-        self._random = np.random.default_rng([seed, 1])
-        self._wander = errors.noise * self._random.standard_normal(3)
+        self._biases, self._wander = errors.biases, Wander(errors.noise, seed)
         self._steps = 0
         self._kept: list[Floats] = []
 
@@ -87,13 +82,4 @@ class SimulatedSensor:
 
     def _feel(self, tensions: Floats, driven: NDArray[np.bool_]) -> None:
         pulled = np.maximum(tensions + np.where(driven, self._biases, 0.0), 0.0)
-        self._kept.append(pulled @ self._pull.T + self._wandering(len(pulled)))
-
-    def _wandering(self, count: int) -> Floats:
-        """The next values of an Ornstein-Uhlenbeck process, sample by sample."""
-        share = np.exp(-1.0 / (RATE * WANDER))
-        kicks = self._noise * np.sqrt(1.0 - share**2) * self._random.standard_normal((count, 3))
-        fading = share ** np.arange(1, count + 1)[:, None]
-        values: Floats = fading * (self._wander + np.cumsum(kicks / fading, axis=0))
-        self._wander = values[-1]
-        return values
+        self._kept.append(pulled @ self._pull.T + self._wander.take(len(pulled)))

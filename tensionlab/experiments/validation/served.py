@@ -7,8 +7,9 @@ from types import TracebackType
 from typing import Self
 
 from tensionlab.experiments.validation.error_model import Errors
+from tensionlab.experiments.validation.noise import RATE
 from tensionlab.experiments.validation.readings import SIMULATED
-from tensionlab.experiments.validation.sensor import RATE, SimulatedSensor
+from tensionlab.experiments.validation.sensor import SimulatedSensor
 from tensionlab.hardware.simulated import SimulatedModule
 from tensionlab.hardware.simulation.ports import TcpPort
 from tensionlab.model.rig import Rig

@@ -17,7 +17,7 @@ def plant_of(module: Module) -> dict[str, float]:
     spool = PLANT["radius"].standard if module.spool_radius is None else module.spool_radius
     return {
         "radius": spool,
-        "torque_constant": _gain(module) * spool,
+        "torque_constant": newton_per_ampere(module) * spool,
         "brake_strength": 0.0 if module.brake is None else module.brake,
     }
 
@@ -73,13 +73,13 @@ def simulated_module(
                     f"modules of this kind take {row.lower:g} to {row.upper:g}"
                 )
         commands = [SetParameter(PARAMETERS[name].index, value) for name, value in wanted.items()] + commands
-        commands.append(Calibrate(Calibration.NEWTON_PER_AMPERE, _gain(module)))
+        commands.append(Calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module)))
     for command in commands:
         _tell(simulated, command, module.name)
     return simulated
 
 
-def _gain(module: Module) -> float:
+def newton_per_ampere(module: Module) -> float:
     """What does the firmware take the module's N/A for?"""
     if module.newton_per_ampere is not None:
         return module.newton_per_ampere

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -55,6 +56,7 @@ class World:
     ) -> None:
         self._rig = rig
         self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
+        self._piece = math.inf if motion is None else MOVE
         self.time = 0.0
         self.pose = self._motion(0.0)
         self.watch: Callable[[Sequence[Trace]], None] | None = None
@@ -70,7 +72,7 @@ class World:
         """Let time pass in all modules while the platform moves."""
         end = self.time + seconds
         while (left := end - self.time) > 1e-9:
-            step = min(left, MOVE)
+            step = min(left, self._piece)
             self.time += step
             self.pose = self._motion(self.time)
             moved = list(zip(self.modules, self._lengths(), strict=True))

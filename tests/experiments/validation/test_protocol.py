@@ -66,6 +66,17 @@ def test_a_rig_like_the_published_one():
     assert score.magnitude_error.mean.value < score.vector.mean.value - 0.1  # the two readings differ
 
 
+def test_windings_that_get_hot_may_cool_between_forces():
+    """The closed form pulls harder than it must: without rests, the runner would stop it after half a minute."""
+    up = Protocol(directions=np.repeat(grid18()[::30], 3, axis=0))
+    result = run(up, of(), "closed-form")
+    assert result.rested > 3.0
+    assert result.aligned["paper"].score.angle.largest < 1e-3
+    assert result.aligned["paper"].score.magnitude_error.largest < 1e-3
+    assert not result.hindered
+    assert run(FEW, of(), "newton").rested == 0.0
+
+
 def test_three_modules_on_the_floor_do_what_they_can():
     floor = tl.load_rig(RIGS / "floor-3.toml")
     result = run(QUICK, of(floor), rig=floor)

@@ -1,0 +1,35 @@
+// A client of the bridge for browsers: one frame out, one state back. BRIDGE.md has the messages.
+export class Bridge {
+  // url: such as ws://127.0.0.1:8765; onEvent hears what happens unasked.
+  constructor(url, onEvent = () => {}) {
+    this.waiting = [];
+    this.socket = new WebSocket(`${url}/command`);
+    this.welcome = new Promise((resolve, reject) => {
+      this.socket.onmessage = ({ data }) => {
+        const message = JSON.parse(data);
+        if (message.type === "welcome") resolve(message);
+        else if (message.type === "event") onEvent(message);
+        else if (message.type === "state") this.waiting.shift()?.resolve(message);
+        else this.waiting.shift()?.reject(new Error(message.reason));
+      };
+      this.socket.onclose = ({ reason }) => {
+        const gone = new Error(reason || "the bridge has gone");
+        reject(gone);
+        this.waiting.forEach((each) => each.reject(gone));
+        this.waiting = [];
+      };
+    });
+  }
+
+  // Where the bodies are at a time in s, by name: { hand: { position: [x, y, z] } }; what is felt, by name.
+  frame(time, bodies, effects = null, sequence = 0) {
+    return new Promise((resolve, reject) => {
+      this.waiting.push({ resolve, reject });
+      this.socket.send(JSON.stringify({ type: "frame", time, bodies, effects, sequence }));
+    });
+  }
+
+  close() {
+    this.socket.close();
+  }
+}

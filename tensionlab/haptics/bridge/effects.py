@@ -1,0 +1,63 @@
+"""Effects from messages: a kind, and parameters by their names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any, get_args, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects import EFFECTS
+from tensionlab.haptics.effects.effect import Effect
+
+
+def effect_of(name: str, given: Mapping[str, Any]) -> Effect:
+    """Which effect has a client described?
+
+    Parameters
+    ----------
+    name : str
+        What the client calls it.
+    given : mapping
+        ``kind``, and parameters of that effect; those left out have their default.
+
+    Raises
+    ------
+    EffectError
+        Naming the effect and the parameter: what is wrong and what to do.
+    """
+    kind = given.get("kind")
+    if kind not in EFFECTS:
+        raise EffectError(f"effect {name!r}: kind is {kind!r}; give one of {', '.join(EFFECTS)}")
+    parameters = {key: value for key, value in given.items() if key != "kind"}
+    _require_known(f"effect {name!r}", EFFECTS[kind], parameters)
+    try:
+        effect: Effect = adapter(kind).validate_python(parameters)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = "".join(f"{step}: " for step in problem["loc"])
+        raise EffectError(f"effect {name!r}: {where}{problem['msg'].removeprefix('Value error, ')}") from None
+    return effect
+
+
+@cache
+def adapter(kind: str) -> TypeAdapter[Any]:
+    """How are the parameters of a kind of effect read?"""
+    return TypeAdapter(EFFECTS[kind])
+
+
+def _require_known(where: str, kind: type, given: Any) -> None:
+    """Refuse parameters that a class, or one that it holds, does not have."""
+    if not isinstance(given, Mapping):
+        return
+    hints = get_type_hints(kind)
+    names = [each.name for each in fields(kind)]
+    for key, value in given.items():
+        if key not in names:
+            raise EffectError(f"{where}: no parameter {key!r}; there are {', '.join(names)}")
+        inner = [each for each in (hints[key], *get_args(hints[key])) if is_dataclass(each)]
+        if len(inner) == 1:
+            _require_known(f"{where}: {key}", inner[0], value)  # type: ignore[arg-type]

@@ -1,0 +1,117 @@
+"""What goes over the bridge: one JSON object a message. `BRIDGE.md` is made from this."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+PROTOCOL = 1
+"""Version of all this; `Welcome` tells the server's."""
+LARGEST = 64 * 1024
+"""Bytes of a message, at most."""
+MANY = 16
+"""Bodies, and effects, at most."""
+FAR = 100.0
+"""Coordinates in m are between minus and plus this."""
+
+Coordinate = Annotated[float, Field(ge=-FAR, le=FAR, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=64)]
+
+
+class Message(BaseModel):
+    """A message; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Body(Message):
+    """Where a tracked body is."""
+
+    position: tuple[Coordinate, ...] = Field(
+        min_length=2, max_length=3, description="in m, in the axes of the rig; two numbers in the plane"
+    )
+    rotation: tuple[Share, Share, Share, Share] | None = Field(
+        None, description="unit quaternion x, y, z, w; not turned if left out"
+    )
+
+    @field_validator("rotation")
+    @classmethod
+    def _turns(cls, rotation: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if rotation is not None and sum(part * part for part in rotation) < 0.25:
+            raise ValueError("a unit quaternion has length 1")
+        return rotation
+
+
+class Frame(Message):
+    """Where the tracked bodies are, and what the hand is to feel. At 50 to 120 a second; each gets a `State`."""
+
+    type: Literal["frame"] = "frame"
+    sequence: int = Field(0, ge=0, description="any number; the answer repeats it")
+    time: float = Field(
+        description="when the bodies were there, by the client's own clock, in s", allow_inf_nan=False
+    )
+    bodies: dict[Name, Body] = Field(
+        default_factory=dict,
+        max_length=MANY,
+        description="by name: hand is what the cables pull on; others are the frames that modules ride on",
+    )
+    effects: dict[Name, dict[str, Any]] | None = Field(
+        None,
+        max_length=MANY,
+        description="by a name of the client's: kind, and the effect's parameters; left out, all stay as they are",
+    )
+
+
+class Stop(Message):
+    """End the run: all modules let go."""
+
+    type: Literal["stop"] = "stop"
+
+
+class Welcome(Message):
+    """The first message to every client."""
+
+    type: Literal["welcome"] = "welcome"
+    protocol: int = PROTOCOL
+    rig: str = Field(description="its name")
+    modules: list[str] = Field(description="their names, in the order of all lists")
+    rate: float = Field(description="cycles a second")
+    timeout: float = Field(description="after so many s without a frame there is no force any more")
+
+
+class State(Message):
+    """How the rig is. The answer to each `Frame`."""
+
+    type: Literal["state"] = "state"
+    sequence: int = Field(description="that of the frame")
+    time: float = Field(description="of the run, in s")
+    position: list[float] = Field(description="of the point or the platform, by the cables or the client, in m")
+    asked: list[float] = Field(description="wrench that the effects asked for in the latest cycle, in N and N m")
+    pulled: list[float] = Field(description="wrench by what the modules say they pull with, in N and N m")
+    tensions: list[float | None] = Field(description="what the modules say they pull with, in N")
+    limits: list[str] = Field(description="what holds each module back: NONE, LOWER, UPPER, SLEW, ...")
+    active: list[bool] = Field(description="whether each module takes part")
+    fresh: float = Field(description="share of the force that is there: 1, or less where frames fail to come")
+
+
+class Event(Message):
+    """Something that happened; to those who watch, and to who commands."""
+
+    type: Literal["event"] = "event"
+    time: float = Field(description="of the run, in s")
+    kind: str = Field(description="fault, limit, lost, client, silent, fresh or rate")
+    text: str = Field(description="what happened")
+    module: str | None = Field(None, description="its name, if it is one module's")
+
+
+class Refused(Message):
+    """Why a message came to nothing. The answer to it, in place of a `State`."""
+
+    type: Literal["refused"] = "refused"
+    reason: str
+
+
+IN: tuple[type[Message], ...] = (Frame, Stop)
+OUT: tuple[type[Message], ...] = (Welcome, State, Event, Refused)

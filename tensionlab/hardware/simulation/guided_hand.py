@@ -1,0 +1,53 @@
+"""A hand that goes where it is told, as fast as a hand can: who guides it may leap, cables may not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tensionlab.demand import Floats, Pose
+
+QUICKNESS = 25.0
+"""Natural frequency in rad/s: it is there within some 0.2 s, without overshoot."""
+FASTEST = 1.5
+"""In m/s; modules let the cable in and out at 2 m/s."""
+LONGEST = 0.01
+"""Time of one step of the integration, in s, at most."""
+
+
+class GuidedHand:
+    """Follows a pose, critically damped: positions of the hand and of body frames; rotations at once. A motion.
+
+    Parameters
+    ----------
+    guide : callable
+        Where it is to be, at a time in s. It starts there.
+    """
+
+    def __init__(self, guide: Callable[[float], Pose]) -> None:
+        self._guide = guide
+        self._places: dict[str, tuple[Floats, Floats]] = {}
+        self._time = 0.0
+
+    def __call__(self, time: float) -> Pose:
+        """Where is it at a time, which must not go back?"""
+        wanted = self._guide(time)
+        step, self._time = time - self._time, time
+        position = self._follow("", wanted.position, step)
+        frames = {}
+        for name, where in (wanted.frames or {}).items():
+            place, rotation = where if isinstance(where, tuple) else (where, None)
+            frames[name] = (self._follow(name, np.asarray(place, dtype=np.float64), step), rotation)
+        return Pose(position, wanted.rotation, frames)
+
+    def _follow(self, name: str, wanted: Floats, seconds: float) -> Floats:
+        place, velocity = self._places.get(name, (wanted, np.zeros_like(wanted)))
+        while seconds > 0.0:
+            step = min(seconds, LONGEST)
+            velocity = velocity + step * (QUICKNESS**2 * (wanted - place) - 2.0 * QUICKNESS * velocity)
+            velocity = velocity * min(1.0, FASTEST / max(float(np.linalg.norm(velocity)), FASTEST))
+            place = place + step * velocity
+            seconds -= step
+        self._places[name] = (place, velocity)
+        return place

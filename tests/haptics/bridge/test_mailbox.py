@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.bridge.mailbox import Mailbox
+from tensionlab.haptics.bridge.messages import Frame
+
+
+def frame(time, *position, effects=None, rotation=None):
+    body = {"position": position} | ({} if rotation is None else {"rotation": rotation})
+    return Frame.model_validate({"time": time, "bodies": {"hand": body}, "effects": effects})
+
+
+def test_between_two_frames_a_hand_moves_evenly_one_frame_behind():
+    box = Mailbox()
+    box.put(frame(10.0, 0.0, 0.0, 0.0), 100.000)
+    box.put(frame(10.02, 0.02, 0.0, 0.0), 100.021)  # a ms late on its way
+    for age, x in ((0.0, 0.0), (0.01, 0.01), (0.02, 0.02), (0.05, 0.02)):
+        motion = box.motion("hand", 100.021 + age)
+        np.testing.assert_allclose(motion.position, [x, 0.0, 0.0], atol=1e-12)
+        assert motion.age == pytest.approx(age)
+    np.testing.assert_allclose(box.motion("hand", 100.03).velocity, [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(box.motion("hand", 100.05).velocity, 0.0)
+
+
+def test_a_gap_is_no_motion():
+    box = Mailbox()
+    box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
+    box.put(frame(12.0, 0.5, 0.0, 0.0), 102.0)
+    motion = box.motion("hand", 102.0)
+    np.testing.assert_allclose(motion.position, [0.5, 0.0, 0.0])
+    np.testing.assert_allclose(motion.velocity, 0.0)
+
+
+def test_time_that_goes_back_is_no_motion_either():
+    box = Mailbox()
+    box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
+    box.put(frame(9.0, 0.01, 0.0, 0.0), 100.01)
+    assert np.isfinite(box.motion("hand", 100.0105).velocity).all()
+    np.testing.assert_allclose(box.motion("hand", 100.02).position, [0.01, 0.0, 0.0])
+
+
+def test_bodies_that_nobody_mentioned_are_nowhere():
+    box = Mailbox()
+    assert box.motion("hand", 0.0) is None
+    assert box.age(0.0) == np.inf
+    box.put(frame(0.0, 0.0, 0.0, 0.0), 1.0)
+    assert box.motion("hip", 1.0) is None
+
+
+def test_a_quaternion_turns():
+    box = Mailbox()
+    half = np.sqrt(0.5)
+    box.put(frame(0.0, 0.0, 0.0, 0.0, rotation=(0.0, 0.0, half, half)), 0.0)
+    turn = box.motion("hand", 0.0).rotation
+    np.testing.assert_allclose(turn @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_effects_stay_until_others_are_named_and_a_bad_frame_changes_nothing():
+    box = Mailbox()
+    box.put(frame(0.0, 0.0, 0.0, 0.0, effects={"a": {"kind": "wall", "stiffness": 50.0}}), 0.0)
+    box.put(frame(0.1, 0.1, 0.0, 0.0), 0.1)
+    assert box.effects["a"].stiffness == 50.0
+    with pytest.raises(EffectError, match="no parameter 'colour'"):
+        box.put(frame(0.2, 0.2, 0.0, 0.0, effects={"b": {"kind": "wall", "colour": 1}}), 0.2)
+    assert list(box.effects) == ["a"]
+    np.testing.assert_allclose(box.motion("hand", 5.0).position, [0.1, 0.0, 0.0])
+    box.put(frame(0.3, 0.0, 0.0, 0.0, effects={}), 0.3)
+    assert not box.effects
