@@ -32,7 +32,7 @@ def given(forces, positions):
 
 
 @st.composite
-def closed_paths(draw, steps, size=0.04, hands=4):
+def closed_paths(draw, steps, size=0.04, hands=8):
     """Positions (steps, hands, 3) that end where they begin: three harmonics an axis, up to 4 cm each."""
     count = 3 * hands * 3
     amplitudes = draw(st.lists(st.floats(-size, size), min_size=count, max_size=count))

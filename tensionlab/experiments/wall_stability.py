@@ -12,6 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.haptics.effects.parameters import require_positive
+from tensionlab.haptics.stability import stiffness_bound
+
 Floats = NDArray[np.float64]
 Law = Callable[[int, Floats, Floats], Floats]
 """Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""
@@ -21,12 +24,16 @@ Law = Callable[[int, Floats, Floats], Floats]
 class Hand:
     """How is the hand? Mass in kg, damping in N s/m, and the constant force with which it pushes, in N.
 
-    0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero.
+    0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero. Hands that
+    are simulated together may be pushed with different forces, (...).
     """
 
     mass: float = 0.3
     damping: float = 2.0
-    push: float = 2.0
+    push: float | Floats = 2.0
+
+    def __post_init__(self) -> None:
+        require_positive(self, "mass", "damping")
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +121,6 @@ def measured_bound(
     -------
     (q,) array
     """
-    from tensionlab.haptics.stability import stiffness_bound
-
     hand = hand or Hand()
     steps = np.rint(delays / step).astype(np.int64)[:, None]
     tried = stiffness_bound(np.multiply(steps, step, dtype=np.float64), step, hand.damping, damping) * np.arange(

@@ -9,6 +9,7 @@ from tensionlab.haptics.effects import (
     Bow,
     Friction,
     Magnet,
+    ModuleLimits,
     Motion,
     OnModule,
     Ramp,
@@ -121,9 +122,19 @@ def test_a_slanting_cable_pulls_as_hard_along_the_normal():
 
 def test_a_vibrating_cable_never_goes_slack():
     for lower in (0.5, 0.8):
-        cable = along_cable(Vibration().on_module(at(0.0, 0.0, 0.0)), 1.0, np.array([0.0, 0.0, 1.0]), lower)
+        limits = ModuleLimits(lower=lower)
+        cable = along_cable(Vibration().on_module(at(0.0, 0.0, 0.0)), 1.0, np.array([0.0, 0.0, 1.0]), limits)
         assert cable.feed_forward - cable.amplitude == pytest.approx(lower)
         assert (cable.amplitude, cable.frequency) == (1.0, 40.0)
+
+
+def test_nothing_is_asked_that_a_module_refuses():
+    slant = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    wild = along_cable(Wall(stiffness=1000.0, damping=50.0).on_module(at(0.0, 0.0, -0.01)), 2.0, slant)
+    assert (wild.stiffness, wild.damping) == (500.0, 10.0)
+    shaking = along_cable(Vibration(amplitude=9.0).on_module(at(0.0, 0.0, 0.0)), 2.0, slant)
+    assert shaking.feed_forward + shaking.amplitude <= 6.0
+    assert shaking.feed_forward - shaking.amplitude >= 0.5
 
 
 def test_before_contact_the_module_does_not_damp():

@@ -23,7 +23,7 @@ from tensionlab.haptics.effects import (
     Weight,
 )
 
-STEPS = 1000
+STEPS = 600
 PASSIVE = {
     "wall": Wall(),
     "magnetic": Magnet(),
@@ -47,7 +47,7 @@ def leak(forces, path):
 
 
 @pytest.mark.parametrize("name", PASSIVE)
-@settings(max_examples=5)
+@settings(max_examples=3)
 @given(path=closed_paths(STEPS))
 def test_a_closed_motion_gains_nothing(name, path):
     """Twice around; the second time begins with what the first left in bristles and proxies."""

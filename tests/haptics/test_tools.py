@@ -8,6 +8,7 @@ from motions import at, follow
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
+from tensionlab.haptics.stages import slewed
 
 
 def test_a_weight_at_rest_is_its_weight():
@@ -44,6 +45,16 @@ def test_a_shot_has_its_impulse():
     assert np.trapezoid(-force[:, 1], time) == pytest.approx(Recoil().impulse, rel=1e-5)
     assert -force[:, 1].min() == pytest.approx(5.5)
     assert time[np.argmin(force[:, 1])] == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize(("slew", "peak", "impulse"), [(60.0, 2.8, 0.23), (300.0, 4.6, 0.31)])
+def test_what_a_modules_own_limit_leaves_of_a_shot(slew, peak, impulse):
+    time, now, felt = np.arange(0.0, 1.0, 1e-4), np.zeros(3), []
+    for wanted in kick(Recoil(shots=(0.0,)), time).force:
+        now = slewed(wanted, now, slew * 1e-4)
+        felt.append(-now[1])
+    assert max(felt) == pytest.approx(peak, abs=0.05)
+    assert np.trapezoid(felt, time) == pytest.approx(impulse, abs=0.005)
 
 
 def test_shots_add_up_and_may_leap():

@@ -10,7 +10,14 @@ from tensionlab.haptics.effects.contact import Magnet, Plane, Texture, Wall
 from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered, relative
 from tensionlab.haptics.effects.fields import Box, Distance, Field, HalfSpace, Sphere
 from tensionlab.haptics.effects.friction import Friction
-from tensionlab.haptics.effects.on_module import AxisImpedance, CableImpedance, OnModule, along_cable, divide
+from tensionlab.haptics.effects.on_module import (
+    AxisImpedance,
+    CableImpedance,
+    ModuleLimits,
+    OnModule,
+    along_cable,
+    divide,
+)
 from tensionlab.haptics.effects.shape import Shape, VirtualCoupling
 from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
@@ -43,6 +50,7 @@ __all__ = [
     "HalfSpace",
     "Magnet",
     "Memory",
+    "ModuleLimits",
     "Motion",
     "OnModule",
     "Plane",

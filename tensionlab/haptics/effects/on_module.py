@@ -64,6 +64,26 @@ class CableImpedance:
     frequency: float = 0.0
 
 
+@dataclass(frozen=True)
+class ModuleLimits:
+    """What does a module render at most? It refuses an impedance as a whole that goes beyond.
+
+    The defaults are those of the firmware's parameters.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Tensions in N. The lower one is held under a vibration too, by as much more feed-forward.
+    stiffness, damping : float
+        In N/m and N s/m.
+    """
+
+    lower: float = 0.5
+    upper: float = 6.0
+    stiffness: float = 500.0
+    damping: float = 10.0
+
+
 @runtime_checkable
 class OnModule(Effect, Protocol):
     """What an effect can do that has a part for a module. Both take one motion, not a batch."""
@@ -77,13 +97,15 @@ class OnModule(Effect, Protocol):
         ...
 
 
-def along_cable(part: AxisImpedance, length: float, direction: Floats, lower: float = 0.5) -> CableImpedance:
+def along_cable(
+    part: AxisImpedance, length: float, direction: Floats, limits: ModuleLimits | None = None
+) -> CableImpedance:
     """What must a module render so that this happens along the axis?
 
     Where the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and only c of its tension is along
     the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its cable
-    pays out, in contact or not: it gets the damping only once there is contact. Beyond the module's own limits of
-    stiffness and damping it refuses all of it, which is for the caller to know.
+    pays out, in contact or not: it gets the damping only once there is contact. What is beyond the module's limits
+    is cut to them.
 
     Parameters
     ----------
@@ -92,16 +114,18 @@ def along_cable(part: AxisImpedance, length: float, direction: Floats, lower: fl
         Of the cable, in m.
     direction : (d,) array
         Unit vector of the cable, from the hand to the module.
-    lower : float
-        Least tension of the module, in N: it is held under a vibration too, by as much more feed-forward.
+    limits : ModuleLimits or None
+        None: those of the firmware as it comes.
     """
+    limits = limits or ModuleLimits()
     c = float(part.axis @ direction)
-    amplitude = part.amplitude / c
+    amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
+    least = limits.lower + amplitude if amplitude else 0.0
     return CableImpedance(
         rest=max(length - c * part.compression, 0.0),
-        stiffness=part.stiffness / c**2,
-        damping=part.damping / c**2 if part.compression >= 0.0 else 0.0,
-        feed_forward=max(part.feed_forward / c, lower + amplitude if amplitude else 0.0),
+        stiffness=min(part.stiffness / c**2, limits.stiffness),
+        damping=min(part.damping / c**2, limits.damping) if part.compression >= 0.0 else 0.0,
+        feed_forward=min(max(part.feed_forward / c, least), limits.upper),
         amplitude=amplitude,
         frequency=part.frequency,
     )
@@ -135,7 +159,7 @@ def divide(
     lengths: Floats,
     directions: Floats,
     able: NDArray[np.bool_] | None = None,
-    lower: float = 0.5,
+    limits: ModuleLimits | None = None,
 ) -> Divided:
     """Which part of some effects goes to which module, and what is left for the host?
 
@@ -156,25 +180,24 @@ def divide(
         Unit vectors of the cables, from the hand to the modules.
     able : (m,) array of bool or None
         Modules that may render an impedance; None: all.
-    lower : float
-        Least tension of the modules, in N.
+    limits : ModuleLimits or None
+        Of the modules; None: those of the firmware as it comes.
     """
     free = np.ones(len(lengths), dtype=bool) if able is None else np.array(able, dtype=bool)
     force = np.zeros_like(motion.position)
     impedances: dict[int, CableImpedance] = {}
     memories, sudden = [], False
     for effect, own in zip(effects, memory or (None,) * len(effects), strict=True):
-        cable = None
-        if isinstance(effect, OnModule) and (part := effect.on_module(motion, own)) is not None:
+        done = None
+        if isinstance(effect, OnModule) and (part := effect.on_module(motion, own)) is not None and free.any():
             cosines = np.where(free, directions @ part.axis, -1.0)
-            best = int(np.argmax(cosines)) if len(cosines) else -1
-            if best >= 0 and cosines[best] >= ALIGNED:
-                cable = best
-                impedances[cable] = along_cable(part, float(lengths[cable]), directions[cable], lower)
-                free[cable] = False
-        done = effect.render(motion, own)
-        if cable is not None and isinstance(effect, OnModule):
-            done = effect.on_host(motion, own)
+            best = int(np.argmax(cosines))
+            if cosines[best] >= ALIGNED:
+                impedances[best] = along_cable(part, float(lengths[best]), directions[best], limits)
+                free[best] = False
+                done = effect.on_host(motion, own)
+        if done is None:
+            done = effect.render(motion, own)
         force = force + done.force
         memories.append(done.memory)
         sudden = sudden or bool(np.any(done.sudden))

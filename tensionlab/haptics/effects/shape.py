@@ -126,5 +126,7 @@ class Shape:
     def _outside(self, position: Floats) -> Floats:
         for _ in range(3):
             distance, normal = self.field(position)
+            if (distance >= 0.0).all():
+                break
             position = position - np.minimum(distance, 0.0)[..., None] * along(normal)
         return position
