@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 from contextlib import contextmanager, suppress
@@ -249,7 +250,7 @@ def test_a_stop_ends_the_run_and_ctrl_c_does_too():
 
 
 def test_the_python_example_runs(bridge):
-    words = ["python", ROOT / "examples/bridge/client.py", bridge, "2"]
+    words = [sys.executable, ROOT / "examples/bridge/client.py", bridge, "2"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60.0, check=False)
     assert done.returncode == 0, done.stderr
     assert "asked for" in done.stdout
