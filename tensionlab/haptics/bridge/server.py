@@ -207,22 +207,38 @@ class Bridge:
                 self._commander = None
 
     async def _command(self, connection: ServerConnection) -> None:
+        """Answer what a task of its own reads: a flood shows however slow the answers are."""
         from websockets.exceptions import ConnectionClosed
 
-        flow, refused = Flow(), 0
+        pending: asyncio.Queue[str | bytes | None] = asyncio.Queue()
+        reader, refused = asyncio.create_task(self._read(connection, pending)), 0
         try:
-            async for content in connection:
-                if flow.floods():
-                    await self._turn_away(connection, f"a flood: at most {FASTEST:g} messages a second")
-                    return
+            while (content := await pending.get()) is not None:
                 answer = self._answer(content)
                 refused = refused + 1 if isinstance(answer, Refused) else 0
                 await connection.send(answer.model_dump_json())
                 if refused >= PATIENCE:
                     await self._turn_away(connection, f"{PATIENCE} messages in a row could not be understood")
-                    return
         except ConnectionClosed:
-            return
+            pass
+        finally:
+            await reader
+
+    async def _read(self, connection: ServerConnection, pending: asyncio.Queue[str | bytes | None]) -> None:
+        """Hand on what comes, until the client goes or floods; then None."""
+        from websockets.exceptions import ConnectionClosed
+
+        flow = Flow()
+        try:
+            async for content in connection:
+                if flow.floods():
+                    await self._turn_away(connection, f"a flood: at most {FASTEST:g} messages a second")
+                    break
+                pending.put_nowait(content)
+        except ConnectionClosed:
+            pass
+        finally:
+            pending.put_nowait(None)
 
     async def _watch(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
