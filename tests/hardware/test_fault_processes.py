@@ -73,7 +73,8 @@ def test_a_host_that_is_killed_or_hangs(rig, number):
         if number == signal.SIGSTOP:  # when it comes back, it finds out, and ends
             running.send_signal(signal.SIGCONT)
             assert running.wait(15.0) == 1
-            assert "has let go (TIMEOUT)" in running.stderr.read()
+            said = running.stderr.read()  # by what it hears first: that they let go, or nothing for too long
+            assert "has let go (TIMEOUT)" in said or "has been silent for" in said
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
