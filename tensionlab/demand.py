@@ -57,6 +57,9 @@ class RigState:
         `codes.State`, `codes.Fault` and `codes.Limit` of each module.
     taken : (m,) array of int
         Sequence number of the set-point that each module followed last; -1 before the first telemetry.
+    delays : (m,) array
+        How long ago that set-point was sent, in s: so late does what the host asks for show in what it hears. NaN
+        before the first.
     thermal : (m,) array
         Share of each winding's budget that is spent.
     """
@@ -75,6 +78,7 @@ class RigState:
     faults: Integers
     limits: Integers
     taken: Integers
+    delays: Floats
     thermal: Floats
 
 
@@ -89,6 +93,17 @@ class Impedance:
     amplitude: float = 0.0
     frequency: float = 0.0
 
+    def tension(self, length: float, speed: float) -> float:
+        """How hard does the cable pull with it, vibration aside, in N?
+
+        Parameters
+        ----------
+        length, speed : float
+            Of the cable, in m; of paying out, in m/s.
+        """
+        spring = self.stiffness * max(length - self.rest, 0.0)
+        return self.feed_forward + spring + self.damping * max(speed, 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Demand:
@@ -97,11 +112,13 @@ class Demand:
     Attributes
     ----------
     wrench : (n,) array or None
-        To be exerted on the platform, in N and N·m. None: each cable is held at its lower limit.
+        To be exerted on the platform by all modules together, in N and N·m. None: each cable is held at its lower
+        limit.
     impedances : mapping of str to Impedance
-        Modules, by name, that render a spring instead; the wrench is left to the others.
+        Modules, by name, that render a spring by themselves. What of the wrench they do not pull is left to the
+        others.
     brakes : set of str
-        Modules whose brake is to be on.
+        Modules whose brake is to be on. What it holds comes on top of the wrench.
     stop : bool
         End the run: all modules let go.
     """

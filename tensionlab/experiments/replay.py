@@ -106,7 +106,7 @@ def replay(
     rows = [_row(run, asked, run.setup.solver, run.setup.nearest, kept, int(run.replaced[asked].sum()))]
     for done, (name, policy) in enumerate(own.items(), start=1):
         allocator = Allocator(limits, make(name), nearest=policy)
-        found = allocator(run.structure[asked], run.demanded[asked])
+        found = allocator(run.structure[asked], run.asked[asked])
         rows.append(_row(run, asked, name, policy, found, 0))
         if progress:
             progress(done / len(own))
@@ -127,7 +127,7 @@ def _row(
     replaced: int,
 ) -> ReplayRow:
     dimension = run.rig.dimension
-    wrenches, part, cycle = run.demanded[asked], _part(run)[asked], run.cycle[asked]
+    wrenches, part, cycle = run.asked[asked], _part(run)[asked], run.cycle[asked]
     forces, rendered = wrenches[:, :dimension], found.wrench[:, :dimension]
     magnitude = abs(np.linalg.norm(rendered, axis=1) - np.linalg.norm(forces, axis=1))
     neighbours = (np.diff(cycle) == 1) & (part[1:] == part[:-1]).all(axis=1)

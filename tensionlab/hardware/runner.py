@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensionlab.demand import DemandSource, Pose, RigState
+from tensionlab.demand import Demand, DemandSource, Floats, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.group import ModuleGroup
@@ -35,6 +35,8 @@ FIRST_TELEMETRY = 2.0
 """How long to wait for it, in s."""
 BACK = 1e-3
 """A cycle that begins so long before its deadline, in s, means that the clock went back."""
+SEQUENCES = 256
+"""Numbers of set-points; then they begin anew."""
 SWITCH = 5e-4
 """How long a cycle that is due may wait for another thread of this process, in s."""
 
@@ -106,6 +108,8 @@ class Runner:
         self._lengths = PoseTracker(rig) if tracker is None else None
         self._roll = Roll(modules, self.settings.ttl, self.settings.on_loss, self._lost)
         self._before = rig.limits.lower.copy()
+        self._sent_at = np.full((SEQUENCES, rig.m), np.nan)  # when each set-point was sent, in s of the run
+        self._indices = np.arange(rig.m)
 
     def run(self, seconds: float | None = None) -> Statistics:
         """Arm all modules, render, and stop them.
@@ -199,14 +203,18 @@ class Runner:
             wrench = state.structure @ np.where(free, limits.lower, 0.0)
             allocation, replaced = self._taut(state.structure, wrench, free)
         else:
-            allocation, replaced = self._allocator(state.structure, demand.wrench, free)
+            wrench = np.asarray(demand.wrench)
+            if demand.impedances:
+                wrench = wrench - state.structure @ self._pulls(demand, state)
+            allocation, replaced = self._allocator(state.structure, wrench, free)
         require_within(allocation.tensions, limits, free, self._names)
         wanted = np.where(free, allocation.tensions, self._before)
         self._before = approach(self._before, wanted, min(self.modules.slews) / self.settings.rate)
         sequences = self._roll.send(self._before, demand, self.settings.ttl_ms)
+        self._sent_at[sequences % SEQUENCES, self._indices] = np.where(sequences < 0, np.nan, now)
         work = time.perf_counter() - began
         sent = np.where(free, self._before, np.nan)
-        self.latest = Cycle(state, demand, allocation, replaced, sent, sequences, late, work)
+        self.latest = Cycle(state, demand, wrench, allocation, replaced, sent, sequences, late, work)
         self.statistics.take(self.latest, slewed=self._before is not wanted)
         if self.log is not None:
             self.log.write(self.latest)
@@ -225,7 +233,21 @@ class Runner:
         late = seen.ages > 2e-3 * self.settings.telemetry_ms
         if late.any():
             self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
-        return RigState(self.statistics.cycles, now, pose, motion, structure, active=active, **seen._asdict())
+        delays = now - self._sent_at[seen.taken % SEQUENCES, self._indices]
+        return RigState(
+            self.statistics.cycles, now, pose, motion, structure, active=active, delays=delays, **seen._asdict()
+        )
+
+    def _pulls(self, demand: Demand, state: RigState) -> Floats:
+        """How hard do the modules pull that render an impedance, by what is known of their cables?"""
+        pulls = np.zeros(self.rig.m)
+        for index, name in enumerate(self._names):
+            if name in demand.impedances and state.active[index]:
+                least, most = self.rig.limits.lower[index], self.rig.limits.upper[index]
+                spring = demand.impedances[name]
+                pull = spring.tension(float(state.lengths[index]), float(state.speeds[index]))
+                pulls[index] = min(max(pull, least), most)
+        return pulls
 
     def _lost(self, index: int, error: HardwareError) -> None:
         self.statistics.lost[self._names[index]] = str(error)

@@ -13,6 +13,7 @@ from tensionlab.hardware.codes import Calibration, State
 from tensionlab.hardware.run.clock import WorldClock
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.runner import Runner
+from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.solvers.contract import Answer, Status
 
@@ -142,7 +143,26 @@ def test_modules_with_an_impedance_render_it_and_the_others_share_the_wrench(rig
     assert cycle.state.tensions[3] == pytest.approx(0.5 + 10.0 * 0.1, abs=0.02)
     assert np.isnan(cycle.sent[3])
     assert cycle.sequences[3] >= 0
-    np.testing.assert_allclose(cycle.state.structure[:, :3] @ cycle.sent[:3], force, atol=1e-6)
+    # All together exert the force; what the spring pulls is known from the cable's length as the module told it.
+    pulls = np.append(cycle.sent[:3], spring.tension(cycle.state.lengths[3], cycle.state.speeds[3]))
+    np.testing.assert_allclose(cycle.state.structure @ pulls, force, atol=1e-6)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.02])
+def test_it_knows_how_late_it_hears_what_it_asked_for(rig, latency):
+    delays = []
+    world = World(rig)
+    group = world.group(Conditions(latency))
+
+    def demand(state):
+        delays.append(state.delays)
+        return Demand(np.array([0.0, np.sin(9.0 * state.time), 0.0]))
+
+    Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(1.0)
+    assert np.isnan(delays[0]).all()
+    settled = np.array(delays[20:])
+    assert (settled > 2 * latency).all()
+    assert (settled <= 2 * latency + 3.1 / 50.0).all()  # what is on its way moves on once a cycle
 
 
 def test_brakes_are_laid_on(rig):

@@ -62,8 +62,12 @@ class CycleTable:
     taken: Annotated[
         Integers, Column(("module",), "1", "sequence number of the last set-point followed; -1: none yet")
     ]
+    delays: Annotated[Floats, Column(("module",), "s", "time since that set-point was sent")]
     thermal: Annotated[Floats, Column(("module",), "1", "share of the winding's budget that is spent")]
     demanded: Annotated[Floats, Column(("component",), "N or N m", "wrench that was asked for")]
+    asked: Annotated[
+        Floats, Column(("component",), "N or N m", "what of it the solver was asked for: impedances pull the rest")
+    ]
     impedances: Annotated[
         Floats, Column(("module", "impedance"), "SI", f"impedance asked for: {', '.join(IMPEDANCE)}")
     ]
@@ -147,8 +151,10 @@ def _row(cycle: Cycle, rig: Rig) -> dict[str, Any]:
         "faults": state.faults.tolist(),
         "limits": state.limits.tolist(),
         "taken": state.taken.tolist(),
+        "delays": state.delays.tolist(),
         "thermal": state.thermal.tolist(),
         "demanded": (none if demand.wrench is None else np.asarray(demand.wrench, dtype=np.float64)).tolist(),
+        "asked": cycle.asked.tolist(),
         "impedances": _impedances(demand.impedances, rig),
         "brakes": [module.name in demand.brakes for module in rig.modules],
         "stop": bool(demand.stop),

@@ -18,6 +18,8 @@ class Cycle:
         At its begin.
     demand : Demand
         What was asked for.
+    asked : (n,) array
+        What of it the solver was asked for: all but what modules with an impedance pull.
     allocation : Allocation
         What the solver chose, measured; with tension 0 in modules that do not take part.
     replaced : bool
@@ -34,6 +36,7 @@ class Cycle:
 
     state: RigState
     demand: Demand
+    asked: Floats
     allocation: Allocation
     replaced: bool
     sent: Floats

@@ -4,21 +4,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from tensionlab.demand import Floats, Pose
 from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.link import SimulatedLink
+from tensionlab.hardware.link import Link, SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulated import Trace
+from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.model.rig import Rig
 
 MOVE = 5e-3
 """Time, in s, over which the cables' far ends move evenly; in between, the pose is asked for."""
+GIVE = 1e-3
+"""The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz."""
 Motion = Callable[[float], Pose]
 """Where is what the cables hold, at a time in s?"""
+
+
+@runtime_checkable
+class GivesWay(Protocol):
+    """A motion that the cables change."""
+
+    def __call__(self, time: float) -> Pose:
+        """Where is it, at a time that does not go back?"""
+
+    def feel(self, tensions: Floats) -> None:
+        """Take what the cables pull with from now on, (m,) in N."""
 
 
 class World:
@@ -28,7 +44,7 @@ class World:
     ----------
     rig : Rig
     motion : callable, optional
-        Where the platform is at each time; at the rig's home if left out.
+        Where the platform is at each time, at the rig's home if left out. One that `GivesWay` feels the cables.
     seed : int
         Of the sensors' noise.
     plants : mapping of str to mapping, optional
@@ -56,7 +72,8 @@ class World:
     ) -> None:
         self._rig = rig
         self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
-        self._piece = math.inf if motion is None else MOVE
+        self._given = motion if isinstance(motion, GivesWay) else None
+        self._piece = math.inf if motion is None else MOVE if self._given is None else GIVE
         self.time = 0.0
         self.pose = self._motion(0.0)
         self.watch: Callable[[Sequence[Trace]], None] | None = None
@@ -74,6 +91,8 @@ class World:
         while (left := end - self.time) > 1e-9:
             step = min(left, self._piece)
             self.time += step
+            if self._given is not None:
+                self._given.feel(self.tensions)
             self.pose = self._motion(self.time)
             moved = list(zip(self.modules, self._lengths(), strict=True))
             if self.watch is None:
@@ -93,10 +112,23 @@ class World:
         structure: Floats = self._rig.structure_matrix(*self.pose) @ self.tensions
         return structure
 
-    def group(self) -> ModuleGroup:
-        """Clients of these modules."""
-        named = zip(self._rig.modules, self.modules, strict=True)
-        return ModuleGroup([ModuleClient(module.name, SimulatedLink(simulated)) for module, simulated in named])
+    def group(self, conditions: Conditions | None = None, seed: int = 0) -> ModuleGroup:
+        """Clients of these modules.
+
+        Parameters
+        ----------
+        conditions : Conditions, optional
+            Of their links, which are perfect if left out.
+        seed : int
+            Of the links' accidents.
+        """
+        clients = []
+        for index, (module, simulated) in enumerate(zip(self._rig.modules, self.modules, strict=True)):
+            link: Link = SimulatedLink(simulated)
+            if conditions is not None:
+                link = FaultyLink(link, conditions, seed=seed + index)
+            clients.append(ModuleClient(module.name, link))
+        return ModuleGroup(clients)
 
     def _lengths(self) -> list[float]:
         return [float(length) for length in self._rig.lengths(*self.pose)]
