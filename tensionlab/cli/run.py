@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
 
 if TYPE_CHECKING:
     from tensionlab.demand import DemandSource
-    from tensionlab.hardware.log import RunLog
-    from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Tracker
     from tensionlab.model.rig import Rig
 
@@ -24,14 +23,8 @@ REFRESH = 5.0
 
 def run(
     rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
-    modules: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|URL,...",
-            help="Modules file, or links in the rig's order. Simulated modules in this process if left out.",
-        ),
-    ] = None,
-    solver: Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")] = "newton",
+    modules: Modules = None,
+    solver: Solver = "newton",
     nearest: Annotated[
         str | None, typer.Option(help="Out of reach: force, tension or direction; the solver's own if left out.")
     ] = None,
@@ -67,11 +60,8 @@ def run(
     """
     from tensionlab.cli.run_table import Screen, summary_table
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.group import connect
-    from tensionlab.hardware.run.clock import RealClock, WorldClock
     from tensionlab.hardware.run.settings import RunSettings
     from tensionlab.hardware.runner import Runner
-    from tensionlab.hardware.simulation.world import World
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
@@ -79,15 +69,7 @@ def run(
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
     check_solver(loaded, solver, nearest)
     place = _place(loaded, at)
-    clock: RealClock | WorldClock
-    if modules is None:
-        typer.echo("no --modules: these are simulated, in this process", err=True)
-        world = World(loaded, place)
-        group, clock = world.group(), WorldClock(world, paced=True)
-        links = dict.fromkeys((module.name for module in loaded.modules), "sim:")
-    else:
-        links = module_links(loaded, modules)
-        group, clock = connect(loaded, links), RealClock()
+    group, clock, links = reach_modules(loaded, modules, place)
     failure: HardwareError | None = None
     try:
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=place)
@@ -147,37 +129,3 @@ def _place(rig: Rig, at: str | None) -> Tracker | None:
     rig.lengths(position, frames=rig.at_rest)  # refuses what is no place
     pose = Pose(position, frames=rig.at_rest)
     return lambda time: pose
-
-
-def check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
-    """Refuse a solver that does not serve this rig."""
-    from tensionlab.experiments.lineup import lineup
-
-    try:
-        lineup([solver], nearest, (rig.n, rig.m))
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
-
-
-def module_links(rig: Rig, modules: str) -> dict[str, str]:
-    """Where is each module reached?"""
-    from tensionlab.hardware.modules_file import load_modules
-
-    if modules.endswith(".toml"):
-        return load_modules(modules)
-    urls = [url.strip() for url in modules.split(",") if url.strip()]
-    if len(urls) != rig.m:
-        names = ", ".join(module.name for module in rig.modules)
-        raise typer.BadParameter(
-            f"--modules has {len(urls)} links, {rig.name} has {rig.m} modules ({names}); give a link for each, "
-            "or a file that ends in .toml"
-        )
-    return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
-
-
-def log_of(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
-    """Begin the log of a run."""
-    from tensionlab.hardware.log import RunLog
-    from tensionlab.records import manifest
-
-    return RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)

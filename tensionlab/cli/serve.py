@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
 
 if TYPE_CHECKING:
     from tensionlab.hardware import Runner
@@ -16,14 +17,8 @@ if TYPE_CHECKING:
 
 def serve(
     rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
-    modules: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|URL,...",
-            help="Modules file, or links in the rig's order. Simulated modules in this process if left out.",
-        ),
-    ] = None,
-    solver: Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")] = "newton",
+    modules: Modules = None,
+    solver: Solver = "newton",
     rate: Annotated[float, typer.Option(help="Cycles a second.")] = 50.0,
     seconds: Annotated[float | None, typer.Option(help="How long; until Ctrl-C if left out.")] = None,
     host: Annotated[
@@ -45,7 +40,6 @@ def serve(
 
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
-    from tensionlab.cli.run import check_solver, log_of, module_links
     from tensionlab.cli.run_table import summary_table
     from tensionlab.haptics.bridge.mailbox import Mailbox
     from tensionlab.haptics.bridge.messages import Welcome
@@ -53,7 +47,7 @@ def serve(
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.server import Bridge
     from tensionlab.haptics.bridge.source import FADE, PATIENCE, BridgedDemand, tracked_pose
-    from tensionlab.hardware import RealClock, Runner, RunSettings, World, WorldClock, connect
+    from tensionlab.hardware import Runner, RunSettings
     from tensionlab.hardware.codes import Limit
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
     from tensionlab.model.files import load_rig
@@ -78,15 +72,7 @@ def serve(
         if osc is not None:
             door = stack.enter_context(OscDoor(mailbox, host, osc, lambda why: typer.echo(why, err=True)))
             typer.echo(f"OSC at UDP port {door.port}")
-        clock: RealClock | WorldClock
-        if modules is None:
-            typer.echo("no --modules: these are simulated, in this process", err=True)
-            world = World(loaded, GuidedHand(follow))
-            group, clock = world.group(), WorldClock(world, paced=True)
-            links = dict.fromkeys(welcome.modules, "sim:")
-        else:
-            links = module_links(loaded, modules)
-            group, clock = connect(loaded, links), RealClock()
+        group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
         demand = BridgedDemand(loaded, mailbox, news.take)
         tracker = follow if loaded.frames or loaded.m < loaded.n else None

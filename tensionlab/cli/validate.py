@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
@@ -28,13 +29,7 @@ def validate(
             help="Rig file (TOML) of a point in space; the published one if left out.", show_default=False
         ),
     ] = None,
-    modules: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|URL,...",
-            help="Modules file, or links in the rig's order. Simulated modules in this process if left out.",
-        ),
-    ] = None,
+    modules: Modules = None,
     sensor: Annotated[
         str,
         typer.Option(
@@ -43,7 +38,7 @@ def validate(
             "sends lines of numbers, or a simulated one that simulated modules pull on.",
         ),
     ] = SIMULATED,
-    solver: Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")] = "newton",
+    solver: Solver = "newton",
     preset: Annotated[
         str | None,
         typer.Option(
@@ -77,7 +72,7 @@ def validate(
     total = len(plan.protocol.forces)
     output.output_file(out)
     if modules is None:
-        typer.echo("no --modules: these are simulated, in this process", err=True)
+        note_simulated()
     with ExitStack() as opened, output.progress(f"{total} forces") as progress:
         reached = None if modules is None else _reached(plan, modules, sensor, opened)
         try:
@@ -120,7 +115,6 @@ def _plan(
     hold: float,
 ) -> Plan:
     """What is asked for? Refuses what does not go together."""
-    from tensionlab.cli.run import check_solver
     from tensionlab.experiments.validation.error_model import PRESETS, require_point
     from tensionlab.experiments.validation.protocol import Protocol
     from tensionlab.experiments.validation.sitting import Plan
@@ -150,7 +144,6 @@ def _reached(plan: Plan, modules: str, sensor: str, opened: ExitStack) -> tuple[
     """Open the links to modules and sensor, to be closed with the others."""
     from contextlib import closing
 
-    from tensionlab.cli.run import module_links
     from tensionlab.experiments.validation.followed import open_sensor
     from tensionlab.hardware.group import connect
 
