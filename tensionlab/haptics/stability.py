@@ -102,19 +102,21 @@ def stiffness_cap(
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 
-def capped(effect: T, cap: float) -> T:
+def capped(effect: T, cap: float, spared: type | None = None) -> T:
     """What becomes of an effect whose stiffness, and that of its parts, may not exceed a cap in N/m?
 
-    Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling.
+    Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. Where a kind
+    of effect is spared, its own stiffness stays, but not that of its parts.
     """
+    own = spared is not None and isinstance(effect, spared)
     changes: dict[str, object] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
         value = getattr(effect, each.name)
-        if each.name == "stiffness":
+        if each.name == "stiffness" and not own:
             changes[each.name] = min(value, cap)
         elif is_dataclass(value) and not isinstance(value, type):
-            changes[each.name] = capped(value, cap)
+            changes[each.name] = capped(value, cap, spared)
         elif isinstance(value, tuple):
-            changes[each.name] = tuple(capped(part, cap) for part in value)
+            changes[each.name] = tuple(capped(part, cap, spared) for part in value)
     changes = {name: value for name, value in changes.items() if value != getattr(effect, name)}
     return replace(effect, **changes) if changes else effect  # type: ignore[type-var]

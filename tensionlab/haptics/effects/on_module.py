@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
+from tensionlab.haptics.stability import capped
 
 ALIGNED = math.cos(math.radians(45.0))
 """Cosine between axis and cable below which no cable is good enough: the published threshold of a convincing
@@ -50,6 +51,13 @@ class AxisImpedance:
     feed_forward: float = 0.0
     amplitude: float = 0.0
     frequency: float = 0.0
+
+    def push(self, velocity: Floats) -> Floats:
+        """Which force is that (d,), vibration aside, in N? The velocity (d,) is the hand's."""
+        size = self.feed_forward
+        if self.compression > 0.0:
+            size += self.stiffness * self.compression + self.damping * max(-float(self.axis @ velocity), 0.0)
+        return size * self.axis
 
 
 @dataclass(frozen=True)
@@ -140,6 +148,8 @@ class Divided(NamedTuple):
         For the host to ask the other cables for, in N.
     impedances : dict of int to CableImpedance
         By the number of the cable.
+    pushed : (d,) array
+        Force that those are to make, vibration aside, in N.
     memory : tuple
         Of the effects, for the next step.
     sudden : bool
@@ -148,6 +158,7 @@ class Divided(NamedTuple):
 
     force: Floats
     impedances: dict[int, CableImpedance]
+    pushed: Floats
     memory: tuple[Memory, ...]
     sudden: bool
 
@@ -160,11 +171,12 @@ def divide(
     directions: Floats,
     able: NDArray[np.bool_] | None = None,
     limits: ModuleLimits | None = None,
+    cap: float = math.inf,
 ) -> Divided:
     """Which part of some effects goes to which module, and what is left for the host?
 
     In the order of the effects, each part goes to the cable that lies best along its axis and is still free. An
-    effect that finds none within 45 degrees is rendered by the host as a whole: cap its stiffness.
+    effect that finds none within 45 degrees is rendered by the host as a whole.
 
     Parameters
     ----------
@@ -182,9 +194,11 @@ def divide(
         Modules that may render an impedance; None: all.
     limits : ModuleLimits or None
         Of the modules; None: those of the firmware as it comes.
+    cap : float
+        How stiff the host may be, in N/m: see `tensionlab.haptics.stability.stiffness_cap`.
     """
     free = np.ones(len(lengths), dtype=bool) if able is None else np.array(able, dtype=bool)
-    force = np.zeros_like(motion.position)
+    force, pushed = np.zeros_like(motion.position), np.zeros_like(motion.position)
     impedances: dict[int, CableImpedance] = {}
     memories, sudden = [], False
     for effect, own in zip(effects, memory or (None,) * len(effects), strict=True):
@@ -195,10 +209,11 @@ def divide(
             if cosines[best] >= ALIGNED:
                 impedances[best] = along_cable(part, float(lengths[best]), directions[best], limits)
                 free[best] = False
-                done = effect.on_host(motion, own)
+                pushed = pushed + part.push(motion.velocity)
+                done = capped(effect, cap, OnModule).on_host(motion, own)
         if done is None:
-            done = effect.render(motion, own)
+            done = capped(effect, cap).render(motion, own)
         force = force + done.force
         memories.append(done.memory)
         sudden = sudden or bool(np.any(done.sudden))
-    return Divided(force, impedances, tuple(memories), sudden)
+    return Divided(force, impedances, pushed, tuple(memories), sudden)

@@ -1,0 +1,195 @@
+"""What is a rig to be asked for, so that a hand feels some effects? All that stands between the two.
+
+What is stiff or vibrates goes to the modules whose cables lie along it; the rest is the host's, no stiffer than a
+loop can be without shaking that is as late as it is found to be. Then come the common stages: see
+`tensionlab.haptics.stages`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.demand import Demand, Impedance, RigState
+from tensionlab.haptics.effects import Friction, Magnet, ModuleLimits, Shape, Spring, Viscous, Wall, Water
+from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
+from tensionlab.haptics.effects.on_module import CableImpedance, Divided, divide
+from tensionlab.haptics.passivity import PassivityController, most_damping
+from tensionlab.haptics.stability import stiffness_cap
+from tensionlab.haptics.stages import Stages
+from tensionlab.model.rig import Rig
+
+HAND_DAMPING = 2.0
+"""b of a hand that holds something, in N s/m: a default of this project."""
+HAND_MASS = 0.3
+"""The least that a hand may weigh that moves along, in kg: a default of this project."""
+UNKNOWN = 0.25
+"""How late a loop is taken to be before it is known, in s: as long as set-points live."""
+REMEMBERED = 100
+"""Cycles whose delays count for how late the loop is."""
+PASSIVE = (Wall, Magnet, Shape, Spring, Viscous, Water, Friction)
+"""Effects that never give more energy than they were given: the controller looks after these."""
+
+
+@dataclass(frozen=True, eq=False)
+class OnCables:
+    """Some effects, at the cables of a rig as they are now. An effect itself, whose memory is a `Divided`."""
+
+    effects: tuple[Effect, ...]
+    lengths: Floats
+    directions: Floats
+    able: NDArray[np.bool_]
+    limits: ModuleLimits
+    cap: float
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """What is the host to render?"""
+        found = divide(
+            self.effects, motion, memory, self.lengths, self.directions, self.able, self.limits, self.cap
+        )
+        return Rendered(found.force, found, found.sudden)
+
+
+class Group(NamedTuple):
+    """What is remembered of some effects: their names and kinds, and what their stages do."""
+
+    names: tuple[tuple[str, type], ...]
+    memory: Memory
+
+
+class Asked(NamedTuple):
+    """What was asked for in a cycle?
+
+    Attributes
+    ----------
+    demand : Demand
+    wrench : (n,) array
+        That the hand is to feel, in N and N·m; zero where nothing is asked for.
+    """
+
+    demand: Demand
+    wrench: Floats
+
+
+class Renderer:
+    """Makes demands of effects, one a cycle, and keeps what they remember.
+
+    Parameters
+    ----------
+    rig : Rig
+        Effects act on its point or reference point.
+
+    Attributes
+    ----------
+    delay : float
+        How late the loop is, in s: the worst of the last 100 cycles.
+    ceiling : float
+        How stiff the host may be now, in N/m.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._names = [module.name for module in rig.modules]
+        self._limits = ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()))
+        self._delays: deque[float] = deque(maxlen=REMEMBERED)
+        self._controller: PassivityController | None = None
+        self._kept: dict[bool, Group] = {}
+        self.delay = UNKNOWN
+        self.ceiling = 0.0
+
+    def __call__(
+        self, effects: Mapping[str, Effect], motion: Motion, state: RigState, share: float = 1.0
+    ) -> Asked:
+        """What is to be asked for now?
+
+        Parameters
+        ----------
+        effects : mapping of str to Effect
+            By any names. One that is changed keeps what it remembers, unless it becomes another kind.
+        motion : Motion
+            Of the hand.
+        state : RigState
+        share : float
+            Of everything, from 0 to 1. At 0 the cables are held taut.
+        """
+        self._watch(state, motion.step)
+        able = state.active & (self._rig.n == self._rig.dimension)
+        force = np.zeros(self._rig.dimension)
+        impedances: dict[int, CableImpedance] = {}
+        for passive in (True, False):
+            chosen = {name: each for name, each in effects.items() if isinstance(each, PASSIVE) is passive}
+            done, divided = self._staged(chosen, passive, motion, state, able)
+            force = force + done + divided.pushed
+            impedances |= divided.impedances
+            able = able & [index not in divided.impedances for index in range(self._rig.m)]
+        wrench = np.zeros(self._rig.n)
+        if share <= 0.0:
+            return Asked(Demand(), wrench)
+        wrench[: self._rig.dimension] = share * force
+        springs = {self._names[index]: self._scaled(each, share) for index, each in impedances.items()}
+        return Asked(Demand(wrench, springs), wrench)
+
+    def _staged(
+        self,
+        effects: Mapping[str, Effect],
+        passive: bool,
+        motion: Motion,
+        state: RigState,
+        able: NDArray[np.bool_],
+    ) -> tuple[Floats, Divided]:
+        """What is left for the host of some effects, after the stages, and who else does what?"""
+        d = self._rig.dimension
+        names = tuple((name, type(each)) for name, each in effects.items())
+        directions = state.structure[:d].T
+        cables = OnCables(tuple(effects.values()), state.lengths, directions, able, self._limits, self.ceiling)
+        stages = Stages(cables, self._controller if passive else None)
+        before = self._kept.get(passive)
+        memory = None if before is None else _matched(before, names)
+        done = stages.render(motion, memory)
+        divided: Divided = done.memory.effect
+        # Only what the effects remember goes on; who does what is decided anew in each cycle.
+        self._kept[passive] = Group(names, done.memory._replace(effect=divided.memory))
+        return done.force, divided
+
+    def _watch(self, state: RigState, step: float) -> None:
+        """Find out how late the loop is, and what may be asked of it therefore."""
+        known = state.delays[state.active & np.isfinite(state.delays)]
+        if known.size:
+            self._delays.append(float(known.max()))
+        delay = max(self._delays, default=UNKNOWN)
+        if delay == self.delay and self._controller is not None:
+            return
+        self.delay = delay
+        self.ceiling = stiffness_cap(delay, step, HAND_DAMPING)
+        late = math.ceil(delay / step)
+        if self._controller is None or late != self._controller.delay:
+            self._controller = PassivityController(most_damping(HAND_MASS, delay, step), late)
+            if (group := self._kept.get(True)) is not None:  # it paired forces with what came after another time
+                self._kept[True] = group._replace(memory=group.memory._replace(observed=None))
+
+    def _scaled(self, cable: CableImpedance, share: float) -> Impedance:
+        """A share of what a module is to render; under a vibration its cable stays taut."""
+        amplitude = share * cable.amplitude
+        least = self._limits.lower + amplitude if amplitude else 0.0
+        return Impedance(
+            cable.rest,
+            share * cable.stiffness,
+            share * cable.damping,
+            max(share * cable.feed_forward, least),
+            amplitude,
+            cable.frequency,
+        )
+
+
+def _matched(before: Group, names: tuple[tuple[str, type], ...]) -> Memory:
+    """What is remembered, for effects that may be others than before: those that are new remember nothing."""
+    if names == before.names:
+        return before.memory
+    known = dict(zip(before.names, before.memory.effect, strict=True))
+    return before.memory._replace(effect=tuple(known.get(name) for name in names))
