@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.experiments.processes import command, simulated
 from tensionlab.hardware import discover
 from tensionlab.hardware.claims import holder
@@ -32,19 +31,6 @@ def modules(tmp_path_factory):
 @pytest.fixture(scope="module")
 def urls(modules):
     return tomllib.loads(modules.read_text())["modules"]
-
-
-@pytest.fixture
-def run(capsys):
-    """Run `tensionlab` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
 
 
 @pytest.fixture
