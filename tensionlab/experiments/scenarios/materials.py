@@ -32,7 +32,7 @@ def magnetic(played: Played) -> tuple[Row, ...]:
     wanted = -magnet.render(Motion(felt.position, _speeds(felt))).force @ magnet.plane.n
     down, leaving = -felt.force @ magnet.plane.n, (height > 0.0) & (height < magnet.reach) & (speed > 0.01)
     return (
-        about("magnet: largest pull", "N", float(wanted.max()), float(down[leaving].max()), 0.15),
+        about("magnet: largest pull", "N", float(wanted.max()), float(down[leaving].max()), 0.2),
         Row("magnet: pull on the way off it, error", "N", 0.0, 0.5, rms((down - wanted)[leaving])),
     )
 
