@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from tensionlab.haptics.effects import Friction, Magnet, ModuleLimits, Shape, Sp
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
 from tensionlab.haptics.effects.on_module import CableImpedance, Divided, divide
 from tensionlab.haptics.passivity import PassivityController, most_damping
+from tensionlab.haptics.pretension import pretension
 from tensionlab.haptics.stability import stiffness_cap
 from tensionlab.haptics.stages import Stages
 from tensionlab.model.rig import Rig
@@ -132,8 +133,9 @@ class Renderer:
         if share <= 0.0:
             return Asked(Demand(), wrench)
         wrench[: self._rig.dimension] = share * force
-        springs = {self._names[index]: self._scaled(each, share) for index, each in impedances.items()}
-        return Asked(Demand(wrench, springs), wrench)
+        springs = {index: _scaled(each, share) for index, each in impedances.items()}
+        held = self._held(springs, wrench, state) if springs else {}
+        return Asked(Demand(wrench, {self._names[index]: each for index, each in held.items()}), wrench)
 
     def _staged(
         self,
@@ -167,24 +169,43 @@ class Renderer:
             return
         self.delay = delay
         self.ceiling = stiffness_cap(delay, step, HAND_DAMPING)
-        late = math.ceil(delay / step)
-        if self._controller is None or late != self._controller.delay:
-            self._controller = PassivityController(most_damping(HAND_MASS, delay, step), late)
+        steps = delay / step
+        # A step more or less is no news: steps are not all of one length.
+        if self._controller is None or not -1.5 < steps - self._controller.delay < 0.5:
+            self._controller = PassivityController(most_damping(HAND_MASS, delay, step), math.ceil(steps))
             if (group := self._kept.get(True)) is not None:  # it paired forces with what came after another time
                 self._kept[True] = group._replace(memory=group.memory._replace(observed=None))
 
-    def _scaled(self, cable: CableImpedance, share: float) -> Impedance:
-        """A share of what a module is to render; under a vibration its cable stays taut."""
-        amplitude = share * cable.amplitude
-        least = self._limits.lower + amplitude if amplitude else 0.0
-        return Impedance(
-            cable.rest,
-            share * cable.stiffness,
-            share * cable.damping,
-            max(share * cable.feed_forward, least),
-            amplitude,
-            cable.frequency,
-        )
+    def _held(self, springs: Mapping[int, Impedance], wrench: Floats, state: RigState) -> dict[int, Impedance]:
+        """Springs whose cables pull, beside what their spring does, as they would without one.
+
+        Taut cables pull the hand about unless all of them are in balance, and a cable may be needed for more than
+        its spring. Under a vibration it stays taut.
+        """
+        lower = np.where(state.active, self._rig.limits.lower, 0.0)
+        upper = np.where(state.active, self._rig.limits.upper, 0.0)
+        pulls = np.zeros(self._rig.m)
+        for index, each in springs.items():
+            pulls[index] = each.tension(float(state.lengths[index]), float(state.speeds[index]))
+            lower[index] = max(lower[index] + each.amplitude - each.feed_forward, 0.0)
+            upper[index] = max(upper[index] - each.amplitude - pulls[index], lower[index])
+        beside = pretension(state.structure, wrench - state.structure @ pulls, lower, upper)
+        return {
+            index: replace(each, feed_forward=min(each.feed_forward + float(beside[index]), self._limits.upper))
+            for index, each in springs.items()
+        }
+
+
+def _scaled(cable: CableImpedance, share: float) -> Impedance:
+    """A share of what a module is to render."""
+    return Impedance(
+        cable.rest,
+        share * cable.stiffness,
+        share * cable.damping,
+        share * cable.feed_forward,
+        share * cable.amplitude,
+        cable.frequency,
+    )
 
 
 def _matched(before: Group, names: tuple[tuple[str, type], ...]) -> Memory:
