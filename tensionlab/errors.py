@@ -9,6 +9,7 @@
     ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
     ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
     ├── EffectError (ValueError)             a haptic effect that cannot be; names it and its parameter
+    ├── ScenarioError (ValueError)           a scenario that cannot be played; names its file and key
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
     ├── Unreachable                          an allocation that is not exact; carries the evidence
     └── HardwareError                        what goes wrong with modules
@@ -55,6 +56,10 @@ class SweepError(TensionlabError, ValueError):
 
 class EffectError(TensionlabError, ValueError):
     """A haptic effect, or what keeps it stable, with parameters that make no sense; names both."""
+
+
+class ScenarioError(TensionlabError, ValueError):
+    """A scenario that cannot be played; names its file and key."""
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name

@@ -1,4 +1,4 @@
-"""What all tests share: where the judges are found, and how hypothesis draws."""
+"""What all tests share: where the judges are found, how hypothesis draws, and the command line."""
 
 import os
 import sys
@@ -13,6 +13,20 @@ sys.path.append(str(Path(__file__).parent))
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("ci", settings.get_profile("search"), derandomize=True, database=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+@pytest.fixture
+def run(capsys):
+    """Run `tensionlab` in this process: exit status, stdout, stderr."""
+    from tensionlab.cli import main
+
+    def call(*words):
+        with pytest.raises(SystemExit) as left:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return left.value.code or 0, out, err
+
+    return call
 
 
 @pytest.fixture(scope="session")

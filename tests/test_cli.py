@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
-from tensionlab.cli import join_numbers, main, output
+from tensionlab.cli import join_numbers, output
 from tensionlab.experiments import lineup
 
 RIGS = Path(__file__).parents[1] / "datasets" / "rigs"
@@ -19,19 +19,6 @@ KEYS = """
 solver nearest exact nearest_count iteration_limit failed residual_mean residual_max angle_mean_deg
 angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s
 """
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
 
 
 def program(*words):

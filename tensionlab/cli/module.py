@@ -162,7 +162,8 @@ def clear(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
     """Have all carry out a command, and show in which state that left them."""
     from tensionlab.errors import ModuleFault
-    from tensionlab.hardware.group import BEYOND_STOP, PATIENT_TRIES
+    from tensionlab.hardware.codes import BEYOND_STOP
+    from tensionlab.hardware.group import PATIENT_TRIES
     from tensionlab.hardware.protocol import Stop
 
     def tell(client: ModuleClient) -> State | None:

@@ -9,8 +9,8 @@ from tensionlab.solvers.contract import Problem
 from tensionlab.solvers.newton import Newton
 
 
-def pretension(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Floats:
-    """Which least tensions (m,) within limits make a wrench, or come closest to it, in N?
+def pretension(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, reference: Floats) -> Floats:
+    """Which tensions (m,), closest to a reference, make a wrench within limits, or come closest to it, in N?
 
     Parameters
     ----------
@@ -19,13 +19,15 @@ def pretension(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) 
         In N and N·m.
     lower, upper : (m,) arrays
         In N; both 0 where a cable does not take part.
+    reference : (m,) array
+        In N.
     """
     problem = Problem(
         np.ascontiguousarray(structure)[None],
         np.ascontiguousarray(wrench)[None],
         lower[None],
         upper[None],
-        np.zeros((1, len(lower))),
+        reference[None],
         np.ones(len(wrench)),
         "force",
     )

@@ -184,12 +184,15 @@ class Renderer:
         """
         lower = np.where(state.active, self._rig.limits.lower, 0.0)
         upper = np.where(state.active, self._rig.limits.upper, 0.0)
-        pulls = np.zeros(self._rig.m)
+        pulls, reference = np.zeros(self._rig.m), np.zeros(self._rig.m)
         for index, each in springs.items():
             pulls[index] = each.tension(float(state.lengths[index]), float(state.speeds[index]))
-            lower[index] = max(lower[index] + each.amplitude - each.feed_forward, 0.0)
+            reference[index] = max(lower[index] + each.amplitude - each.feed_forward, 0.0)
+            # A spring is felt from its first mm on if its cable is taut without it; where nothing pulls against
+            # the cable, that would be too much.
+            lower[index] = reference[index] if each.amplitude else 0.0
             upper[index] = max(upper[index] - each.amplitude - pulls[index], lower[index])
-        beside = pretension(state.structure, wrench - state.structure @ pulls, lower, upper)
+        beside = pretension(state.structure, wrench - state.structure @ pulls, lower, upper, reference)
         return {
             index: replace(each, feed_forward=min(each.feed_forward + float(beside[index]), self._limits.upper))
             for index, each in springs.items()

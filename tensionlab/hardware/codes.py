@@ -41,6 +41,12 @@ class State(IntEnum):
     ESTOP = 5
 
 
+BEYOND_STOP = frozenset((State.FAULT, State.ESTOP))
+"""States in which a module has its driver off, and takes no STOP."""
+LET_GO = BEYOND_STOP | {State.TIMEOUT}
+"""States in which a module follows no set-points any more, without having been told to stop."""
+
+
 class Code(IntEnum):
     """Why a command was refused or came to nothing; OK if it was not."""
 

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 
-from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
-from tensionlab.hardware.codes import State
+from tensionlab.errors import HardwareError, LinkError, ModuleFault
+from tensionlab.hardware.codes import BEYOND_STOP, State
+from tensionlab.hardware.conversation import TRIES, AnswerType
 from tensionlab.hardware.link import Link
-from tensionlab.hardware.module import TRIES, AnswerType, ModuleClient
+from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import (
     Acknowledge,
     Arm,
@@ -33,8 +34,6 @@ BREATH = 2e-3
 """How long to wait, in s, before looking again whether an answer has come."""
 KEPT_ALIVE = 0.04
 """How often, in s, a module that is armed already hears that it is to stay so while others are being armed."""
-BEYOND_STOP = (State.FAULT, State.ESTOP)
-"""States in which a module has its driver off, and takes no STOP."""
 SLACK = 1e-6
 """Share by which a limit may seem exceeded: the module has it as a single."""
 
@@ -72,13 +71,7 @@ class ModuleGroup:
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
             if info.state in (State.ARMED, State.RUNNING):
                 raise LinkError(f'module "{client.name}" at {client.link.url} is in use: somebody has it armed')
-            if info.state in BEYOND_STOP:
-                raise ModuleFault(
-                    f'module "{client.name}" is in {info.state.name}: find out why, then '
-                    f"`tensionlab module clear {client.link.url}`",
-                    client.name,
-                    info.state,
-                )
+            client.require_cleared(info)
             if not info.calibrated:
                 raise HardwareError(
                     f'module "{client.name}" is not calibrated: '
@@ -191,10 +184,7 @@ class ModuleGroup:
                 if waiting:
                     self._breathe()
         for client in left:
-            failed[client] = LinkTimeout(
-                f'module "{client.name}" at {client.link.url} did not answer {type(commands[client]).__name__} in '
-                f"{len(PATIENT_TRIES)} tries; is it on, and in range?"
-            )
+            failed[client] = client.unanswered(commands[client], len(PATIENT_TRIES))
         return answers, failed
 
     def _breathe(self) -> None:

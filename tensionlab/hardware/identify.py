@@ -60,13 +60,7 @@ def _require_idle(client: ModuleClient, info: Info) -> None:
             f'module "{client.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
             f"`tensionlab module stop {client.link.url}`"
         )
-    if info.state in (State.FAULT, State.ESTOP):
-        raise ModuleFault(
-            f'module "{client.name}" is in {info.state.name}: find out why, then '
-            f"`tensionlab module clear {client.link.url}`",
-            client.name,
-            info.state,
-        )
+    client.require_cleared(info)
     if not info.calibrated:
         raise HardwareError(
             f'module "{client.name}" is not calibrated, and can\'t be armed: '

@@ -2,12 +2,11 @@ import json
 
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.experiments.bench import run as room
 
 
 @pytest.fixture
-def run(capsys, monkeypatch):
+def run(run, monkeypatch):
     """Run `tensionlab bench` in this process, without the batches: exit status, stdout, stderr."""
     make = room.plan
 
@@ -17,14 +16,7 @@ def run(capsys, monkeypatch):
         return replace(make(*words), rounds=0)
 
     monkeypatch.setattr(room, "plan", without_batches)
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["bench", *(str(word) for word in words)])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
+    return lambda *words: run("bench", *words)
 
 
 def test_it_writes_table_report_figures_and_manifest(run, tmp_path):

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.calibration import staircase
 from tensionlab.hardware.calibration.tables import read_table, write_table
@@ -19,16 +18,9 @@ RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.
 
 
 @pytest.fixture
-def run(capsys):
+def run(run):
     """Run `tensionlab module calibrate` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["module", "calibrate", *(str(word) for word in words)])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
+    return lambda *words: run("module", "calibrate", *words)
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@ import json
 
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.model.files import load_rig
 
 SPACE = """
@@ -21,16 +20,9 @@ surfaces = [
 
 
 @pytest.fixture
-def run(capsys):
+def run(run):
     """Run `tensionlab layout search` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["layout", "search", *(str(word) for word in words)])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
+    return lambda *words: run("layout", "search", *words)
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import pytest
 import runs
 import xarray
 
-from tensionlab.cli import main
 from tensionlab.hardware.record.columns import COLUMNS
 
 
@@ -18,21 +17,8 @@ def file(tmp_path_factory):
     return file
 
 
-@pytest.fixture
-def call(capsys):
-    """Run the command line; gives the exit status and what it printed."""
-
-    def run(*words):
-        with pytest.raises(SystemExit) as left:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return left.value.code or 0, printed.out, printed.err
-
-    return run
-
-
-def test_info_says_how_the_run_went(call, file):
-    code, out, _ = call("log", "info", file)
+def test_info_says_how_the_run_went(run, file):
+    code, out, _ = run("log", "info", file)
     assert code == 0
     for words in (
         "seven-modules, dykstra, nearest in tension",
@@ -44,24 +30,24 @@ def test_info_says_how_the_run_went(call, file):
         assert words in out, words
 
 
-def test_info_says_that_a_log_was_cut_off(call, file, tmp_path):
+def test_info_says_that_a_log_was_cut_off(run, file, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(file.read_bytes()[:-100])
-    code, out, _ = call("log", "info", cut)
+    code, out, _ = run("log", "info", cut)
     assert code == 0
     assert "cut off: the log was never closed" in out
 
 
-def test_info_for_programs(call, file):
-    found = json.loads(call("log", "info", file, "--json")[1])
+def test_info_for_programs(run, file):
+    found = json.loads(run("log", "info", file, "--json")[1])
     assert found["statuses"].keys() == {"EXACT", "NEAREST", "ITERATION_LIMIT", "FAILED"}
     assert found["modules"][2]["faults"] == ["ENCODER"]
     assert found["manifest"] == runs.MANIFEST
     assert found["setup"]["parameters"]["tolerance"] == 1e-9
 
 
-def test_export_to_netcdf(call, file, tmp_path):
-    code, out, _ = call("log", "export", file, "--to", tmp_path / "run.nc")
+def test_export_to_netcdf(run, file, tmp_path):
+    code, out, _ = run("log", "export", file, "--to", tmp_path / "run.nc")
     assert (code, out) == (0, f"{tmp_path / 'run.nc'}: 120 cycles\n")
     with xarray.open_dataset(tmp_path / "run.nc", engine="scipy") as dataset:
         assert set(COLUMNS) <= set(dataset.variables)
@@ -70,8 +56,8 @@ def test_export_to_netcdf(call, file, tmp_path):
         assert dataset.lengths.sel(module="back-floor").shape == (120,)
 
 
-def test_export_to_parquet(call, file, tmp_path):
-    code, _, _ = call("log", "export", file, "--to", tmp_path / "run.parquet")
+def test_export_to_parquet(run, file, tmp_path):
+    code, _, _ = run("log", "export", file, "--to", tmp_path / "run.parquet")
     assert code == 0
     table = pq.read_table(tmp_path / "run.parquet")
     assert table.num_rows == 120
@@ -79,15 +65,15 @@ def test_export_to_parquet(call, file, tmp_path):
     assert json.loads(table.schema.metadata[b"tensionlab"]) == runs.MANIFEST
 
 
-def test_replay_has_the_run_first(call, file, tmp_path):
+def test_replay_has_the_run_first(run, file, tmp_path):
     words = ("log", "replay", file, "--solver", "newton", "--solver", "closed-form,dykstra")
-    code, out, _ = call(*words, "--out", tmp_path / "rows.parquet")
+    code, out, _ = run(*words, "--out", tmp_path / "rows.parquet")
     assert code == 0
     lines = [line.split() for line in out.splitlines()]
     assert [line[0] for line in lines if line and line[0] in ("the", "newton", "closed-form", "dykstra")] == [
         "the", "newton", "closed-form", "dykstra",
     ]  # fmt: skip
-    found = json.loads(call(*words, "--json")[1])
+    found = json.loads(run(*words, "--json")[1])
     assert [row["solver"] for row in found["rows"]] == ["dykstra", "newton", "closed-form", "dykstra"]
     assert found["rows"][0] == found["rows"][3]
     assert found["cycles"] == 118
@@ -96,8 +82,8 @@ def test_replay_has_the_run_first(call, file, tmp_path):
     assert json.loads(table.schema.metadata[b"tensionlab"])["run"] == runs.MANIFEST
 
 
-def test_a_picture_is_drawn(call, file, tmp_path):
-    assert call("log", "plot", file, "--plot", tmp_path / "run.png")[:2] == (0, f"plot: {tmp_path / 'run.png'}\n")
+def test_a_picture_is_drawn(run, file, tmp_path):
+    assert run("log", "plot", file, "--plot", tmp_path / "run.png")[:2] == (0, f"plot: {tmp_path / 'run.png'}\n")
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
@@ -112,7 +98,7 @@ def test_a_picture_is_drawn(call, file, tmp_path):
         (("replay", "{file}", "--solver", ""), "no solver asked for"),
     ],
 )
-def test_bad_input_is_refused(call, file, words, message):
-    code, _, err = call("log", *(word.format(file=file) for word in words))
+def test_bad_input_is_refused(run, file, words, message):
+    code, _, err = run("log", *(word.format(file=file) for word in words))
     assert code == 2
     assert message in " ".join(err.split())

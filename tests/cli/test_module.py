@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.experiments.processes import command, simulated
 from tensionlab.hardware import discover
 from tensionlab.hardware.claims import holder
@@ -32,19 +31,6 @@ def modules(tmp_path_factory):
 @pytest.fixture(scope="module")
 def urls(modules):
     return tomllib.loads(modules.read_text())["modules"]
-
-
-@pytest.fixture
-def run(capsys):
-    """Run `tensionlab` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
 
 
 @pytest.fixture
@@ -166,6 +152,7 @@ def test_monitor_says_when_a_module_is_gone(run):
     with simulated() as (links, process):
         threading.Timer(1.0, process.terminate).start()
         status, out, err = run("module", "monitor", links["module"], "--seconds", "5")
+        process.wait(10.0)  # a second SIGTERM while it ends would kill it
     assert status == 1
     assert "lost" in out
     assert f"{links['module']} broke" in err

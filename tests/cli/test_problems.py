@@ -3,21 +3,13 @@ import json
 import pyarrow.parquet as pq
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.experiments.problem_sets import PROBLEM_SETS
 
 
 @pytest.fixture
-def run(capsys):
+def run(run):
     """Run `tensionlab problems` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["problems", *(str(word) for word in words)])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
+    return lambda *words: run("problems", *words)
 
 
 def test_every_set_is_listed_with_its_promise(run):

@@ -5,7 +5,6 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.model.files import load_rig
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -23,16 +22,9 @@ CABLE = """<cable_set id="{set}"><cable_ideal name="left" attachment_reference="
 
 
 @pytest.fixture
-def run(capsys):
+def run(run):
     """Run `tensionlab rig` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["rig", *(str(word) for word in words)])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
+    return lambda *words: run("rig", *words)
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensionlab.cli import main
 from tensionlab.experiments.processes import simulated
 from tensionlab.experiments.recordings import read
 from tensionlab.experiments.validation.followed import NetworkSensor
@@ -19,19 +18,6 @@ from tensionlab.model.files import load_rig
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
 
 
 def test_one_command_measures_and_compares(run, tmp_path):

@@ -6,7 +6,6 @@ import pytest
 import xarray as xr
 
 import tensionlab as tl
-from tensionlab.cli import main
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 CUBE, TETRA = RIGS / "cube-8.toml", RIGS / "tetra-4.toml"
@@ -14,16 +13,9 @@ PLANAR = RIGS / "kntu-planar.toml"
 
 
 @pytest.fixture
-def run(capsys):
+def run(run):
     """Run `tensionlab workspace` in this process: exit status, stdout, stderr."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["workspace", *(str(word) for word in words)])
-        out, err = capsys.readouterr()
-        return left.value.code or 0, out, err
-
-    return call
+    return lambda *words: run("workspace", *words)
 
 
 def test_a_table_says_how_well_each_rig_does_and_what_that_means(run):

@@ -141,6 +141,15 @@ def test_a_module_with_a_wall_renders_other_forces_too():
     np.testing.assert_allclose(cycle.wrench, [0.0, 2.0, 0.0], atol=0.15)
 
 
+def test_where_nothing_pulls_against_a_wall_it_is_no_more_than_its_spring():
+    state = felt({}, held(0.0, -0.01, 0.0))[-1].state
+    alone = replace(state, active=np.arange(RIG.m) == TOP)
+    motion = Motion(HOME - 0.01 * UP, np.zeros(3), state.time, PERIOD)
+    for now, pull in ((state, 0.65), (alone, 0.0)):
+        spring = Renderer(RIG)(wall(UP, 200.0), motion, now).demand.impedances["top"]
+        assert spring.feed_forward == pytest.approx(pull, abs=0.1)
+
+
 @pytest.mark.parametrize("degrees", [20.0, 40.0])
 @pytest.mark.parametrize("latency", [0.0, 0.02])
 def test_a_wall_off_its_cable_is_calm_and_within_45_degrees(degrees, latency):

@@ -2,14 +2,13 @@
 
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from scripts import running
 
 from tensionlab.errors import LinkError
 from tensionlab.experiments.processes import simulated
@@ -18,28 +17,12 @@ from tensionlab.hardware.claims import Claim, holder, normalised
 from tensionlab.hardware.link import open_link
 
 HOLD = "import sys, time; from tensionlab.hardware.link import *; {}; print(flush=True); time.sleep(60)"
+pytestmark = pytest.mark.usefixtures("claims_folder")
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """Claims of these tests are nobody else's."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    return tmp_path / f"tensionlab-{os.getuid()}"
-
-
-@contextmanager
 def another_process(statement):
     """Run a statement in another process, which then stays; `statement` is what it does first."""
-    command = [sys.executable, "-c", HOLD.format(statement), "a", "word"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout.readline() == "\n"
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+    return running(HOLD.format(statement), "a", "word")
 
 
 def test_a_second_claim_names_the_process_that_has_the_module():
@@ -63,7 +46,7 @@ def test_who_hangs_still_has_its_modules():
         assert holder("COM5").pid == process.pid
 
 
-def test_a_claim_ends_with_its_release_and_no_note_stays(folder):
+def test_a_claim_ends_with_its_release_and_no_note_stays(claims_folder):
     first = Claim("COM5")
     with pytest.raises(LinkError, match=f"in use by process {os.getpid()} "):
         Claim("COM5")
@@ -71,8 +54,8 @@ def test_a_claim_ends_with_its_release_and_no_note_stays(folder):
     first.release()
     Claim("COM5").release()
     assert holder("COM5") is None
-    assert [path.suffix for path in folder.iterdir()] == [".lock"]
-    assert folder.stat().st_mode & 0o777 == 0o700
+    assert [path.suffix for path in claims_folder.iterdir()] == [".lock"]
+    assert claims_folder.stat().st_mode & 0o777 == 0o700
 
 
 def test_any_thread_may_release_a_claim():
@@ -138,9 +121,9 @@ def test_names_of_one_module_are_one_claim(tmp_path):
     assert len({normalised(url) for url in [*others, *(one for one, _ in same)]}) == len(others) + len(same) - 1
 
 
-def test_a_folder_that_others_can_write_to_is_refused(folder):
-    folder.mkdir(mode=0o777)
-    Path(folder).chmod(0o777)
+def test_a_folder_that_others_can_write_to_is_refused(claims_folder):
+    claims_folder.mkdir(mode=0o777)
+    Path(claims_folder).chmod(0o777)
     with pytest.raises(LinkError, match=r"mode 0700"):
         Claim("COM5")
 

@@ -1,16 +1,13 @@
 """All modules of a rig let go at once, whoever has them."""
 
 import signal
-import subprocess
-import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from scripts import running
 from wire import connected
 
-from tensionlab.cli import main
 from tensionlab.experiments.processes import simulated
 from tensionlab.hardware import emergency
 from tensionlab.hardware.codes import State
@@ -41,13 +38,7 @@ while True:
         client.set_tension(2.0)
     time.sleep(0.05)
 """
-
-
-@pytest.fixture(autouse=True)
-def _own_claims(tmp_path, monkeypatch):
-    """Claims of these tests are nobody else's."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+pytestmark = pytest.mark.usefixtures("claims_folder")
 
 
 @pytest.fixture(scope="module")
@@ -62,18 +53,9 @@ def links(served):
     states(served)  # idle for the next test
 
 
-@contextmanager
 def host(manner, urls):
     """Another process that has modules, and pulls with them."""
-    command = [sys.executable, "-c", HOST, manner, *urls]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout.readline() == "\n"
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()
+    return running(HOST, manner, *urls)
 
 
 def states(links):
@@ -122,20 +104,15 @@ def test_one_that_cannot_be_reached_is_named():
     assert outcome.error.startswith("socket://127.0.0.1:1 cannot be opened")
 
 
-def test_without_a_word_all_that_processes_of_this_user_have(links, capsys):
-    def estop(*words):
-        with pytest.raises(SystemExit) as left:
-            main(["estop", *words])
-        return (left.value.code, *capsys.readouterr())
-
-    assert estop() == (1, "no process of yours uses a module; name the modules that are to stop\n", "")
+def test_without_a_word_all_that_processes_of_this_user_have(links, run):
+    assert run("estop") == (1, "no process of yours uses a module; name the modules that are to stop\n", "")
     with host("ends by it", list(links.values())[:2]) as process:
-        status, out, err = estop()
-    assert (status or 0, err) == (0, "")
+        status, out, err = run("estop")
+    assert (status, err) == (0, "")
     assert sorted(out.splitlines()) == sorted(
         f"{url}: estop; process {process.pid} (-c ends by it {' '.join(list(links.values())[:2])}) had it"
         for url in list(links.values())[:2]
     )
     assert states(links) == [State.ESTOP] * 2 + [State.IDLE] * 2
-    assert estop(next(iter(links.values())), "socket://127.0.0.1:1")[0] == 1
+    assert run("estop", next(iter(links.values())), "socket://127.0.0.1:1")[0] == 1
     assert states(links)[0] is State.ESTOP

@@ -9,7 +9,8 @@ from contextlib import contextmanager, suppress
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.codes import Calibration, Limit, State
-from tensionlab.hardware.module import Heard, ModuleClient
+from tensionlab.hardware.conversation import Heard
+from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import Info, Message, Telemetry
 from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts
 

@@ -1,0 +1,1 @@
+"""Scenarios, played and judged: play, direction, feel."""

@@ -1,0 +1,170 @@
+"""Play a scenario on modules: simulated ones with a simulated person, or real ones with a real one."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from tensionlab.demand import Demand, RigState
+from tensionlab.errors import HardwareError
+from tensionlab.haptics.scenarios import Felt, Person, Scenario, ScenarioDemand
+from tensionlab.hardware.group import ModuleGroup
+from tensionlab.hardware.log import RunLog
+from tensionlab.hardware.record.run import Run, read_run
+from tensionlab.hardware.run.clock import Clock, WorldClock
+from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.run.statistics import Statistics
+from tensionlab.hardware.runner import Runner, Tracker
+from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.world import World
+from tensionlab.records import manifest
+
+SIMULATED = "sim:"
+
+
+@dataclass(frozen=True, eq=False)
+class Modules:
+    """The modules that a scenario is played on, open, and who tells where hand and bodies are.
+
+    Attributes
+    ----------
+    group : ModuleGroup
+    clock : Clock
+    links : mapping of str to str
+        Where each was reached.
+    tracker : callable or None
+        None: the cables' lengths tell.
+    person : Person or None
+        Who is simulated, in this process.
+    """
+
+    group: ModuleGroup
+    clock: Clock
+    links: Mapping[str, str]
+    tracker: Tracker | None = None
+    person: Person | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """What became of a scenario?
+
+    Attributes
+    ----------
+    scenario : Scenario
+    run : Run
+        As the host saw it.
+    statistics : Statistics
+    felt : Felt or None
+        What the simulated person really felt; None where nobody was simulated in this process.
+    """
+
+    scenario: Scenario
+    run: Run
+    statistics: Statistics
+    felt: Felt | None
+
+
+def needs_tracker(scenario: Scenario) -> bool:
+    """Whether cable lengths cannot tell where everything is: too few cables, or anchors that move."""
+    rig = scenario.rig
+    return bool(rig.frames) or rig.m < rig.n
+
+
+def simulated(
+    scenario: Scenario, conditions: Conditions | None = None, seed: int = 0, *, paced: bool = False
+) -> Modules:
+    """Which modules does a simulated person hold, in this process?
+
+    Parameters
+    ----------
+    scenario : Scenario
+    conditions : Conditions, optional
+        Of the links.
+    seed : int
+        Of noise and accidents.
+    paced : bool
+        Whether time passes as it does here, or as fast as it can.
+    """
+    person = Person(scenario.person, scenario.rig)
+    world = World(scenario.rig, person, seed)
+    links = dict.fromkeys((module.name for module in scenario.rig.modules), SIMULATED)
+    tracker = (lambda time: person.pose) if needs_tracker(scenario) else None
+    return Modules(world.group(conditions, seed), WorldClock(world, paced=paced), links, tracker, person)
+
+
+def play(
+    scenario: Scenario,
+    modules: Modules,
+    solver: str = "newton",
+    seconds: float | None = None,
+    log: str | Path | None = None,
+    call: Sequence[str] = ("tensionlab.experiments.scenarios.play",),
+) -> Played:
+    """Play a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    modules : Modules
+        Left open.
+    solver : str
+        As in `tensionlab.allocate`.
+    seconds : float, optional
+        How much of it; all if left out.
+    log : path, optional
+        An MCAP file for every cycle; a temporary one if left out.
+    call : sequence of str
+        For the log's manifest.
+
+    Raises
+    ------
+    HardwareError
+        What went wrong with a module; all have been told to stop then.
+    """
+    settings = RunSettings(rate=scenario.rate, nearest=scenario.nearest)
+    with tempfile.TemporaryDirectory() as folder, fast_enough(scenario, modules.group):
+        path = Path(folder) / "scenario.mcap" if log is None else Path(log)
+        record = RunLog(path, scenario.rig, manifest(call), solver, settings, modules.links)
+        asked = ScenarioDemand(scenario, record.note)
+
+        def demand(state: RigState) -> Demand:
+            if state.cycle == 0 and modules.person is not None:
+                modules.person.begin()
+            return asked(state)
+
+        runner = Runner(
+            scenario.rig,
+            modules.group,
+            solver,
+            demand,
+            settings,
+            log=record,
+            clock=modules.clock,
+            tracker=modules.tracker,
+        )
+        statistics = runner.run(scenario.seconds if seconds is None else seconds)
+        felt = None if modules.person is None else modules.person.felt
+        return Played(scenario, read_run(path), statistics, felt)
+
+
+@contextmanager
+def fast_enough(scenario: Scenario, group: ModuleGroup) -> Iterator[None]:
+    """See to it that tensions may change as fast as a scenario wants, and set modules back after it."""
+    if scenario.slew is None:
+        yield
+        return
+    before = [client.parameter("slew") for client in group.clients]
+    for client in group.clients:
+        client.set_parameter("slew", scenario.slew)
+    try:
+        yield
+    finally:
+        for client, slew in zip(group.clients, before, strict=True):
+            try:
+                client.set_parameter("slew", slew)
+            except HardwareError:  # it is gone, or lets go: what ended the run has been said
+                continue

@@ -1,0 +1,131 @@
+"""A scenario as a demand source: what is to be felt now, and which brakes are to hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tensionlab.demand import Demand, Floats, Pose, RigState
+from tensionlab.haptics.brake_contact import Catch, Decision, decide
+from tensionlab.haptics.brakes import brake_strengths
+from tensionlab.haptics.effects.effect import Effect, Motion, relative
+from tensionlab.haptics.rendering import Renderer
+from tensionlab.haptics.scenarios.hold import Hold
+from tensionlab.haptics.scenarios.scenario import Scenario
+
+Told = Callable[[str, str], None]
+"""Hears what happens: a kind (phase, brake) and a text."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Where hand and bodies were in a cycle."""
+
+    time: float
+    pose: Pose
+
+
+class ScenarioDemand:
+    """Asks for what a scenario wants. A demand source.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    tell : callable, optional
+        Hears when a phase begins, and what is decided about brakes.
+
+    Attributes
+    ----------
+    renderer : Renderer
+        Which knows how late the loop is, and how stiff it may be.
+    """
+
+    def __init__(self, scenario: Scenario, tell: Told | None = None) -> None:
+        self._scenario = scenario
+        self._tell: Told = tell if tell is not None else lambda kind, text: None
+        self.renderer = Renderer(scenario.rig)
+        self._strengths = brake_strengths(scenario.rig)
+        self._names = [module.name for module in scenario.rig.modules]
+        self._before: Seen | None = None
+        self._phases: tuple[str, ...] = ()
+        self._catch: Catch | None = None
+        self._why = ""
+
+    def __call__(self, state: RigState) -> Demand:
+        """What is to be felt now?"""
+        scenario = self._scenario
+        motion = self._motion(state)
+        phases = scenario.now(state.time)
+        names = tuple(phase.name for phase in phases)
+        for name in names:
+            if name not in self._phases:
+                self._tell("phase", name)
+        self._phases = names
+        effects: dict[str, Effect] = {}
+        for phase in phases:
+            effects |= phase.effects
+        demand = self.renderer(effects, motion, state).demand
+        holds = [phase.hold for phase in phases if phase.hold is not None]
+        brakes = self._brakes(holds[0], motion, state) if holds else self._let_go("no hold")
+        return replace(demand, brakes=brakes)
+
+    def _motion(self, state: RigState) -> Motion:
+        """How does the hand move, seen from where effects are?
+
+        Its speed is that of its places: that of the cables lacks what they do not see, and anchors move too.
+        """
+        pose, before = state.pose, self._before
+        step = 1.0 / self._scenario.rate if before is None else max(state.time - before.time, 1e-4)
+        age = float(np.min(state.ages))
+        there = None if before is None else before.pose.position
+        hand = Motion(pose.position, _speed(pose.position, there, step), state.time, step, age)
+        self._before = Seen(state.time, pose)
+        frame = self._scenario.seen_from
+        if frame is None:
+            return hand
+        here = _origin(pose, frame)
+        there = None if before is None else _origin(before.pose, frame)
+        return relative(hand, replace(hand, position=here, velocity=_speed(here, there, step)))
+
+    def _brakes(self, hold: Hold, motion: Motion, state: RigState) -> frozenset[str]:
+        """Which brakes are to be on?"""
+        rig = self._scenario.rig
+        decision = decide(
+            state.structure[: rig.dimension],
+            motion.position,
+            motion.velocity,
+            hold.wall(motion.position),
+            rig.limits,
+            np.where(state.active, self._strengths, 0.0),
+            self._catch,
+            hold.late_by(self.renderer.delay),
+            hold.cap,
+        )
+        self._catch = decision.catch
+        self._say(decision)
+        return frozenset(name for name, on in zip(self._names, decision.locked, strict=True) if on)
+
+    def _say(self, decision: Decision) -> None:
+        locked = [name for name, on in zip(self._names, decision.locked, strict=True) if on]
+        text = f"{decision.why}: {', '.join(locked)}" if locked else decision.why
+        if text != self._why:
+            self._why = text
+            self._tell("brake", text)
+
+    def _let_go(self, why: str) -> frozenset[str]:
+        if self._catch is not None:
+            self._tell("brake", why)
+        self._catch, self._why = None, ""
+        return frozenset()
+
+
+def _speed(here: Floats, there: Floats | None, step: float) -> Floats:
+    return np.zeros_like(here) if there is None else (here - there) / step
+
+
+def _origin(pose: Pose, frame: str) -> Floats:
+    """Where is the origin of a body frame?"""
+    where = (pose.frames or {})[frame]
+    return np.asarray(where[0] if isinstance(where, tuple) else where, dtype=np.float64)

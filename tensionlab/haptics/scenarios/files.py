@@ -1,0 +1,113 @@
+"""Scenarios in TOML: those that come with this package, by name, and anybody's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from tensionlab.errors import EffectError, RigError, ScenarioError
+from tensionlab.haptics.bridge.effects import effect_of
+from tensionlab.haptics.scenarios.hold import Hold
+from tensionlab.haptics.scenarios.person import PersonPlan
+from tensionlab.haptics.scenarios.scenario import Phase, Scenario
+from tensionlab.model.files import load_rig, parse_toml, read_text
+
+FOLDER = Path(__file__).parent / "files"
+"""Where those of this package are: NAME.toml, and NAME.rig.toml beside it."""
+SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")
+"""Their names, in the order of the publication."""
+KEYS = {
+    "title": str,
+    "about": str,
+    "seconds": float,
+    "rate": float,
+    "nearest": str,
+    "seen_from": str,
+    "slew": float,
+    "labels": dict[str, str],
+}
+NEEDED = ("title", "about", "seconds")
+
+
+def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = None) -> Scenario:
+    """Which scenario has this name, or is in this file?
+
+    Parameters
+    ----------
+    name : str or path
+        One of `SCENARIOS`, or a file (``.toml``).
+    rig : path, optional
+        A rig file in place of the scenario's own, which is NAME.rig.toml beside NAME.toml.
+
+    Raises
+    ------
+    ScenarioError
+        Naming the file and the key: what is wrong and what to do.
+    RigError
+        If the rig's file is.
+    """
+    path = Path(name)
+    if path.suffix != ".toml":
+        if str(name) not in SCENARIOS:
+            raise ScenarioError(f'no scenario "{name}"; there are {", ".join(SCENARIOS)}, or give a file (.toml)')
+        path = FOLDER / f"{name}.toml"
+    try:
+        table = parse_toml(read_text(path, "a scenario file"), str(path))
+    except RigError as error:
+        raise ScenarioError(str(error)) from None
+    try:
+        return _scenario(table, path, rig)
+    except (ScenarioError, EffectError) as error:
+        raise ScenarioError(f"{path}: {error}") from None
+
+
+def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> Scenario:
+    unknown = set(table) - set(KEYS) - {"person", "phases"}
+    if unknown:
+        raise ScenarioError(f'no key "{min(unknown)}"; there are {", ".join((*KEYS, "person", "phases"))}')
+    for key in (*NEEDED, "person", "phases"):
+        if key not in table:
+            raise ScenarioError(f'key "{key}" is missing')
+    return Scenario(
+        name=path.stem,
+        rig=load_rig(path.with_suffix(".rig.toml") if rig is None else rig),
+        person=_read(PersonPlan, table["person"], "person"),
+        phases=tuple(_phase(each) for each in table["phases"]),
+        **{key: _read(kind, table[key], key) for key, kind in KEYS.items() if key in table},
+    )
+
+
+def _phase(table: Any) -> Phase:
+    """A phase, whose effects have a kind and parameters as over the bridge."""
+    if not isinstance(table, Mapping) or not isinstance(table.get("effects", {}), Mapping):
+        raise ScenarioError("phases: each is a table, and its effects are tables too")
+    name = table.get("name", "?")
+    effects = {each: effect_of(each, given) for each, given in table.get("effects", {}).items()}
+    hold = _read(Hold, table["hold"], f'phase "{name}": hold') if "hold" in table else None
+    rest = {key: value for key, value in table.items() if key not in ("effects", "hold")}
+    if unknown := set(rest) - {"name", "begin", "end"}:
+        raise ScenarioError(f'phase "{name}": no key "{min(unknown)}"; there are name, begin, end, effects, hold')
+    given = {key: _read(kind, rest.get(key), f'phase "{name}": {key}') for key, kind in PHASE.items()}
+    return Phase(**given, effects=effects, hold=hold)
+
+
+PHASE = {"name": str, "begin": float, "end": float}
+
+
+def _read(kind: Any, value: Any, where: str) -> Any:
+    try:
+        return _adapter(kind).validate_python(value)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        step = "".join(f"{each}: " for each in problem["loc"])
+        raise ScenarioError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)

@@ -1,0 +1,108 @@
+"""What is a scenario? A rig, a person, and what is to be felt when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from tensionlab.errors import ScenarioError
+from tensionlab.haptics.effects.effect import Effect
+from tensionlab.haptics.scenarios.hold import Hold
+from tensionlab.haptics.scenarios.person import PersonPlan
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.contract import Nearest
+
+
+@dataclass(frozen=True)
+class Phase:
+    """What is to be felt from one time to another?
+
+    Parameters
+    ----------
+    name : str
+    begin, end : float
+        In s since the scenario began.
+    effects : mapping of str to Effect
+        By any names.
+    hold : Hold or None
+        What brakes are to hold against.
+    """
+
+    name: str
+    begin: float
+    end: float
+    effects: Mapping[str, Effect] = field(default_factory=dict)
+    hold: Hold | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.begin < self.end < math.inf:
+            raise ScenarioError(f'phase "{self.name}": begin {self.begin}, end {self.end}; give 0 <= begin < end')
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """What is played?
+
+    Attributes
+    ----------
+    name, title, about : str
+    rig : Rig
+        Of a point: the hand or the head.
+    person : PersonPlan
+        Who is simulated, where no real person is.
+    phases : tuple of Phase
+        Those whose time it is are felt together.
+    seconds : float
+        How long it takes.
+    rate : float
+        Cycles a second.
+    nearest : str
+        What to render out of reach.
+    seen_from : str or None
+        Body frame from whose origin effects and holds see the hand; the world's if None.
+    slew : float or None
+        How fast the modules' tensions must be able to change, in N/s; None: as they come.
+    labels : mapping of str to str
+        What to call the held point and the bodies in pictures.
+    """
+
+    name: str
+    title: str
+    about: str
+    rig: Rig
+    person: PersonPlan
+    phases: tuple[Phase, ...]
+    seconds: float
+    rate: float = 200.0
+    nearest: Nearest = "direction"
+    seen_from: str | None = None
+    slew: float | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        rig, given = self.rig, set(self.person.bodies)
+        if rig.n != rig.dimension:
+            raise ScenarioError(f'scenario "{self.name}": rig "{rig.name}" turns; give one of a point')
+        if given != set(rig.frames):
+            raise ScenarioError(
+                f'scenario "{self.name}": the person has the bodies {sorted(given)}, but modules ride on '
+                f"{sorted(rig.frames)}; give a script for each of these"
+            )
+        if self.seen_from is not None and self.seen_from not in rig.frames:
+            raise ScenarioError(
+                f'scenario "{self.name}": seen_from is "{self.seen_from}"; give one of {sorted(rig.frames)}'
+            )
+        if not self.phases:
+            raise ScenarioError(f'scenario "{self.name}" has no phases; give at least one')
+        if not (self.rate > 0.0 and 0.0 < self.seconds < math.inf):
+            raise ScenarioError(
+                f'scenario "{self.name}": seconds {self.seconds}, rate {self.rate}; give both above 0'
+            )
+        named = [name for phase in self.phases for name in phase.effects]
+        if len(set(named)) < len(named):
+            raise ScenarioError(f'scenario "{self.name}": the effects are {named}; give each a name of its own')
+
+    def now(self, time: float) -> tuple[Phase, ...]:
+        """Which phases are on, at a time in s?"""
+        return tuple(phase for phase in self.phases if phase.begin <= time < phase.end)

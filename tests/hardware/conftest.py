@@ -1,0 +1,11 @@
+import os
+
+import pytest
+
+
+@pytest.fixture
+def claims_folder(tmp_path, monkeypatch):
+    """Claims of this test are nobody else's; they lie there."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    return tmp_path / f"tensionlab-{os.getuid()}"
