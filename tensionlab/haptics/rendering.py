@@ -128,11 +128,14 @@ class Renderer:
             force = force + done + divided.pushed
             impedances |= divided.impedances
             able = able & [index not in divided.impedances for index in range(self._rig.m)]
+        balance = self._balance(impedances, state)
         wrench = np.zeros(self._rig.n)
         if share <= 0.0:
             return Asked(Demand(), wrench)
         wrench[: self._rig.dimension] = share * force
-        springs = {self._names[index]: self._scaled(each, share) for index, each in impedances.items()}
+        springs = {
+            self._names[index]: self._scaled(each, share, balance[index]) for index, each in impedances.items()
+        }
         return Asked(Demand(wrench, springs), wrench)
 
     def _staged(
@@ -173,15 +176,22 @@ class Renderer:
             if (group := self._kept.get(True)) is not None:  # it paired forces with what came after another time
                 self._kept[True] = group._replace(memory=group.memory._replace(observed=None))
 
-    def _scaled(self, cable: CableImpedance, share: float) -> Impedance:
-        """A share of what a module is to render; under a vibration its cable stays taut."""
+    def _balance(self, impedances: Mapping[int, CableImpedance], state: RigState) -> Floats:
+        """How hard must each cable with an impedance pull against the others, which are at least taut, in N?"""
+        d = self._rig.dimension
+        others = [index not in impedances for index in range(self._rig.m)]
+        taut = np.where(state.active & others, self._rig.limits.lower, 0.0)
+        return np.maximum(-state.structure[:d].T @ (state.structure[:d] @ taut), 0.0)
+
+    def _scaled(self, cable: CableImpedance, share: float, balance: float) -> Impedance:
+        """A share of what a module is to render, and what balances others; a vibrating cable stays taut."""
         amplitude = share * cable.amplitude
         least = self._limits.lower + amplitude if amplitude else 0.0
         return Impedance(
             cable.rest,
             share * cable.stiffness,
             share * cable.damping,
-            max(share * cable.feed_forward, least),
+            max(share * cable.feed_forward + balance, least),
             amplitude,
             cable.frequency,
         )
