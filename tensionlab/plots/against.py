@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab.experiments.scenarios.feel import Touch, touch
 from tensionlab.plots.house import BLUE
 from tensionlab.plots.scale import two_scales
 from tensionlab.plots.scene import held_name
@@ -39,35 +41,23 @@ class Against(NamedTuple):
     felt: Course
 
 
-def against(played: Played, time: Floats, force: Floats) -> list[Against]:
+def against(played: Played) -> list[Against]:
     """For which phases does a picture of force against distance make sense, and what is in it?
 
     Those with a flat surface: the force out of it, against the height above it. And those of a scenario that is
     seen from a body, as a bow: the pull towards it, against the distance from it.
-
-    Parameters
-    ----------
-    played : Played
-    time, force : (K,), (K, d) arrays
-        What was felt, and when.
     """
-    run, felt, frame = played.run, played.felt, played.scenario.seen_from
-    arms = run.position - origins(played)
-    path = run.position if felt is None else felt.position
-    # Bodies move slowly: between cycles their origin is where lines between cycles say.
-    steps = [np.interp(time, run.time, column) for column in origins(played).T]
-    really = path - np.column_stack(steps)
+    run, frame = played.run, played.scenario.seen_from
+    felt, told = touch(played), touch(replace(played, felt=None))
+    meant = Touch(run.time, told.position, run.demanded)
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:
         plane = _plane(phase)
         if plane is None and (frame is None or not phase.effects):
             continue
-        courses = []
-        for when, arm, pull in ((run.time, arms, run.demanded), (time, really, force)):
-            part = (when >= max(phase.begin, SETTLED)) & (when < phase.end)
-            courses.append(_course(arm[part], pull[part], plane))
-        name = "height above the surface (mm)" if plane is not None else between
+        courses = [_course(each.during(max(phase.begin, SETTLED), phase.end), plane) for each in (meant, felt)]
+        name = between if plane is None else "height above the surface (mm)"
         found.append(Against(phase.name, name, *courses))
     return found
 
@@ -83,17 +73,8 @@ def draw_against(axes: Axes, each: Against, knee: float) -> None:
     axes.set_title(f"Force against distance: {each.title}")
 
 
-def origins(played: Played) -> Floats:
-    """Where was that from which effects are seen, in each cycle? (K, d), as its module's cable tells."""
-    run, frame = played.run, played.scenario.seen_from
-    if frame is None:
-        return np.zeros_like(run.position)
-    index = [module.frame for module in run.rig.modules].index(frame)
-    reach = run.structure[:, :, index] * run.lengths[:, index, None]
-    return np.asarray(run.position + reach - run.rig.modules[index].anchor)
-
-
-def _course(arm: Floats, force: Floats, plane: Any) -> Course:
+def _course(part: Touch, plane: Any) -> Course:
+    arm, force = part.position, part.force
     if plane is None:
         distance = np.linalg.norm(arm, axis=1)
         towards = -arm / np.where(distance > 0.0, distance, 1.0)[:, None]

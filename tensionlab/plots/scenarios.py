@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.errors import ShapeError
+from tensionlab.experiments.scenarios.feel import touch
 from tensionlab.plots.against import against, draw_against
 from tensionlab.plots.house import BLUE, GREY, ORANGE, RED, add_legend, legend_beside, new_figure
 from tensionlab.plots.labels import label_points
@@ -17,7 +18,6 @@ from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scale import SHADE, two_scales
 from tensionlab.plots.scene import TILE, Moment, draw_scene, held_name, looks_of
 from tensionlab.plots.verdicts import Judged, draw_verdicts
-from tensionlab.solvers.contract import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,17 +86,6 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
         _draw_layout(figure, left, played)
 
 
-def force_of(played: Played) -> tuple[Floats, Floats]:
-    """When, and with which force (K, d), was what the cables hold pulled?
-
-    What the simulated person felt, if there is one; else what the modules said that they pull with.
-    """
-    run, felt = played.run, played.felt
-    if felt is not None:
-        return felt.time, felt.force
-    return run.time, np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.tensions))
-
-
 def moment_of(played: Played, time: float) -> Moment:
     """Where was everything, as the lengths and directions of the cables tell?"""
     run, rig = played.run, played.run.rig
@@ -115,12 +104,11 @@ def moment_of(played: Played, time: float) -> Moment:
 
 
 def _draw_layout(figure: Figure, left: SubFigure, played: Played) -> None:
-    time, force = force_of(played)
-    curves = against(played, time, force)
+    felt, curves = touch(played), against(played)
     ratios = [2.8, 1.0] if curves else [1.0]
     parts: Any = left.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
     axes = parts[0].subplots()
-    latest = float(time[np.argmax(np.linalg.norm(force, axis=1))])
+    latest = float(felt.time[np.argmax(np.linalg.norm(felt.force, axis=1))])
     path = played.run.position if played.felt is None else played.felt.position
     names = draw_scene(axes, played.scenario, moment_of(played, latest), path)
     axes.set_title(f"Layout to scale, at {latest:.2f} s; tiles of {TILE:g} m")
@@ -165,17 +153,17 @@ def _draw_phases(axes: Axes, lanes: list[list[Phase]]) -> None:
 
 
 def _draw_force(axes: Axes, played: Played) -> None:
-    run, (time, force) = played.run, force_of(played)
-    sizes = np.abs(force).max(axis=0)
+    run, felt = played.run, touch(played)
+    sizes = np.abs(felt.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MATTERS * sizes.max(), 1e-9)]
     for axis in shown:
         axes.plot(run.time, run.demanded[:, axis], color=COLOURS[axis], linewidth=5.0, alpha=0.3)
-        axes.plot(time, force[:, axis], color=COLOURS[axis], linewidth=1.2)
+        axes.plot(felt.time, felt.force[:, axis], color=COLOURS[axis], linewidth=1.2)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
     who = "really felt" if played.felt is not None else "told by the modules"
     axes.set_title(f"Force on the {held_name(played.scenario)}" if shown != [] else "Force")
-    two = two_scales(axes, force[:, shown], KNEE * max(run.setup.upper))
+    two = two_scales(axes, felt.force[:, shown], KNEE * max(run.setup.upper))
     axes.grid()
     letters = [(_axis(run.rig.up, "xyz"[axis]), {"color": COLOURS[axis]}) for axis in shown]
     pale: dict[str, Any] = {"color": GREY, "linewidth": 5.0, "alpha": 0.35}
