@@ -30,6 +30,7 @@ KEYS = {
     "seen_from": str,
     "slew": float,
     "labels": dict[str, str],
+    "stands": tuple[float, ...],
 }
 NEEDED = ("title", "about", "seconds")
 
