@@ -75,7 +75,7 @@ def simulate(
         str | None,
         typer.Option(
             metavar="HOST:PORT",
-            help="With --scenario, send where hand and bodies are there by OSC, 90 times a second: /body/NAME x y z.",
+            help="With --scenario, send where hand and bodies are by OSC, 90 times a second: /body/NAME x y z.",
         ),
     ] = None,
     sensor_port: Annotated[

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,6 +20,8 @@ TRACKED = 90.0
 """How often a tracker tells where everything is, in Hz: as those of head-mounted displays do."""
 WAY_BACK = 1.0
 """How long the way back to the start takes, in s."""
+Track = Callable[[Mapping[str, Floats], float], None]
+"""Hears where bodies are, by name, in m, and the time in s since 1970."""
 UP = (State.ARMED, State.RUNNING)
 """States of a module that pulls."""
 
@@ -33,7 +36,7 @@ class ServedPerson:
     ----------
     scenario : Scenario
     track : callable, optional
-        Hears 90 times a second where the hand and the bodies are, by their names.
+        Hears 90 times a second where the hand and the bodies are, by their names, and when that was.
 
     Attributes
     ----------
@@ -41,12 +44,12 @@ class ServedPerson:
         How long each module's cable is now, in m.
     """
 
-    def __init__(self, scenario: Scenario, track: Callable[[Mapping[str, Floats]], None] | None = None) -> None:
+    def __init__(self, scenario: Scenario, track: Track | None = None) -> None:
         self._plan, self._rig, self._track = scenario.person, scenario.rig, track
         self._person, self._since = Person(self._plan, self._rig), 0.0
         self._lengths: Floats = self._rig.lengths(*self._person.pose)
         self._played, self._back_at = False, -np.inf
-        self._tracked = 0
+        self._began, self._tracked = time.time(), 0
         self.far_ends: dict[str, Callable[[], float]] = {
             module.name: partial(self._length, index) for index, module in enumerate(self._rig.modules)
         }
@@ -62,7 +65,8 @@ class ServedPerson:
         due = int(now * TRACKED)
         if self._track is not None and due > self._tracked:
             self._tracked = due
-            self._track({HAND: pose.position, **_places(pose)})
+            # By the modules' time: what they do late, on a busy machine, was not slow.
+            self._track({HAND: pose.position, **_places(pose)}, self._began + now)
 
     def _follow(self, up: list[bool], now: float) -> None:
         """Begin, go back, or be back, as the modules are."""

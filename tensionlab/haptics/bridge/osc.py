@@ -7,7 +7,7 @@
     /effect/NAME                          no more of it
     /stop                                 end the run
 
-What comes in one bundle is so at the same time.
+What comes in one bundle is so at the same time: that of its tag, if it has one.
 """
 
 from __future__ import annotations
@@ -82,13 +82,18 @@ class OscDoor:
         self._server.server_close()
         self._thread.join()
 
-    def _take(self, messages: list[tuple[str, list[Any]]]) -> None:
+    def _take(self, messages: list[tuple[str, list[Any]]], when: float | None) -> None:
         """Take the messages of one bundle, or one by itself, as one frame."""
         now = time.monotonic()
         try:
             for address, values in messages:
                 self._note(address, values)
-            frame = {"type": "frame", "time": now, "bodies": self._bodies, "effects": self._effects}
+            frame = {
+                "type": "frame",
+                "time": now if when is None else when,
+                "bodies": self._bodies,
+                "effects": self._effects,
+            }
             self._mailbox.put(Frame.model_validate(frame), now)
         except (ValidationError, EffectError) as error:
             self._bodies, self._effects = {}, {}
@@ -108,16 +113,20 @@ class OscDoor:
                 raise EffectError(f"no address {address}; there are /body/NAME, /effect/NAME and /stop")
 
 
-def _dispatcher(take: Callable[[list[tuple[str, list[Any]]]], None]) -> Dispatcher:
+def _dispatcher(take: Callable[[list[tuple[str, list[Any]]], float | None], None]) -> Dispatcher:
     """To whom is each datagram handed? A `Dispatcher` as it is does not tell where a bundle ends."""
     from pythonosc.dispatcher import Dispatcher
+    from pythonosc.osc_bundle import OscBundle
     from pythonosc.osc_packet import OscPacket, ParseError
+    from pythonosc.parsing.osc_types import IMMEDIATELY
 
     class Bundles(Dispatcher):
         def call_handlers_for_packet(self, data: bytes, client_address: tuple[str, int]) -> list[object]:
             """Take what is in a datagram; nothing is answered."""
             with suppress(ParseError):
-                take([(each.message.address, each.message.params) for each in OscPacket(data).messages])
+                messages = [(each.message.address, each.message.params) for each in OscPacket(data).messages]
+                when = OscBundle(data).timestamp if OscBundle.dgram_is_bundle(data) else IMMEDIATELY
+                take(messages, None if when == IMMEDIATELY else when)
             return []
 
     return Bundles()

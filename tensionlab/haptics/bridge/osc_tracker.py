@@ -53,12 +53,15 @@ class OscTracker:
         """Close it."""
         self._socket.close()
 
-    def send(self, bodies: Mapping[str, Floats]) -> None:
-        """Send where bodies are, by name, in m: one bundle with a ``/body/NAME x y z`` for each."""
-        from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+    def send(self, bodies: Mapping[str, Floats], when: float) -> None:
+        """Send where bodies were, by name, in m: one bundle with a ``/body/NAME x y z`` for each.
+
+        Its time tag is when they were there, in s since 1970: what is late on its way is not taken for slow.
+        """
+        from pythonosc.osc_bundle_builder import OscBundleBuilder
         from pythonosc.osc_message_builder import build_msg
 
-        bundle = OscBundleBuilder(IMMEDIATELY)
+        bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # which takes s, as its text says
         for name, place in bodies.items():
             bundle.add_content(build_msg(f"/body/{name}", place.tolist()))
         with suppress(OSError):  # nobody listens, or there is no room: the next one is soon
