@@ -120,13 +120,13 @@ def simulate(
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
-    if sensor_port is not None and (rig is None or only or orbit is not None):
-        raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
     if scenario is not None and (only or orbit is not None or sensor_port is not None):
         raise typer.BadParameter(
             "--scenario takes all modules of its rig, and a person holds their cables: leave out --only, --orbit "
             "and --sensor-port"
         )
+    if sensor_port is not None and (rig is None or only or orbit is not None):
+        raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
     if tracker is not None and scenario is None:
         raise typer.BadParameter("--tracker sends where the person of a scenario is: give --scenario NAME as well")
     played = None if scenario is None else _scenario(scenario, rig)
