@@ -82,7 +82,7 @@ def weight(played: Played) -> tuple[Row, ...]:
     most = gravity + held.mass * min(5.77 * height / seconds**2, held.limit)  # of the way with the least jerk
     above = (
         1.12 if played.felt is not None else 1.12 + NOTICEABLE
-    )  # how fast a tracked hand is, is known less well
+    )  # a tracked speed is known less well
     rows = [
         about("weight of what is held still", "N", gravity, float(down[rest].mean())),
         Row("largest force while it is lifted", "N", 0.88 * most, above * most, float(down[lift].max())),
