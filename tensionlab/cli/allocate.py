@@ -48,15 +48,11 @@ def allocate(
     Body frames stay at rest, at the origin of the world.
     """
     from tensionlab.allocation import Allocator
-    from tensionlab.experiments.lineup import lineup
     from tensionlab.model.files import load_rig
     from tensionlab.solvers.contract import Status
 
     loaded = load_rig(rig)
-    try:
-        lineup([solver], nearest, (loaded.n, loaded.m))  # refuses what the solver does not do
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
+    output.check_solvers(loaded, [solver], nearest)
     asked = output.numbers(wrench)
     if len(asked) != loaded.n:
         names = output.components(loaded)

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.score_table import Column, print_scores
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.comparison import Comparison, Row
+    from tensionlab.experiments.comparison import Row
 
-COLUMNS: list[tuple[str, Callable[[Row], str], bool]] = [
-    ("solver", lambda row: row.solver, True),
-    ("nearest", lambda row: row.nearest or "–", True),
-    ("exact", lambda row: str(row.exact), True),
-    ("near", lambda row: str(row.nearest_count), True),
-    ("limit", lambda row: str(row.iteration_limit), True),
-    ("fail", lambda row: str(row.failed), False),
+COLUMNS: list[Column[Row]] = [
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
     ("error\nmax N", lambda row: output.short(row.residual_max), True),
     ("angle\nmean °", lambda row: output.short(row.angle_mean_deg), False),
@@ -32,7 +26,7 @@ COLUMNS: list[tuple[str, Callable[[Row], str], bool]] = [
     ("call\np99", lambda row: output.duration(row.call_p99_s), False),
     ("batch\neach", lambda row: output.duration(row.batch_s), True),
 ]
-"""Heading, how to write it, and whether a narrow terminal shows it too."""
+"""Those after the statuses."""
 
 LEGEND = """\
 exact: limits kept, wrench rendered   near: proved out of reach, the policy's best substitute found
@@ -75,16 +69,12 @@ def compare(
     """
     from tensionlab import records
     from tensionlab.experiments import comparison
-    from tensionlab.experiments.lineup import lineup
     from tensionlab.model import directions as direction_sets
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
     names = None if solvers is None else [name.strip() for name in solvers.split(",") if name.strip()]
-    try:
-        lineup(names, nearest, (loaded.n, loaded.m))
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
+    output.check_solvers(loaded, names, nearest)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
@@ -92,7 +82,7 @@ def compare(
             directions=None if directions is None else direction_sets.parse(directions),
             magnitude=magnitude,
             solvers=names,
-            nearest=nearest,  # type: ignore[arg-type]  # checked by lineup
+            nearest=nearest,  # type: ignore[arg-type]  # checked above
             progress=progress,
         )
     rows = [dataclasses.asdict(row) for row in result.rows]
@@ -115,30 +105,9 @@ def compare(
                 "manifest": manifest,
             }
         )
-    else:
-        _print(result, magnitude, [("plot", plot), ("rows", out)])
-
-
-def _print(result: Comparison, magnitude: float, files: list[tuple[str, Path | None]]) -> None:
-    """The table, what its words mean, and where the files are."""
-    console = output.console()
-    narrow = console.width < output.WIDTH
-    columns = [column for column in COLUMNS if column[2] or not narrow]
-    title = f"{result.rig.name}, {result.rig.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
-    grid = output.table(f"{title} at {output.vector(result.position)} m", gap=1)
-    for index, (heading, _, _) in enumerate(columns):
-        grid.add_column(heading, justify="left" if index < 2 else "right", no_wrap=True)
-    for row in result.rows:
-        grid.add_row(*(write(row) for _, write, _ in columns))
-    for name in result.missing:
-        grid.add_row(name, "left out", style="dim")
-    console.print(grid)
-    console.print()
-    console.print(LEGEND, style="dim")
-    for name, reason in result.missing.items():
-        console.print(f"left out: {name}, {reason}", style="dim", soft_wrap=True)
-    if narrow:
-        console.print(f"A terminal of {output.WIDTH} columns shows more of them; --json has all.", style="dim")
-    for name, path in files:
+        return
+    title = f"{loaded.name}, {loaded.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
+    print_scores(f"{title} at {output.vector(result.position)} m", result.rows, COLUMNS, result.missing, LEGEND)
+    for name, path in (("plot", plot), ("rows", out)):
         if path:
-            console.print(f"{name}: {path}", soft_wrap=True)
+            output.console().print(f"{name}: {path}", soft_wrap=True)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.score_table import Column, print_scores
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tensionlab.experiments.replay import Replay, ReplayRow
+    from tensionlab.experiments.replay import ReplayRow
     from tensionlab.hardware.record.report import ModuleReport, RunReport
     from tensionlab.hardware.record.run import Run
 
@@ -26,11 +26,7 @@ FORMATS = (".nc", ".parquet")
 EVENTS = 12
 """So many events are printed at most; JSON has all."""
 
-COLUMNS: list[tuple[str, Callable[[ReplayRow], str], bool]] = [
-    ("exact", lambda row: str(row.exact), True),
-    ("near", lambda row: str(row.nearest_count), True),
-    ("limit", lambda row: str(row.iteration_limit), True),
-    ("fail", lambda row: str(row.failed), False),
+COLUMNS: list[Column[ReplayRow]] = [
     ("repl", lambda row: str(row.replaced), False),
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
     ("error\nmax N", lambda row: output.short(row.residual_max), True),
@@ -42,7 +38,7 @@ COLUMNS: list[tuple[str, Callable[[ReplayRow], str], bool]] = [
     ("iter\nmean", lambda row: output.short(row.iterations_mean), False),
     ("iter\nmax", lambda row: output.short(row.iterations_max), False),
 ]
-"""Heading, how to write it, and whether a narrow terminal shows it too."""
+"""Of the table of solvers, those after the statuses."""
 
 LEGEND = """\
 exact: limits kept, wrench rendered   near: proved out of reach, the policy's best substitute found
@@ -126,14 +122,10 @@ def replay(
     """
     from tensionlab import records
     from tensionlab.experiments import replay as replays
-    from tensionlab.experiments.lineup import lineup
 
     run = _read(path)
     names = output.words(solver)
-    try:
-        lineup(names, None, (run.rig.n, run.rig.m))
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
+    output.check_solvers(run.rig, names, None)
     with output.progress(f"Replaying {path.name}") as progress:
         found = replays.replay(run, names, progress)
     rows = [dataclasses.asdict(row) for row in found.rows]
@@ -151,7 +143,9 @@ def replay(
             }
         )
         return
-    _print_replay(found, f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}")
+    title = f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}"
+    own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
+    print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
     if out:
         typer.echo(f"rows: {out}")
 
@@ -216,26 +210,3 @@ def _modules(modules: tuple[ModuleReport, ...]) -> Table:
 
 def _share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.005 else "<1 %"
-
-
-def _print_replay(found: Replay, title: str) -> None:
-    console = output.console()
-    narrow = console.width < output.WIDTH
-    columns = [column for column in COLUMNS if column[2] or not narrow]
-    grid = output.table(title, gap=1)
-    grid.add_column("solver", no_wrap=True)
-    grid.add_column("nearest", no_wrap=True)
-    for heading, _, _ in columns:
-        grid.add_column(heading, justify="right", no_wrap=True)
-    for index, row in enumerate(found.rows):
-        name = f"the run: {row.solver}" if index == 0 else row.solver
-        grid.add_row(name, row.nearest or "–", *(write(row) for _, write, _ in columns), end_section=index == 0)
-    for name in found.missing:
-        grid.add_row(name, "left out", style="dim")
-    console.print(grid)
-    console.print()
-    console.print(LEGEND, style="dim")
-    for name, reason in found.missing.items():
-        console.print(f"left out: {name}, {reason}", style="dim", soft_wrap=True)
-    if narrow:
-        console.print(f"A terminal of {output.WIDTH} columns shows more of them; --json has all.", style="dim")

@@ -1,4 +1,4 @@
-"""What the verbs share: numbers from words, words from numbers, tables, JSON and progress."""
+"""What the verbs share: numbers from words, refusals, words from numbers, tables, JSON and progress."""
 
 from __future__ import annotations
 
@@ -45,6 +45,24 @@ def words(options: list[str] | None) -> list[str] | None:
     if options is None:
         return None
     return [word.strip() for option in options for word in option.split(",") if word.strip()]
+
+
+def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
+    """Whether these solvers serve the rig with that policy; asked before the work.
+
+    Raises
+    ------
+    BadParameter
+        If one does not, or there is no such policy.
+    UnknownSolver, MissingDependency, PluginError
+        As `lineup`.
+    """
+    from tensionlab.experiments.lineup import lineup
+
+    try:
+        lineup(names, nearest, (rig.n, rig.m))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def output_file(path: Path | None) -> Path | None:

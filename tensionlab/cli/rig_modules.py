@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from tensionlab.cli import output
+
 if TYPE_CHECKING:
     from tensionlab.hardware.group import ModuleGroup
     from tensionlab.hardware.log import RunLog
@@ -88,12 +90,7 @@ def module_links(rig: Rig, modules: str) -> dict[str, str]:
 
 def check_solver(rig: Rig, solver: str, nearest: str | None) -> None:
     """Refuse a solver that does not serve this rig."""
-    from tensionlab.experiments.lineup import lineup
-
-    try:
-        lineup([solver], nearest, (rig.n, rig.m))
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
+    output.check_solvers(rig, [solver], nearest)
 
 
 def log_of(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, add_legend, new_figure
 from tensionlab.solvers.contract import TOLERANCE
 
 if TYPE_CHECKING:
@@ -24,12 +24,8 @@ POLICY_LOOK = {
 }
 """Colour, marker and place within the solver's row."""
 
-STATUS_LOOK = [
-    ("exact", "exact", "#5A5A5A"),
-    ("nearest_count", "proved out of reach", "#BBBBBB"),
-    ("iteration_limit", "neither proved", RED),
-    ("failed", "failed", "#000000"),
-]
+COUNTS = ("exact", "nearest_count", "iteration_limit", "failed")
+"""Of a row, by `STATUS_LOOK`."""
 CABLE = "#C8C8C8"
 DRAWN_FORCES = 200
 """Of a larger set, so many forces are drawn, evenly spread."""
@@ -114,7 +110,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         add_legend(right, 5, [
             *(
                 (word, {"color": colour, "linewidth": 6})
-                for key, word, colour in STATUS_LOOK
+                for key, (word, colour) in zip(COUNTS, STATUS_LOOK, strict=True)
                 if any(getattr(row, key) for row in rows)
             ),
             *(
@@ -173,7 +169,7 @@ def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> N
     """Draw how the forces of each row ended, as a bar."""
     for row, line in zip(rows, lines, strict=True):
         start = 0
-        for key, _, colour in STATUS_LOOK:
+        for key, (_, colour) in zip(COUNTS, STATUS_LOOK, strict=True):
             axes.barh(line, getattr(row, key), left=start, height=0.2, color=colour)
             start += getattr(row, key)
 

@@ -16,9 +16,17 @@ from tensionlab.errors import MissingDependency, ShapeError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
+    from matplotlib.lines import Line2D
 
 STYLE = Path(__file__).parents[1] / "tensionlab.mplstyle"
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
+STATUS_LOOK = [
+    ("exact", "#5A5A5A"),
+    ("proved out of reach", "#BBBBBB"),
+    ("neither proved", RED),
+    ("failed", "#000000"),
+]
+"""Word and colour of each `Status`, in its order."""
 METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
@@ -30,12 +38,16 @@ HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none",
 """Behind a name, so that lines do not cross it."""
 
 
-def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
-    """Put a legend below the pictures."""
+def lines_of(entries: list[tuple[str, dict[str, Any]]]) -> list[Line2D]:
+    """Make the lines that a legend shows, from words and looks."""
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+    return [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
+
+
+def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
+    """Put a legend below the pictures."""
+    figure.legend(handles=lines_of(entries), loc="outside lower center", ncols=columns)
 
 
 @contextmanager

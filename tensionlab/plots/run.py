@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.hardware.codes import Limit, State
-from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, new_figure
+from tensionlab.hardware.codes import BEYOND_STOP, Limit
+from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, lines_of, new_figure
 from tensionlab.solvers.contract import Floats, Status
 
 if TYPE_CHECKING:
@@ -22,13 +22,6 @@ BINS = 1500
 by the worst."""
 COLOURS = (BLUE, ORANGE, GREEN)
 """Of the axes x, y and z."""
-PROVED = [
-    ("exact", "#5A5A5A"),
-    ("proved out of reach", "#BBBBBB"),
-    ("neither proved", RED),
-    ("failed", "#000000"),
-]
-"""By `Status`."""
 HELD = [
     ("free", "#EDEDED", {Limit.NONE}),
     ("taut minimum", "#B5D9F0", {Limit.LOWER}),
@@ -112,10 +105,7 @@ def plot_run(run: Run, path: str | Path) -> None:
 
 def _legend(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None:
     """Say what is drawn, on the right."""
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([0, 1], [0, 0], label=label, **look) for label, look in entries]
-    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.005, 1.05))
+    axes.legend(handles=lines_of(entries), loc="upper left", bbox_to_anchor=(1.005, 1.05))
 
 
 def _title(run: Run) -> str:
@@ -180,7 +170,7 @@ def severity(run: Run) -> NDArray[np.int64]:
     worst = np.zeros(run.limits.shape, dtype=np.int64)
     for level, (_, _, limits) in enumerate(HELD):
         worst[np.isin(run.limits, [int(limit) for limit in limits])] = level
-    broken = np.isin(run.states, [int(State.FAULT), int(State.ESTOP)]) | (run.faults != 0) | ~run.active
+    broken = np.isin(run.states, [int(state) for state in BEYOND_STOP]) | (run.faults != 0) | ~run.active
     worst[broken] = len(HELD)
     return worst
 
@@ -202,7 +192,7 @@ def _draw_ribbons(axes: Axes, run: Run) -> list[tuple[str, str]]:
     proofs = np.maximum.reduceat(run.status.astype(np.int64), begins)
     levels = np.maximum.reduceat(severity(run), begins)
     rows = np.concatenate([proofs[:, None], len(Status) + levels], axis=1)
-    look = [*PROVED, *held]
+    look = [*STATUS_LOOK, *held]
     for row in range(len(names)):
         axes.pcolormesh(
             edges, [row + 0.08, row + 0.92], rows[None, :, row], cmap=ListedColormap([each for _, each in look]),
