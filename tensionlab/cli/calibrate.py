@@ -110,9 +110,9 @@ def staircase(
 def _client(url: str) -> ModuleClient:
     """Reach a module; behind ``sim:`` hangs a mass."""
     from tensionlab.hardware.calibration.hanging import HangingMass
-    from tensionlab.hardware.link import SimulatedLink
     from tensionlab.hardware.module import ModuleClient
     from tensionlab.hardware.simulated import PLANT
+    from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
     if url != "sim:":
         return ModuleClient(url, url)
@@ -127,7 +127,7 @@ def _client(url: str) -> ModuleClient:
 def _weighed(client: ModuleClient, masses: list[float], repeat: int) -> list[Balance]:
     from tensionlab.hardware.calibration.hanging import HangingMass
     from tensionlab.hardware.calibration.weighing import weigh
-    from tensionlab.hardware.link import SimulatedLink
+    from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
     balances = []
     for mass in masses:

@@ -152,6 +152,7 @@ def test_monitor_says_when_a_module_is_gone(run):
     with simulated() as (links, process):
         threading.Timer(1.0, process.terminate).start()
         status, out, err = run("module", "monitor", links["module"], "--seconds", "5")
+        process.wait(10.0)  # a second SIGTERM while it ends would kill it
     assert status == 1
     assert "lost" in out
     assert f"{links['module']} broke" in err

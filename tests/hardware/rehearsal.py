@@ -8,12 +8,12 @@ import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.run.clock import WorldClock
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.runner import Runner
 from tensionlab.hardware.simulation.faulty import FaultyLink
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 from tensionlab.hardware.simulation.world import World
 
 GENTLE = np.array([0.0, 0.0, 0.5])

@@ -6,9 +6,9 @@ import pytest
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.codes import Calibration, State
 from tensionlab.hardware.identify import PULSES, STRENGTH, identify
-from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import math
 import pytest
 
 from tensionlab.hardware.latency import Trips, is_bluetooth, measure, safe_rates
-from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulated import STEP, SimulatedModule
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 
 def client(conditions, seed=1, start_us=0):

@@ -2,9 +2,10 @@ import pytest
 
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.codes import Calibration, Code, State
-from tensionlab.hardware.link import SimulatedLink, open_link
+from tensionlab.hardware.link import open_link
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ import pytest
 from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware import settings
 from tensionlab.hardware.codes import Calibration
-from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.settings import change, dump, restore
 from tensionlab.hardware.simulated import PARAMETERS, STEP, SimulatedModule, single
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ from tensionlab.hardware.calibration.staircase import (
     load_staircase,
 )
 from tensionlab.hardware.codes import State
-from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 AHEAD = 12.34  # s, the sensor's clock
 GAIN, FRICTION = 2.6, 0.08

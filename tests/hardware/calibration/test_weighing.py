@@ -11,10 +11,10 @@ from tensionlab.hardware.calibration.hanging import HangingMass
 from tensionlab.hardware.calibration.weighing import weigh
 from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.codes import Calibration, State
-from tensionlab.hardware.link import SimulatedLink
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 SPOOL = 0.0195
 

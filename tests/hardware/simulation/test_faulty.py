@@ -7,12 +7,13 @@ import pytest
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault
 from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.codes import Calibration, State
-from tensionlab.hardware.link import SimulatedLink, open_link
+from tensionlab.hardware.link import open_link
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import Hello
 from tensionlab.hardware.simulated import STEP, SimulatedModule
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 
 
 def lockstep(conditions=None, seed=0):
