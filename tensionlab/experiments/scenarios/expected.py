@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tensionlab.experiments.scenarios.expected_collision import collision
 from tensionlab.experiments.scenarios.feel import Row, effect, touch
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects import Bow
@@ -66,7 +67,7 @@ SETTLED = 0.3
 LOCKING = 0.1
 """How long a brake takes to lock, in s."""
 
-EXPECTED: dict[str, Callable[[Played], tuple[Row, ...]]] = {"bow": bow}
+EXPECTED: dict[str, Callable[[Played], tuple[Row, ...]]] = {"collision": collision, "bow": bow}
 """By the scenario's name."""
 
 
