@@ -24,7 +24,8 @@ ALLOWED = {
     "records": set(),
     "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
     "hardware": {"model", "demand", "solvers", "measure", "allocation", "_native"},
-    "haptics": {"model", "demand", "solvers", "_native"},  # which brakes to lock: many bounded least squares
+    # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
+    "haptics": {"model", "demand", "allocation", "solvers", "_native"},
     "experiments": {
         "_native",
         "records",

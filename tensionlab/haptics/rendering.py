@@ -16,13 +16,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Allocator
 from tensionlab.demand import Demand, Impedance, RigState
-from tensionlab.haptics.effects import Friction, Magnet, ModuleLimits, Shape, Spring, Viscous, Wall, Water
+from tensionlab.haptics.effects import Friction, ModuleLimits, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
 from tensionlab.haptics.effects.on_module import CableImpedance, Divided, divide
 from tensionlab.haptics.passivity import PassivityController, most_damping
 from tensionlab.haptics.stability import stiffness_cap
 from tensionlab.haptics.stages import Stages
+from tensionlab.model.limits import TensionLimits
 from tensionlab.model.rig import Rig
 
 HAND_DAMPING = 2.0
@@ -33,8 +35,9 @@ UNKNOWN = 0.25
 """How late a loop is taken to be before it is known, in s: as long as set-points live."""
 REMEMBERED = 100
 """Cycles whose delays count for how late the loop is."""
-PASSIVE = (Wall, Magnet, Shape, Spring, Viscous, Water, Friction)
-"""Effects that never give more energy than they were given: the controller looks after these."""
+WATCHED = (Wall, Shape, Viscous, Friction)
+"""Effects that give no energy which they have not been given before: the controller looks after these. A magnet, a
+spring or a lift may have some to give at first, and a weight, a shot or a vibration is meant to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +103,7 @@ class Renderer:
         self._delays: deque[float] = deque(maxlen=REMEMBERED)
         self._controller: PassivityController | None = None
         self._kept: dict[bool, Group] = {}
+        self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
         self.delay = UNKNOWN
         self.ceiling = 0.0
 
@@ -122,13 +126,13 @@ class Renderer:
         able = state.active & (self._rig.n == self._rig.dimension)
         force = np.zeros(self._rig.dimension)
         impedances: dict[int, CableImpedance] = {}
-        for passive in (True, False):
-            chosen = {name: each for name, each in effects.items() if isinstance(each, PASSIVE) is passive}
-            done, divided = self._staged(chosen, passive, motion, state, able)
+        for watched in (True, False):
+            chosen = {name: each for name, each in effects.items() if isinstance(each, WATCHED) is watched}
+            done, divided = self._staged(chosen, watched, motion, state, able)
             force = force + done + divided.pushed
             impedances |= divided.impedances
             able = able & [index not in divided.impedances for index in range(self._rig.m)]
-        balance = self._balance(impedances, state)
+        balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
         wrench = np.zeros(self._rig.n)
         if share <= 0.0:
             return Asked(Demand(), wrench)
@@ -141,7 +145,7 @@ class Renderer:
     def _staged(
         self,
         effects: Mapping[str, Effect],
-        passive: bool,
+        watched: bool,
         motion: Motion,
         state: RigState,
         able: NDArray[np.bool_],
@@ -151,13 +155,13 @@ class Renderer:
         names = tuple((name, type(each)) for name, each in effects.items())
         directions = state.structure[:d].T
         cables = OnCables(tuple(effects.values()), state.lengths, directions, able, self._limits, self.ceiling)
-        stages = Stages(cables, self._controller if passive else None)
-        before = self._kept.get(passive)
+        stages = Stages(cables, self._controller if watched else None)
+        before = self._kept.get(watched)
         memory = None if before is None else _matched(before, names)
         done = stages.render(motion, memory)
         divided: Divided = done.memory.effect
         # Only what the effects remember goes on; who does what is decided anew in each cycle.
-        self._kept[passive] = Group(names, done.memory._replace(effect=divided.memory))
+        self._kept[watched] = Group(names, done.memory._replace(effect=divided.memory))
         return done.force, divided
 
     def _watch(self, state: RigState, step: float) -> None:
@@ -176,15 +180,23 @@ class Renderer:
             if (group := self._kept.get(True)) is not None:  # it paired forces with what came after another time
                 self._kept[True] = group._replace(memory=group.memory._replace(observed=None))
 
-    def _balance(self, impedances: Mapping[int, CableImpedance], state: RigState) -> Floats:
-        """How hard must each cable with an impedance pull against the others, which are at least taut, in N?"""
-        d = self._rig.dimension
-        others = [index not in impedances for index in range(self._rig.m)]
-        taut = np.where(state.active & others, self._rig.limits.lower, 0.0)
-        return np.maximum(-state.structure[:d].T @ (state.structure[:d] @ taut), 0.0)
+    def _balance(self, force: Floats, impedances: Mapping[int, CableImpedance], state: RigState) -> Floats:
+        """How much harder than its impedance must each cable pull, so that the others can do the rest, in N?
+
+        As hard as it would if there were no impedances, and all cables rendered the force together.
+        """
+        key = state.active.tobytes()
+        if key not in self._allocators:
+            limits = self._rig.limits
+            part = TensionLimits(limits.lower * state.active, limits.upper * state.active)
+            self._allocators[key] = Allocator(part)
+        extra = self._allocators[key](state.structure, force).tensions.copy()
+        for index, each in impedances.items():
+            extra[index] -= _impedance(each).tension(float(state.lengths[index]), float(state.speeds[index]))
+        return np.maximum(extra, 0.0)
 
     def _scaled(self, cable: CableImpedance, share: float, balance: float) -> Impedance:
-        """A share of what a module is to render, and what balances others; a vibrating cable stays taut."""
+        """A share of what a module is to render, and what others need; a vibrating cable stays taut."""
         amplitude = share * cable.amplitude
         least = self._limits.lower + amplitude if amplitude else 0.0
         return Impedance(
@@ -195,6 +207,10 @@ class Renderer:
             amplitude,
             cable.frequency,
         )
+
+
+def _impedance(cable: CableImpedance) -> Impedance:
+    return Impedance(**vars(cable))
 
 
 def _matched(before: Group, names: tuple[tuple[str, type], ...]) -> Memory:

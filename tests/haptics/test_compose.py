@@ -14,6 +14,7 @@ from tensionlab.haptics.effects import (
     OnModule,
     Ramp,
     Recoil,
+    Ripples,
     Shape,
     Spring,
     Sum,
@@ -82,7 +83,7 @@ def pulled(impedance, length):
     return impedance.feed_forward + impedance.stiffness * max(length - impedance.rest, 0.0)
 
 
-STIFF = [Wall(), Magnet(), Texture(height=0.0), Shape(), Spring(), Bow()]
+STIFF = [Wall(), Magnet(), Texture(ripples=Ripples(height=0.0)), Shape(), Spring(), Bow()]
 
 
 @pytest.mark.parametrize("effect", STIFF, ids=lambda e: type(e).__name__)

@@ -5,7 +5,7 @@ import pytest
 from motions import at, follow
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects import Friction, Magnet, Motion, Plane, Texture, Wall
+from tensionlab.haptics.effects import Friction, Magnet, Motion, Plane, Ripples, Texture, Wall
 
 
 def height(effect, *heights, speed=0.0):
@@ -80,8 +80,17 @@ def test_texture_fades_where_the_loop_cannot_follow():
     assert [ripple(v) for v in (0.0, 0.3999, 0.6, 0.8, 2.0)] == pytest.approx([1, 1, 0.5, 0, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize("most", [100.0, 1000.0])
+def test_ripples_hold_a_hand_no_more_stiffly_than_they_may(most):
+    texture = Texture(friction=Friction(static=0.0, dynamic=0.0), ripples=Ripples(stiffness=most))
+    x = np.arange(0.0, 0.004, 1e-6)
+    path = np.stack([x, 0 * x, np.full_like(x, -0.01)], axis=-1)
+    force = follow(texture, path, 0.001, np.zeros_like(path))[:, 0]
+    assert np.abs(np.diff(force) / np.diff(x)).max() == pytest.approx(most, rel=1e-3)
+
+
 def test_texture_rubs_by_the_walls_push():
-    texture = Texture(height=0.0)
+    texture = Texture(ripples=Ripples(height=0.0))
     path = np.stack([np.arange(0.0, 0.05, 0.0001), np.zeros(500), np.full(500, -0.01)], axis=-1)
     force = follow(texture, path, 0.001, np.zeros_like(path))
     assert force[-1] == pytest.approx([-0.35 * 3.0, 0.0, 3.0])
@@ -99,8 +108,8 @@ def test_no_contact_no_texture():
         (lambda: Plane(normal=(0.0, 0.0, 0.0)), "Plane: normal"),
         (lambda: Plane(point=(0.0, float("inf"), 0.0)), "Plane: point"),
         (lambda: Magnet(reach=0.0), "Magnet: reach is 0.0"),
-        (lambda: Texture(period=0.0), "Texture: period"),
-        (lambda: Texture(direction=(0.0, 0.0, 1.0)), "along the wall's normal"),
+        (lambda: Ripples(period=0.0), "Ripples: period"),
+        (lambda: Texture(ripples=Ripples(direction=(0.0, 0.0, 1.0))), "along the wall's normal"),
         (lambda: Friction(static=0.2, dynamic=0.3), "Friction: dynamic is 0.3, above static"),
     ],
 )

@@ -26,7 +26,7 @@ from tensionlab.haptics.stages import Stages
 AGREED = [
     (Wall(), {"stiffness": 300.0, "damping": 2.0}),
     (Magnet(), {"max_force": 3.0, "reach": 0.10, "stiffness": 300.0, "damping": 1.0}),
-    (Texture(), {"period": 0.004, "height": 0.0003}),
+    (Texture().ripples, {"period": 0.004, "height": 0.0003}),
     (Texture().wall, {"stiffness": 300.0, "damping": 2.0}),
     (Friction(), {"static": 0.5, "dynamic": 0.35, "stiffness": 400.0, "damping": 2.0}),
     (Texture().friction, {"static": 0.5, "dynamic": 0.35, "stiffness": 400.0, "damping": 2.0}),

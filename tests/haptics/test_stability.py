@@ -11,6 +11,7 @@ from tensionlab.haptics.effects import (
     Friction,
     Magnet,
     Motion,
+    OnModule,
     Ramp,
     Shape,
     Sum,
@@ -121,9 +122,13 @@ def test_every_stiffness_of_an_effect_is_capped():
     whole = WhileFresh(Ramp(Sum((Wall(), Texture(), Magnet(), Shape(), Viscous(), Friction(stiffness=10.0)))))
     soft = capped(whole, 50.0).effect.effect.parts
     assert [soft[0].stiffness, soft[1].wall.stiffness, soft[1].friction.stiffness] == [50.0, 50.0, 50.0]
+    assert soft[1].ripples.stiffness == 50.0
     assert [soft[2].stiffness, soft[3].coupling.stiffness, soft[5].stiffness] == [50.0, 50.0, 10.0]
     assert soft[4] == Viscous()
     assert capped(Wall(), 1000.0) == Wall()
+    # What a module renders keeps its own stiffness, not what the host adds to it.
+    rough = capped(Texture(), 50.0, OnModule)
+    assert [rough.wall.stiffness, rough.friction.stiffness, rough.ripples.stiffness] == [300.0, 50.0, 50.0]
     assert capped(Shape(coupling=VirtualCoupling(400.0, 1.0)), 50.0).coupling == VirtualCoupling(50.0, 1.0)
 
 

@@ -20,8 +20,8 @@ SETTLING = 0.1
 """How long modules take to follow a force that turns round, in s: 6 N at 60 N/s."""
 REASONS = ("none intended", "late", "out of reach", "held back", "unexplained")
 """Why a force may point elsewhere: nothing, or less than 0.5 N, is meant to be felt, and the cables are only taut;
-it points where it was meant to within the loop's delay and 0.1 s; it is proved out of reach; a module is at a limit
-of its own (slew, speed, heat, a brake that opens). The first that applies counts."""
+it points where it was meant to within the loop's delay and 0.1 s; it is proved out of reach; a module is at a
+limit of its own (slew, speed, heat, a brake that opens). The first that applies counts."""
 
 
 @dataclass(frozen=True)

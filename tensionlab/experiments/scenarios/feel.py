@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.solvers.contract import Floats
 
 Kind = TypeVar("Kind", bound=Effect)
+NOTICEABLE = 0.07
+"""Share by which forces differ noticeably."""
 
 
 class Row(NamedTuple):
@@ -50,7 +53,7 @@ class Touch:
 
     def during(self, begin: float, end: float) -> Touch:
         """A part of it, from one time to another."""
-        part = (self.time >= begin) & (self.time < end)
+        part = between(self.time, begin, end)
         return Touch(self.time[part], self.position[part], self.force[part])
 
 
@@ -77,3 +80,41 @@ def effect(played: Played, kind: type[Kind]) -> tuple[Kind, float, float]:
             if isinstance(each, kind):
                 return each, phase.begin, phase.end
     raise LookupError(f"{played.scenario.name} has no {kind.__name__}")
+
+
+def about(name: str, unit: str, wanted: float, measured: float, share: float = NOTICEABLE) -> Row:
+    """A number that was to be another one, give or take a share."""
+    slack = share * abs(wanted)
+    return Row(name, unit, wanted - slack, wanted + slack, measured)
+
+
+def between(time: Floats, begin: float, end: float) -> NDArray[np.bool_]:
+    """Which times are from one to another?"""
+    return np.asarray((time >= begin) & (time < end))
+
+
+def late(played: Played) -> float:
+    """How late was the loop, in s?"""
+    return float(np.nanmax(played.run.delays, initial=0.0))
+
+
+def rms(values: Floats) -> float:
+    """What is their root mean square?"""
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
+
+
+def first(time: Floats, there: NDArray[np.bool_]) -> float:
+    """How long after its begin is something there?"""
+    return float(time[there][0] - time[0]) if there.any() else float("nan")
+
+
+def pitch(time: Floats, values: Floats) -> float:
+    """Which frequency is strongest, in Hz?"""
+    if len(time) < 8:
+        return float("nan")
+    step = float(np.median(np.diff(time)))
+    level = values - np.polyval(np.polyfit(time, values, 2), time)
+    padded = 8 * len(time)
+    spectrum = np.abs(np.fft.rfft(level * np.hanning(len(level)), padded))
+    frequencies = np.fft.rfftfreq(padded, step)
+    return float(frequencies[int(np.argmax(spectrum))])

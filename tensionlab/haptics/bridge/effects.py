@@ -10,7 +10,7 @@ from typing import Any, get_args, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects import EFFECTS
+from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
 
 
@@ -33,6 +33,8 @@ def effect_of(name: str, given: Mapping[str, Any]) -> Effect:
     if kind not in EFFECTS:
         raise EffectError(f"effect {name!r}: kind is {kind!r}; give one of {', '.join(EFFECTS)}")
     parameters = {key: value for key, value in given.items() if key != "kind"}
+    if isinstance(solid := parameters.get("field"), Mapping):
+        parameters["field"] = _solid(f"effect {name!r}: field", solid)
     _require_known(f"effect {name!r}", EFFECTS[kind], parameters)
     try:
         effect: Effect = adapter(kind).validate_python(parameters)
@@ -41,6 +43,19 @@ def effect_of(name: str, given: Mapping[str, Any]) -> Effect:
         where = "".join(f"{step}: " for step in problem["loc"])
         raise EffectError(f"effect {name!r}: {where}{problem['msg'].removeprefix('Value error, ')}") from None
     return effect
+
+
+def _solid(where: str, given: Mapping[str, Any]) -> Any:
+    """Which solid has a client described: its kind, and its parameters?"""
+    kind = given.get("kind", "sphere")
+    if kind not in SOLIDS:
+        raise EffectError(f"{where}: kind is {kind!r}; give one of {', '.join(SOLIDS)}")
+    parameters = {key: value for key, value in given.items() if key != "kind"}
+    _require_known(where, SOLIDS[kind], parameters)
+    try:
+        return TypeAdapter(SOLIDS[kind]).validate_python(parameters)
+    except ValidationError as error:
+        raise EffectError(f"{where}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
 
 
 @cache

@@ -1,12 +1,13 @@
 """What force to ask for: pure functions of how the hand moves.
 
-contact: wall, magnet, texture. shape: solids from distance fields. friction. ambient: viscous, spring, water,
-vibration. tools: weight, recoil, bow. compose: sums and ramps. on_module: what a module renders by itself.
+contact: wall, magnet. texture: rough surfaces. shape: solids from distance fields. friction. ambient: viscous,
+spring, water, vibration. tools: weight, recoil, bow. compose: sums and ramps. on_module: what a module renders by
+itself.
 """
 
 from tensionlab.haptics.effects.ambient import Spring, Vibration, Viscous, Water
 from tensionlab.haptics.effects.compose import Ramp, Sum, WhileFresh
-from tensionlab.haptics.effects.contact import Magnet, Plane, Texture, Wall
+from tensionlab.haptics.effects.contact import Magnet, Plane, Wall
 from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered, relative
 from tensionlab.haptics.effects.fields import Box, Distance, Field, HalfSpace, Sphere
 from tensionlab.haptics.effects.friction import Friction
@@ -19,6 +20,7 @@ from tensionlab.haptics.effects.on_module import (
     divide,
 )
 from tensionlab.haptics.effects.shape import Shape, VirtualCoupling
+from tensionlab.haptics.effects.texture import Ripples, Texture
 from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
 EFFECTS = {
@@ -36,9 +38,12 @@ EFFECTS = {
     "viscous": Viscous,
 }
 """Every effect by the name that files and clients use."""
+SOLIDS = {"sphere": Sphere, "box": Box, "half-space": HalfSpace}
+"""What a shape may be, by the name that files and clients use; a sphere if they name none."""
 
 __all__ = [
     "EFFECTS",
+    "SOLIDS",
     "AxisImpedance",
     "Bow",
     "Box",
@@ -57,6 +62,7 @@ __all__ = [
     "Ramp",
     "Recoil",
     "Rendered",
+    "Ripples",
     "Shape",
     "Sphere",
     "Spring",

@@ -1,4 +1,4 @@
-"""What does a flat surface feel like: a wall, a magnet, a texture?
+"""What does a flat surface feel like: a wall, or a magnet?
 
 A plane has a point and a normal n that points out of it, towards the free side. The height of a hand above it is
 ``h = n·(p - point)``, its penetration ``d = -h``.
@@ -6,15 +6,12 @@ A plane has a point and a normal n that points out of it, towards the free side.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot
-from tensionlab.haptics.effects.friction import Friction
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
     require_direction,
@@ -167,70 +164,3 @@ class Magnet:
 
     def _fade(self, height: Floats) -> Floats:
         return np.clip((self.reach - height) / (self.reach - self.peak), 0.0, 1.0)
-
-
-@dataclass(frozen=True)
-class Texture:
-    """What does a rough surface feel like? A wall, friction on it, and ripples across.
-
-    Along a direction of the surface, with x the way along it and F_n the wall's push, ``-F_n (2 pi A/l)
-    cos(2 pi x/l)`` is added: the slope of ripples of height A and period l. It fades where they pass by faster
-    than the loop can render: by a share from 1 at ``|v|/l = rate/10`` to 0 at twice that, where the rate is one a
-    step. Clean textures want 5 to 10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic texture").
-    Continuous in the position for a hand at rest. Not passive: F_n may be larger on the way down a ripple than on
-    the way up. A ripple gives at most ``2 A (F_n down - F_n up)`` that way, 0.6 mJ a newton.
-
-    Parameters
-    ----------
-    wall : Wall
-        Runs on a module.
-    friction : Friction
-        Its load is the wall's push.
-    direction : tuple of d floats
-        Across the ripples; what of it is along the wall's normal is left out.
-    period : float
-        l in m; 4 mm is a default of this project.
-    height : float
-        A in m; 0.3 mm is a default of this project.
-    """
-
-    wall: Wall = Wall()
-    friction: Friction = field(default_factory=Friction)
-    direction: tuple[float, ...] = (1.0, 0.0, 0.0)
-    period: float = 0.004
-    height: float = 0.0003
-
-    def __post_init__(self) -> None:
-        require_direction(self, "direction")
-        require_positive(self, "period")
-        require_not_negative(self, "height")
-        if not np.linalg.norm(self._across) > 0.5:
-            raise EffectError(
-                f"Texture: direction {self.direction} is along the wall's normal {self.wall.plane.normal}; "
-                "give one along the surface"
-            )
-
-    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Push, rub and ripple; the memory is the friction's."""
-        done = self.on_host(motion, memory)
-        return done._replace(force=done.force + self.wall.render(motion).force)
-
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """The wall."""
-        return self.wall.on_module(motion)
-
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Friction and ripples."""
-        load = self.wall.push(motion)
-        rub = self.friction.rub(motion, load, self.wall.plane.n, memory)
-        x = dot(motion.position - np.asarray(self.wall.plane.point), self._across)
-        passing = np.abs(dot(motion.velocity, self._across)) / self.period * motion.step
-        fade = np.clip(2.0 - 10.0 * passing, 0.0, 1.0)
-        slope = 2.0 * math.pi * self.height / self.period * np.cos(2.0 * math.pi * x / self.period)
-        return rub._replace(force=rub.force - (load * fade * slope)[..., None] * self._across)
-
-    @cached_property
-    def _across(self) -> Floats:
-        direction = along(np.asarray(self.direction, dtype=np.float64))
-        across = direction - (direction @ self.wall.plane.n) * self.wall.plane.n
-        return along(across) if np.linalg.norm(across) > 1e-6 else np.zeros_like(across)
