@@ -28,7 +28,7 @@ CONE = math.radians(40.0)
 """How far from the wall's normal heads come."""
 SHOULDERS = np.array([0.0, 0.0, -0.22])
 """Where the torso is, as seen from the head that means to be somewhere, in m."""
-STILL, PUSHING = 0.1, 0.3
+STILL, PUSHING = 0.05, 0.3
 """How long a head stays where it begins, and where it means to get, in s."""
 PEAK = 1.875
 """How much faster than on average a motion of the least jerk is half way."""
@@ -102,8 +102,11 @@ class Outcome:
 
 
 def draw_impact(rng: np.random.Generator, wall: Plane) -> Impact:
-    """Draw an impact: where and whence, how fast, and who."""
-    speed = rng.uniform(0.05, 2.0)
+    """Draw an impact: where and whence, how fast, and who.
+
+    As many are from 0.05 to 0.32 m/s, where brakes may be locked, as from there to 2 m/s.
+    """
+    speed = math.exp(rng.uniform(math.log(0.05), math.log(2.0)))
     return Impact(
         speed=speed,
         direction=tuple(_within_cone(rng, -wall.n).tolist()),

@@ -11,6 +11,7 @@ import pytest
 
 from tensionlab.experiments.scenarios.impacts import (
     MOST,
+    STILL,
     Impact,
     draw_impact,
     impacts,
@@ -75,6 +76,7 @@ def test_impacts_are_drawn_as_said():
     speeds, masses = np.array([each.speed for each in drawn]), np.array([each.mass for each in drawn])
     assert 0.05 <= speeds.min() < 0.1
     assert 1.9 < speeds.max() <= 2.0
+    assert 0.3 < np.median(speeds) < 0.34
     assert 3.0 <= masses.min() < 3.1
     assert 5.9 < masses.max() <= 6.0
     assert np.allclose([wall.height(np.array(each.place)) for each in drawn], 0.0)
@@ -82,6 +84,6 @@ def test_impacts_are_drawn_as_said():
 
 def test_an_impact_means_to_pass_the_wall_at_its_speed():
     scenario = scenario_of(HEAD_ON, COLLISION)
-    script, half = scenario.person.script, 0.1 + HEAD_ON.lasts / 2
+    script, half = scenario.person.script, STILL + HEAD_ON.lasts / 2
     assert np.allclose(script.position(half), HEAD_ON.place)
     assert (script.position(half + 1e-4) - script.position(half))[0] / 1e-4 == pytest.approx(1.0, rel=1e-3)
