@@ -174,9 +174,10 @@ class Renderer:
             return
         self.delay = delay
         self.ceiling = stiffness_cap(delay, step, HAND_DAMPING)
-        late = math.ceil(delay / step)
-        if self._controller is None or late != self._controller.delay:
-            self._controller = PassivityController(most_damping(HAND_MASS, delay, step), late)
+        steps = delay / step
+        # A step more or less is no news: steps are not all of one length.
+        if self._controller is None or not -1.5 < steps - self._controller.delay < 0.5:
+            self._controller = PassivityController(most_damping(HAND_MASS, delay, step), math.ceil(steps))
             if (group := self._kept.get(True)) is not None:  # it paired forces with what came after another time
                 self._kept[True] = group._replace(memory=group.memory._replace(observed=None))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,6 +104,7 @@ def play(
     seconds: float | None = None,
     log: str | Path | None = None,
     call: Sequence[str] = ("tensionlab.experiments.scenarios.play",),
+    progress: Callable[[float], None] | None = None,
 ) -> Played:
     """Play a scenario.
 
@@ -120,6 +121,8 @@ def play(
         An MCAP file for every cycle; a temporary one if left out.
     call : sequence of str
         For the log's manifest.
+    progress : callable, optional
+        Told the share that has been played, from 0 to 1.
 
     Raises
     ------
@@ -129,7 +132,7 @@ def play(
     with tempfile.TemporaryDirectory() as folder, fast_enough(scenario, modules.group):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
         record = RunLog(path, scenario.rig, manifest(call), solver, settings_of(scenario), modules.links)
-        statistics = perform(scenario, modules, record.note, solver, seconds, record)
+        statistics = perform(scenario, modules, record.note, solver, seconds, record, progress)
         felt = None if modules.person is None else modules.person.felt
         return Played(scenario, read_run(path), statistics, felt)
 
@@ -141,22 +144,26 @@ def perform(
     solver: str = "newton",
     seconds: float | None = None,
     log: RunLog | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Statistics:
     """Play a scenario on modules that are `fast_enough`, and keep nothing of it unless there is a log.
 
     Parameters
     ----------
-    scenario, modules, solver, seconds
+    scenario, modules, solver, seconds, progress
         As in `play`.
     tell : callable, optional
         As in `ScenarioDemand`.
     log : RunLog, optional
     """
+    length = scenario.seconds if seconds is None else seconds
     asked = ScenarioDemand(scenario, tell)
 
     def demand(state: RigState) -> Demand:
         if state.cycle == 0 and modules.person is not None:
             modules.person.begin()
+        if progress is not None:
+            progress(state.time / length)
         return asked(state)
 
     runner = Runner(
@@ -169,7 +176,7 @@ def perform(
         clock=modules.clock,
         tracker=modules.tracker,
     )
-    return runner.run(scenario.seconds if seconds is None else seconds)
+    return runner.run(length)
 
 
 def settings_of(scenario: Scenario) -> RunSettings:

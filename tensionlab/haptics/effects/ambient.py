@@ -127,7 +127,8 @@ class Vibration:
     """What does a vibration feel like? ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
 
     It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
-    slack. A host would need more than ten steps a period.
+    slack. A host would need more than ten steps a period. A module changes its tension no faster than its slew, 60
+    N/s as it comes and up to 300: beyond ``A = slew/(2 pi f)``, 0.24 N at 40 Hz, less is felt.
 
     Parameters
     ----------

@@ -139,6 +139,33 @@ def along_cable(
     )
 
 
+def felt(part: AxisImpedance, direction: Floats, velocity: Floats, cap: float = math.inf) -> Floats:
+    """Which force (d,) is the hand to feel of what a module does, vibration aside, in N?
+
+    A cable at the angle a to the axis also pulls across it, by tan a; the host takes that back, as late as it is.
+    So a spring K on the module looks, to a slow hand, like one along the axis and a matrix of damping, ``tau K
+    [[0, tan a], [tan a, tan² a]]``. With the hand's own b it takes no energy out of nowhere up to ``tau K = b
+    (1 + sqrt(1 + 4/tan² a))/2``: the bound of a host that renders it all, if the cable lies across, and none if it
+    lies along the axis. Of what is stiffer, only that share is taken back, and the force is felt off the axis, by
+    no more than the cable is. This project's own.
+
+    Parameters
+    ----------
+    part : AxisImpedance
+    direction : (d,) array
+        Unit vector of the cable, from the hand to the module.
+    velocity : (d,) array
+        Of the hand, in m/s.
+    cap : float
+        How stiff the host may be, in N/m.
+    """
+    push, c = part.push(velocity), float(part.axis @ direction)
+    cable = float(push @ part.axis) / c * direction
+    most = cap * (1.0 + math.sqrt(1.0 + 4.0 * c**2 / max(1.0 - c**2, 1e-12))) / 2.0
+    share = min(most / part.stiffness, 1.0) if part.stiffness > 0.0 else 1.0
+    return cable + share * (push - cable)
+
+
 class Divided(NamedTuple):
     """Who renders what?
 
@@ -149,7 +176,7 @@ class Divided(NamedTuple):
     impedances : dict of int to CableImpedance
         By the number of the cable.
     pushed : (d,) array
-        Force that those are to make, vibration aside, in N.
+        Force that the hand is to feel of those, vibration aside, in N: see `felt`.
     memory : tuple
         Of the effects, for the next step.
     sudden : bool
@@ -209,7 +236,7 @@ def divide(
             if cosines[best] >= ALIGNED:
                 impedances[best] = along_cable(part, float(lengths[best]), directions[best], limits)
                 free[best] = False
-                pushed = pushed + part.push(motion.velocity)
+                pushed = pushed + felt(part, directions[best], motion.velocity, cap)
                 done = capped(effect, cap, OnModule).on_host(motion, own)
         if done is None:
             done = capped(effect, cap).render(motion, own)
