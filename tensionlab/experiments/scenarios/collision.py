@@ -32,7 +32,7 @@ def collision(played: Played) -> tuple[Row, ...]:
     rows = [
         Row("cue before the stop", "N", 1.5, 2.5, _most(warned)),
         Row("depth of the stop in the wall", "m", -0.015, 0.01, _most(depth[leaning])),
-        Row("speed of what is not stopped", "m/s", 0.3, 2.0, speed),
+        Row("speed of an approach that is refused", "m/s", 0.3, 2.0, speed),
     ]
     if played.felt is not None and hold.cap is not None:
         middle = (felt.time > begin + 0.25 * (end - begin)) & (felt.time < end - 0.25 * (end - begin))
@@ -42,7 +42,7 @@ def collision(played: Played) -> tuple[Row, ...]:
         ]
         sizes = np.linalg.norm(felt.force, axis=1)
         rows += [
-            Row("largest force on it", "N", 0.0, 15.0, _most(sizes[felt.time >= refused])),
+            Row("largest force after that", "N", 0.0, 15.0, _most(sizes[felt.time >= refused])),
             Row("largest force at all", "N", 0.0, hold.cap.force, _most(sizes)),
         ]
     return tuple(rows)
