@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from tensionlab.errors import HardwareError
 from tensionlab.experiments.scenarios.play import fast_enough, perform, simulated
 from tensionlab.haptics.effects.contact import Plane
 from tensionlab.haptics.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
@@ -92,6 +93,8 @@ class Outcome:
         How far it got into the wall, in m; below 0 if it did not.
     end : str
         One of `END`.
+    fault : str
+        Which error ended it early, if one did: all modules let go then.
     """
 
     impact: Impact
@@ -99,6 +102,7 @@ class Outcome:
     speed: float
     depth: float
     end: END
+    fault: str
 
 
 def draw_impact(rng: np.random.Generator, wall: Plane) -> Impact:
@@ -152,8 +156,12 @@ def outcome(impact: Impact, scenario: Scenario) -> Outcome:
     played = scenario_of(impact, scenario)
     modules = simulated(played, Conditions(impact.latency), impact.seed)
     heard: list[str] = []
+    fault = ""
     with fast_enough(played, modules.group):
-        perform(played, modules, lambda kind, text: heard.append(text) if kind == "brake" else None)
+        try:
+            perform(played, modules, lambda kind, text: heard.append(text) if kind == "brake" else None)
+        except HardwareError as error:
+            fault = str(error)
     assert modules.person is not None
     felt = modules.person.felt
     inside = -wall.height(felt.position)
@@ -166,6 +174,7 @@ def outcome(impact: Impact, scenario: Scenario) -> Outcome:
         float(speeds[into[0]]) if into.size else 0.0,
         depth,
         _end(heard, depth),
+        fault,
     )
 
 
@@ -231,11 +240,14 @@ def report(outcomes: Sequence[Outcome]) -> str:
                 f"{np.median(depths):.0f} mm deep, {depths.max():.0f} at most, "
                 f"{max(each.force for each in some):.1f} N at most"
             )
+    faults = [each.fault for each in outcomes if each.fault]
+    if faults:
+        lines.append(f"{len(faults)} ended by a fault, one of them: {faults[0]}")
     return "\n".join(lines)
 
 
 def main() -> None:
-    """Play impacts from the command line; exit status 1 if a head felt too much."""
+    """Play impacts from the command line; exit status 1 if a head felt too much, or a module failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
@@ -249,7 +261,7 @@ def main() -> None:
     outcomes = list(impacts(scenario, options.count, options.seed, options.processes))
     print(report(outcomes))
     print(f"in {time.monotonic() - began:.0f} s")
-    raise SystemExit(any(each.force > MOST for each in outcomes))
+    raise SystemExit(any(each.force > MOST or each.fault for each in outcomes))
 
 
 if __name__ == "__main__":

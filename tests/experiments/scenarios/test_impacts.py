@@ -34,6 +34,7 @@ def test_no_head_feels_more_than_60_newtons():
     outcomes = list(impacts(COLLISION, COUNT))
     assert len(outcomes) == COUNT
     assert max(each.force for each in outcomes) <= MOST, report(outcomes)
+    assert not any(each.fault for each in outcomes)
     assert {each.end for each in outcomes} >= {"stopped", "refused"}
 
 
