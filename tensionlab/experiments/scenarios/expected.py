@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tensionlab.experiments.scenarios.collision import collision
 from tensionlab.experiments.scenarios.feel import (
     NOTICEABLE,
     Row,
@@ -80,9 +81,7 @@ def weight(played: Played) -> tuple[Row, ...]:
     gravity = -held.mass * held.gravity[2]
     height, seconds = path[1].position[2] - path[0].position[2], path[1].time - path[0].time
     most = gravity + held.mass * min(5.77 * height / seconds**2, held.limit)  # of the way with the least jerk
-    above = (
-        1.12 if played.felt is not None else 1.12 + NOTICEABLE
-    )  # a tracked speed is known less well
+    above = 1.12 if played.felt is not None else 1.12 + NOTICEABLE  # a tracked speed is known less well
     rows = [
         about("weight of what is held still", "N", gravity, float(down[rest].mean())),
         Row("largest force while it is lifted", "N", 0.88 * most, above * most, float(down[lift].max())),
@@ -136,6 +135,7 @@ def bow(played: Played) -> tuple[Row, ...]:
 
 EXPECTED: dict[str, Callable[[Played], tuple[Row, ...]]] = {
     "materials": materials,
+    "collision": collision,
     "recoil": recoil,
     "weight": weight,
     "bow": bow,
