@@ -92,6 +92,7 @@ def test_a_pawl_is_in_where_the_cable_pulls_harder_than_the_motor_could(bow):
     assert not carried[bow.run.time < bow.run.time[bow.run.brakes[:, 0]][0]].any()
     really = np.interp(bow.run.time, bow.felt.time, bow.felt.tensions[:, 0])
     assert carried[really > 8.0].all()
+    assert not carried[really < bow.run.tensions[:, 0] + 0.5].any()
     assert (really > 8.0).sum() > 50
     assert [each.kind for each in ribbons(bow)["bow-hand, brake"]] == ["brake", "pawl"]
 
