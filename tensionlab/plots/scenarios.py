@@ -99,12 +99,8 @@ def moment_of(played: Played, time: float) -> Moment:
     anchors = held + (run.structure[cycle] * run.lengths[cycle]).T
     fixed = np.array([module.frame not in rig.frames for module in rig.modules])
     anchors[fixed] = rig.anchors[fixed]
-    bodies = {
-        frame: np.mean(
-            [a - each.anchor for a, each in zip(anchors, rig.modules, strict=True) if each.frame == frame], 0
-        )
-        for frame in rig.frames
-    }
+    pairs = zip(rig.modules, anchors, strict=True)
+    bodies = {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
     return Moment(held, anchors, bodies)
 
 
