@@ -14,6 +14,7 @@ import tables
 import tensionlab as tl
 from tensionlab import plots
 from tensionlab.experiments import anchor_count
+from tensionlab.haptics.scenarios import SCENARIOS, load_scenario
 from tensionlab.workspace import Grid
 
 FIGURE = (".pdf", ".png")
@@ -21,6 +22,10 @@ TABLE = (".md", ".tex")
 PUBLISHED = "published/bartels2026-validation"
 RECORDING = "recordings/paper-like-simulated"
 TRIALS = "what-if/paper-like-simulated"
+PROPOSALS = (
+    "These layouts are proposals of this project. The publication says only that that of the materials is "
+    "grounded, and that the others mix modules on the body and in the room."
+)
 DIGITS = 6
 """Swept values are rounded to so many, so that no processor's last digit is seen in a figure."""
 
@@ -60,6 +65,11 @@ def sweep_of_rooms(folder: Path) -> Any:
     return rounded(tl.sweep(rigs, grid, ["capacity-margin", "tension-factor"], progress=False))
 
 
+def layouts_of_scenarios(folder: Path) -> Any:
+    """The five scenarios of the package."""
+    return [load_scenario(name) for name in SCENARIOS]
+
+
 def published_and_simulated(data: list[Any], path: Path) -> None:
     """The table of what the publication measured, beside one simulated rig and many."""
     published, recording, trials = data
@@ -78,6 +88,9 @@ DRAWINGS = {
     "anchor-count": Drawing(sweeps_of_modules, lambda data, path: plots.plot_anchor_count(*data, path)),
     "anchor-count-shares": Drawing(
         sweeps_of_modules, lambda data, path: tables.write_table(tables.shares_of_room(data[1]), path), TABLE
+    ),
+    "scenario-layouts": Drawing(
+        layouts_of_scenarios, lambda data, path: plots.plot_scenario_layouts(data, PROPOSALS, path)
     ),
     "workspace": Drawing(sweep_of_rooms, plots.plot_measures),
 }

@@ -22,6 +22,8 @@ WIDTH = 13.0
 """Of the picture, in inches."""
 MARGIN = 0.12
 """Around each layout, in m."""
+PRESSED = 0.002
+"""A script that leads so far beyond where brakes hold presses against them, in m."""
 LEAST = 1.0
 """Of a column's width and a row's height, in m: room for the legend."""
 INSTANTS = 201
@@ -78,22 +80,21 @@ def plot_scenario_layouts(scenarios: Sequence[Scenario], note: str, path: str | 
 def way(scenario: Scenario) -> tuple[Floats, Moment]:
     """Which way (K, d) does a script lead, and where is everything when it is most telling?
 
-    No further than to where brakes hold. Most telling is where it presses hardest against that, or else where it
-    is farthest from where it began.
+    No further than to where brakes hold. Most telling is when it first gets there, or else where it is farthest
+    from where it began.
     """
     times = np.linspace(0.0, scenario.seconds, INSTANTS)
     moments = [scripted(scenario, float(time)) for time in times]
-    way, beyond = [], []
+    way, stopped = [], []
     for time, moment in zip(times, moments, strict=True):
-        held, deepest = moment.held, 0.0
+        held = moment.held
         for phase in scenario.now(float(time)):
             if phase.hold is not None:
                 wall = phase.hold.wall(held - origin_of(scenario, moment))
                 held = held - min(wall.distance, 0.0) * np.asarray(wall.normal)
-                deepest = max(deepest, -wall.distance)
         way.append(held)
-        beyond.append(deepest)
+        stopped.append(float(np.linalg.norm(held - moment.held)) > PRESSED)
     places = np.array(way)
-    told = np.array(beyond) if max(beyond) > 0.0 else np.linalg.norm(places - places[0], axis=1)
-    best = int(np.argmax(np.round(told, 3)))  # of equals the first, whatever the last digits
+    far = np.round(np.linalg.norm(places - places[0], axis=1), 3)  # of equals the first, whatever the last digits
+    best = int(np.argmax(stopped if any(stopped) else far))
     return places, replace(moments[best], held=places[best])

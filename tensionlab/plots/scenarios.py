@@ -72,9 +72,9 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
         left, right = parts[0].subfigures(1, 2, width_ratios=[1.0, 1.45])
         panels = list(right.subplots(len(heights), 1, sharex=True, height_ratios=heights))
         _draw_phases(panels[0], lanes, float(run.time[-1]))
-        _draw_force(panels[1], played)
+        draw_force(panels[1], played)
         for index in range(run.rig.m):
-            _draw_tension(panels[2 + index], played, index)
+            draw_tension(panels[2 + index], played, index)
         if strips:
             draw_ribbons(panels[-1], played, strips)
         for axes in panels:
@@ -99,12 +99,8 @@ def moment_of(played: Played, time: float) -> Moment:
     anchors = held + (run.structure[cycle] * run.lengths[cycle]).T
     fixed = np.array([module.frame not in rig.frames for module in rig.modules])
     anchors[fixed] = rig.anchors[fixed]
-    bodies = {
-        frame: np.mean(
-            [a - each.anchor for a, each in zip(anchors, rig.modules, strict=True) if each.frame == frame], 0
-        )
-        for frame in rig.frames
-    }
+    pairs = zip(rig.modules, anchors, strict=True)
+    bodies = {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
     return Moment(held, anchors, bodies)
 
 
@@ -158,7 +154,8 @@ def _draw_phases(axes: Axes, lanes: list[list[Phase]], last: float) -> None:
     axes.set_title("What is rendered")
 
 
-def _draw_force(axes: Axes, played: Played) -> None:
+def draw_force(axes: Axes, played: Played) -> None:
+    """Draw the force meant, wide and pale, and the one felt, along each axis that matters."""
     run, felt = played.run, touch(played)
     sizes = np.abs(felt.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MATTERS * sizes.max(), 1e-9)]
@@ -183,7 +180,8 @@ def _axis(up: str, letter: str) -> str:
     return f"along {letter}, up" if letter == up else f"along {letter}"
 
 
-def _draw_tension(axes: Axes, played: Played, index: int) -> None:
+def draw_tension(axes: Axes, played: Played, index: int) -> None:
+    """Draw what a module was told, says and, where a simulated person knows, really pulls with."""
     run, felt = played.run, played.felt
     lower, upper = run.setup.lower[index], run.setup.upper[index]
     for limit in (lower, upper):

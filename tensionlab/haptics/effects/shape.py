@@ -112,8 +112,8 @@ class Shape:
             distance, normal = self.field(proxy)
             way = position - proxy
             inward = np.minimum(dot(way, normal) + distance, 0.0)
-            # At the surface: straight on, but not into it. Above it: no further than is surely free, which close to
-            # the surface is so little that the proxy of a hand that skims it would be left behind.
+            # At the surface: straight on, but not into it. Above it: no further than is surely free, which close
+            # to the surface is so little that the proxy of a hand that skims it would be left behind.
             free = way * np.minimum(1.0, distance / np.maximum(length_of(way), NEAR))[..., None]
             step = np.where((distance <= CLOSE)[..., None], way - inward[..., None] * normal, free)
             ahead = self._outside(proxy + step)
