@@ -48,11 +48,19 @@ class BodyMotion:
 
 @dataclass
 class Mailbox:
-    """The latest two frames of whoever commands, and the effects asked for. Used by several threads."""
+    """The latest two frames of whoever commands, and the effects asked for. Used by several threads.
+
+    Attributes
+    ----------
+    count : int
+        Frames that came.
+    stop_wanted : bool
+    """
 
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _frames: tuple[Arrived | None, Arrived | None] = (None, None)
     _effects: dict[str, Effect] = field(default_factory=dict)
+    count: int = 0
     stop_wanted: bool = False
 
     def put(self, frame: Frame, now: float) -> None:
@@ -62,6 +70,7 @@ class Mailbox:
             effects = {name: effect_of(name, given) for name, given in frame.effects.items()}
         with self._lock:
             self._frames = (self._frames[1], Arrived(frame, now))
+            self.count += 1
             if effects is not None:
                 self._effects = effects
 

@@ -93,17 +93,40 @@ class State(Message):
     tensions: list[float | None] = Field(description="what the modules say they pull with, in N")
     limits: list[str] = Field(description="what holds each module back: NONE, LOWER, UPPER, SLEW, ...")
     active: list[bool] = Field(description="whether each module takes part")
+    rendering: list[bool] = Field(
+        description="whether each module renders a spring, damper or vibration by itself, at its own rate"
+    )
+    braked: list[bool] = Field(description="whether each brake is asked to be on")
+    brakes: list[str] = Field(
+        description="what each brake is doing, as far as is known: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
+    )
+    ceiling: float = Field(
+        description="how stiff an effect may be now that no module renders, in N/m: a loop that is later bears less"
+    )
+    delay: float = Field(description="how late the loop is, in s: from what is asked for to what is heard of it")
     fresh: float = Field(description="share of the force that is there: 1, or less where frames fail to come")
 
 
 class Event(Message):
-    """Something that happened; to those who watch, and to who commands."""
+    """Something that happened; to those who watch, and to who commands. A `rate`, once a second, only to watchers.
+
+    Keys that do not belong to its kind are left out.
+    """
 
     type: Literal["event"] = "event"
     time: float = Field(description="of the run, in s")
-    kind: str = Field(description="fault, limit, lost, client, silent, fresh or rate")
+    kind: str = Field(
+        description="fault, limit, lost, brake, silent, fresh, ceiling, stiff, phase or rate: what each says is below"
+    )
     text: str = Field(description="what happened")
     module: str | None = Field(None, description="its name, if it is one module's")
+    effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
+    stiffness: float | None = Field(None, description="stiff: what was asked for, in N/m")
+    ceiling: float | None = Field(None, description="stiff, ceiling: what the host renders at most, in N/m")
+    delay: float | None = Field(None, description="ceiling: how late the loop is, in s")
+    cycles: float | None = Field(None, description="rate: cycles a second, really")
+    gap: float | None = Field(None, description="rate: the longest time from one cycle to the next, in s")
+    frames: float | None = Field(None, description="rate: frames a second that came")
 
 
 class Refused(Message):
