@@ -24,6 +24,7 @@ from tensionlab.cli.module import module
 from tensionlab.cli.problems import problems
 from tensionlab.cli.rig import rig
 from tensionlab.cli.run import run
+from tensionlab.cli.scenario import scenario
 from tensionlab.cli.serve import serve
 from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
@@ -47,6 +48,7 @@ app.command()(solvers)
 app.command()(workspace)
 app.command()(bench)
 app.command()(run)
+app.command()(scenario)
 app.command()(serve)
 app.command()(simulate)
 app.command()(validate)

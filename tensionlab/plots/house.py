@@ -15,6 +15,7 @@ import numpy as np
 from tensionlab.errors import MissingDependency, ShapeError
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
     from matplotlib.lines import Line2D
 
@@ -48,6 +49,11 @@ def lines_of(entries: list[tuple[str, dict[str, Any]]]) -> list[Line2D]:
 def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
     """Put a legend below the pictures."""
     figure.legend(handles=lines_of(entries), loc="outside lower center", ncols=columns)
+
+
+def legend_beside(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None:
+    """Put a legend on the right of a picture."""
+    axes.legend(handles=lines_of(entries), loc="upper left", bbox_to_anchor=(1.005, 1.05))
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.hardware.codes import BEYOND_STOP, Limit
-from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, lines_of, new_figure
+from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, legend_beside, new_figure
 from tensionlab.solvers.contract import Floats, Status
 
 if TYPE_CHECKING:
@@ -85,27 +85,22 @@ def plot_run(run: Run, path: str | Path) -> None:
             times.set_xlim(0.0, 1.0)
             panels[0].text(0.5, 0.5, "no cycle in the log", transform=panels[0].transAxes, ha="center", color=GREY)
         _draw_events(panels, run)
-        _legend(panels[0], [
+        legend_beside(panels[0], [
             *((axis, {"color": colour}) for axis, colour in zip("xyz"[:d], COLOURS, strict=False)),
             ("asked for", {"color": GREY, "linewidth": 4, "alpha": 0.35}),
             ("chosen", {"color": GREY, "linewidth": 1.2}),
             ("told by the modules", {"color": GREY, "linewidth": 1.0, "linestyle": ":"}),
         ])  # fmt: skip
-        _legend(tensions[0], [
+        legend_beside(tensions[0], [
             ("set-point", {"color": BLUE, "linewidth": 1.2}),
             ("told by the module", {"color": ORANGE, "linewidth": 1.2}),
             ("limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
         ])  # fmt: skip
-        _legend(ribbons, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
-        _legend(times, [
+        legend_beside(ribbons, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
+        legend_beside(times, [
             *((word, {"color": colour}) for word, colour in zip(TIMES, (BLUE, GREEN, ORANGE), strict=True)),
             ("period", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
         ])  # fmt: skip
-
-
-def _legend(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None:
-    """Say what is drawn, on the right."""
-    axes.legend(handles=lines_of(entries), loc="upper left", bbox_to_anchor=(1.005, 1.05))
 
 
 def _title(run: Run) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,6 +103,7 @@ def play(
     seconds: float | None = None,
     log: str | Path | None = None,
     call: Sequence[str] = ("tensionlab.experiments.scenarios.play",),
+    progress: Callable[[float], None] | None = None,
 ) -> Played:
     """Play a scenario.
 
@@ -119,12 +120,15 @@ def play(
         An MCAP file for every cycle; a temporary one if left out.
     call : sequence of str
         For the log's manifest.
+    progress : callable, optional
+        Told the share that has been played, from 0 to 1.
 
     Raises
     ------
     HardwareError
         What went wrong with a module; all have been told to stop then.
     """
+    length = scenario.seconds if seconds is None else seconds
     settings = RunSettings(rate=scenario.rate, nearest=scenario.nearest)
     with tempfile.TemporaryDirectory() as folder, fast_enough(scenario, modules.group):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
@@ -134,6 +138,8 @@ def play(
         def demand(state: RigState) -> Demand:
             if state.cycle == 0 and modules.person is not None:
                 modules.person.begin()
+            if progress is not None:
+                progress(state.time / length)
             return asked(state)
 
         runner = Runner(
@@ -146,7 +152,7 @@ def play(
             clock=modules.clock,
             tracker=modules.tracker,
         )
-        statistics = runner.run(scenario.seconds if seconds is None else seconds)
+        statistics = runner.run(length)
         felt = None if modules.person is None else modules.person.felt
         return Played(scenario, read_run(path), statistics, felt)
 

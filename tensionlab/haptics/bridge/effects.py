@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Any, get_args, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -35,7 +35,7 @@ def effect_of(name: str, given: Mapping[str, Any]) -> Effect:
     parameters = {key: value for key, value in given.items() if key != "kind"}
     if isinstance(solid := parameters.get("field"), Mapping):
         parameters["field"] = _solid(f"effect {name!r}: field", solid)
-    _require_known(f"effect {name!r}", EFFECTS[kind], parameters)
+    require_known(f"effect {name!r}", EFFECTS[kind], parameters)
     try:
         effect: Effect = adapter(kind).validate_python(parameters)
     except ValidationError as error:
@@ -51,7 +51,7 @@ def _solid(where: str, given: Mapping[str, Any]) -> Any:
     if kind not in SOLIDS:
         raise EffectError(f"{where}: kind is {kind!r}; give one of {', '.join(SOLIDS)}")
     parameters = {key: value for key, value in given.items() if key != "kind"}
-    _require_known(where, SOLIDS[kind], parameters)
+    require_known(where, SOLIDS[kind], parameters)
     try:
         return TypeAdapter(SOLIDS[kind]).validate_python(parameters)
     except ValidationError as error:
@@ -64,15 +64,26 @@ def adapter(kind: str) -> TypeAdapter[Any]:
     return TypeAdapter(EFFECTS[kind])
 
 
-def _require_known(where: str, kind: type, given: Any) -> None:
-    """Refuse parameters that a class, or one that it holds, does not have."""
-    if not isinstance(given, Mapping):
-        return
-    hints = get_type_hints(kind)
-    names = [each.name for each in fields(kind)]
-    for key, value in given.items():
-        if key not in names:
-            raise EffectError(f"{where}: no parameter {key!r}; there are {', '.join(names)}")
-        inner = [each for each in (hints[key], *get_args(hints[key])) if is_dataclass(each)]
-        if len(inner) == 1:
-            _require_known(f"{where}: {key}", inner[0], value)  # type: ignore[arg-type]
+def require_known(where: str, hint: Any, given: Any) -> None:
+    """Refuse keys that a class, or one that it holds, does not have: a table for each class.
+
+    Raises
+    ------
+    EffectError
+        Naming the key.
+    """
+    if is_dataclass(hint) and isinstance(given, Mapping):
+        hints = get_type_hints(hint)
+        names = [each.name for each in fields(hint)]
+        for key, value in given.items():
+            if key not in names:
+                raise EffectError(f"{where}: no parameter {key!r}; there are {', '.join(names)}")
+            require_known(f"{where}: {key}", hints[key], value)
+    elif get_origin(hint) is tuple and isinstance(given, Sequence):
+        for value in given:
+            require_known(where, get_args(hint)[0], value)
+    elif get_origin(hint) is Mapping and isinstance(given, Mapping):
+        for name, value in given.items():
+            require_known(f"{where}: {name}", get_args(hint)[1], value)
+    elif len(inner := [each for each in get_args(hint) if is_dataclass(each)]) == 1:
+        require_known(where, inner[0], given)

@@ -11,11 +11,12 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from tensionlab.errors import EffectError, RigError, ScenarioError
-from tensionlab.haptics.bridge.effects import effect_of
+from tensionlab.haptics.bridge.effects import effect_of, require_known
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
 from tensionlab.haptics.scenarios.scenario import Phase, Scenario
 from tensionlab.model.files import load_rig, parse_toml, read_text
+from tensionlab.solvers.contract import Nearest
 
 FOLDER = Path(__file__).parent / "files"
 """Where those of this package are: NAME.toml, and NAME.rig.toml beside it."""
@@ -26,10 +27,11 @@ KEYS = {
     "about": str,
     "seconds": float,
     "rate": float,
-    "nearest": str,
+    "nearest": Nearest,
     "seen_from": str,
     "slew": float,
     "labels": dict[str, str],
+    "stands": tuple[float, ...],
 }
 NEEDED = ("title", "about", "seconds")
 
@@ -100,6 +102,7 @@ PHASE = {"name": str, "begin": float, "end": float}
 
 
 def _read(kind: Any, value: Any, where: str) -> Any:
+    require_known(where, kind, value)
     try:
         return _adapter(kind).validate_python(value)
     except ValidationError as error:

@@ -65,6 +65,8 @@ class Scenario:
         How fast the modules' tensions must be able to change, in N/s; None: as they come.
     labels : mapping of str to str
         What to call the held point and the bodies in pictures.
+    stands : tuple of floats or None
+        Between the feet of the person, for pictures; None: no person is drawn.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Scenario:
     seen_from: str | None = None
     slew: float | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
+    stands: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         rig, given = self.rig, set(self.person.bodies)
@@ -98,6 +101,10 @@ class Scenario:
         if not (self.rate > 0.0 and 0.0 < self.seconds < math.inf):
             raise ScenarioError(
                 f'scenario "{self.name}": seconds {self.seconds}, rate {self.rate}; give both above 0'
+            )
+        if self.stands is not None and len(self.stands) != rig.dimension:
+            raise ScenarioError(
+                f'scenario "{self.name}": stands is {list(self.stands)}; give {rig.dimension} coordinates, in m'
             )
         named = [name for phase in self.phases for name in phase.effects]
         if len(set(named)) < len(named):

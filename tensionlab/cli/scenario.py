@@ -1,0 +1,195 @@
+"""``tensionlab scenario``: something to feel, on simulated modules with a simulated person, or on real ones."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli import output
+from tensionlab.cli.rig_modules import Modules, Solver
+
+if TYPE_CHECKING:
+    from tensionlab.experiments.scenarios import feel, play
+    from tensionlab.experiments.scenarios.direction import Directions
+    from tensionlab.haptics.scenarios import Scenario
+
+LIST = "list"
+
+
+def scenario(
+    name: Annotated[
+        str,
+        typer.Argument(help="A name that `tensionlab scenario list` shows, or a file (TOML).", show_default=False),
+    ],
+    modules: Modules = None,
+    solver: Solver = "newton",
+    seconds: Annotated[float | None, typer.Option(help="How much of it; all if left out.")] = None,
+    osc: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT",
+            help="With --modules: where hand and bodies are comes by OSC to this UDP port: /body/NAME x y z.",
+            min=0,
+            max=65535,
+        ),
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", callback=output.output_file, help="Keep every cycle there.")
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", callback=output.picture_file, help="The picture.  [default: scenario-NAME.png]"
+        ),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print what was felt as JSON.")] = False,
+) -> None:
+    """Play a scenario, compare what was felt with what should be, and draw it.
+
+    On simulated modules, a simulated person acts, as fast as this machine can. Exit status 1 where something felt
+    otherwise than it should, or went wrong with a module.
+    """
+    from tensionlab.cli.rig_modules import check_solver
+    from tensionlab.errors import HardwareError
+    from tensionlab.experiments.scenarios.direction import directions
+    from tensionlab.experiments.scenarios.expected import expected
+    from tensionlab.experiments.scenarios.play import play
+    from tensionlab.haptics.scenarios import load_scenario
+    from tensionlab.plots import plot_scenario
+
+    if name == LIST:
+        _list(json)
+        return
+    played_one = load_scenario(name)
+    check_solver(played_one.rig, solver, played_one.nearest)
+    if seconds is not None and not 0.0 < seconds <= played_one.seconds:
+        raise typer.BadParameter(f"--seconds is above 0 and at most {played_one.seconds:g}; got {seconds:g}")
+    picture = plot or output.picture_file(Path(f"scenario-{played_one.name}.png"))
+    assert picture is not None
+    with ExitStack() as opened, output.progress(played_one.title) as progress:
+        reached = _reached(played_one, modules, osc, opened)
+        try:
+            call = ["tensionlab", *sys.argv[1:]]
+            played = play(played_one, reached, solver, seconds, log, call, progress)
+        except HardwareError as error:
+            typer.echo(f"tensionlab: {error}", err=True)
+            raise typer.Exit(1) from None
+    whole = seconds is None or seconds == played_one.seconds
+    rows = expected(played) if whole else ()
+    found = directions(played.run)
+    plot_scenario(played, rows, picture)
+    if json:
+        output.print_json(_as_json(played, rows, found, picture))
+    else:
+        _show(played, rows, found)
+        if not whole:
+            typer.echo("What it should feel like is judged when it is played as a whole.")
+        typer.echo(f"Picture: {picture}")
+    wrong = not all(row.met for row in rows) or found.reasons["unexplained"] > 0
+    if wrong or played.statistics.unconfirmed or played.statistics.lost or played.statistics.emergency:
+        raise typer.Exit(1)
+
+
+def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> play.Modules:
+    """Open the modules, to be closed with the rest, and find out who tells where everything is."""
+    from contextlib import closing
+
+    from tensionlab.cli.rig_modules import module_links, note_simulated
+    from tensionlab.experiments.scenarios.play import Modules, needs_tracker, simulated
+    from tensionlab.haptics.bridge.mailbox import Mailbox
+    from tensionlab.haptics.bridge.osc import OscDoor
+    from tensionlab.haptics.bridge.source import tracked_pose
+    from tensionlab.hardware import RealClock, connect
+
+    if modules is None:
+        if osc is not None:
+            raise typer.BadParameter("--osc is for real modules; of a simulated person it is known where it is")
+        note_simulated()
+        reached = simulated(scenario)
+        opened.callback(reached.group.close)
+        return reached
+    if osc is None and needs_tracker(scenario):
+        raise typer.BadParameter(
+            f"the cables of {scenario.rig.name} cannot tell where everything is: give --osc PORT, and have a "
+            f"tracker send /body/{', /body/'.join(['hand', *scenario.rig.frames])}"
+        )
+    links = module_links(scenario.rig, modules)
+    tracker = None
+    if osc is not None:
+        mailbox = Mailbox()
+        opened.enter_context(OscDoor(mailbox, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
+        tracker = tracked_pose(scenario.rig, mailbox)
+    group = opened.enter_context(closing(connect(scenario.rig, links)))
+    return Modules(group, RealClock(), links, tracker)
+
+
+def _list(json: bool) -> None:
+    """Show what there is."""
+    from tensionlab.haptics.scenarios import SCENARIOS, load_scenario
+
+    loaded = [load_scenario(name) for name in SCENARIOS]
+    if json:
+        output.print_json([
+            {
+                "name": each.name,
+                "title": each.title,
+                "about": each.about,
+                "seconds": each.seconds,
+                "modules": {module.name: module.frame for module in each.rig.modules},
+            }
+            for each in loaded
+        ])  # fmt: skip
+        return
+    table = output.table("Layouts and numbers are proposals of this project, after the publication's scenarios.")
+    for heading in ("name", "what", "room", "body", "s"):
+        table.add_column(heading, justify="right" if heading in ("room", "body", "s") else "left")
+    for each in loaded:
+        worn = sum(module.frame in each.rig.frames for module in each.rig.modules)
+        table.add_row(each.name, each.about, str(each.rig.m - worn), str(worn), f"{each.seconds:g}")
+    output.console().print(table)
+
+
+def _show(played: play.Played, rows: tuple[feel.Row, ...], found: Directions) -> None:
+    """Print what was felt, and where forces pointed."""
+    console = output.console()
+    table = output.table(f"{played.scenario.title}: {played.scenario.about}")
+    for heading in ("", "felt", "expected", "", ""):
+        table.add_column(heading, justify="right" if heading in ("felt", "expected") else "left")
+    for row in rows:
+        unit = "" if row.unit == "1" else row.unit
+        bounds = f"{output.short(row.low)} to {output.short(row.high)}"
+        table.add_row(row.name, output.short(row.measured), bounds, unit, "" if row.met else "not met")
+    if rows:
+        console.print(table)
+        console.print()
+    reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
+    elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""
+    console.print(
+        f"Forces above 0.5 N in {found.judged} of {len(played.run)} cycles: "
+        f"{found.within} within 45 degrees of the intended ones{elsewhere}."
+    )
+    console.print(f"The loop was {1e3 * _delay(played):.0f} ms late.")
+
+
+def _delay(played: play.Played) -> float:
+    from tensionlab.experiments.scenarios.feel import late
+
+    return late(played)
+
+
+def _as_json(
+    played: play.Played, rows: tuple[feel.Row, ...], found: Directions, picture: Path
+) -> dict[str, object]:
+    return {
+        "scenario": played.scenario.name,
+        "felt": [{**row._asdict(), "met": row.met} for row in rows],
+        "directions": {"judged": found.judged, "within": found.within, **found.reasons},
+        "delay": _delay(played),
+        "run": played.statistics.summary(),
+        "events": [vars(event) for event in played.run.events],
+        "picture": str(picture),
+    }

@@ -1,0 +1,202 @@
+"""A scenario that was played: where everything was, what was meant and felt, and whether that is right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensionlab.errors import ShapeError
+from tensionlab.experiments.scenarios.feel import touch
+from tensionlab.plots.against import against, draw_against
+from tensionlab.plots.house import BLUE, GREY, ORANGE, RED, add_legend, legend_beside, new_figure
+from tensionlab.plots.labels import label_points
+from tensionlab.plots.ribbons import draw_ribbons, ribbons
+from tensionlab.plots.run import COLOURS
+from tensionlab.plots.scale import SHADE, two_scales
+from tensionlab.plots.scene import TILE, Moment, draw_scene, held_name, looks_of
+from tensionlab.plots.verdicts import Judged, draw_verdicts
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+    from tensionlab.experiments.scenarios.play import Played
+    from tensionlab.haptics.scenarios import Phase
+
+MATTERS = 0.1
+"""An axis is drawn if its force gets to this share of the largest."""
+SHADES = ("#DCE6F0", "#C4D5E6")
+"""Of the phases, in turn."""
+KNEE = 1.3
+"""Beyond so many times the motors' largest tension, forces are drawn on a smaller scale."""
+
+
+def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> None:
+    """Draw a scenario that was played.
+
+    On the left its layout, at the moment of the largest force, and force against distance where that makes sense.
+    On the right, over time: its phases, the force meant and felt, the tension of each module, what brakes did and
+    what modules rendered by themselves. Below, what it was to feel like.
+
+    Parameters
+    ----------
+    played : Played
+    rows : sequence of Row
+        Of the table of expected feel; may be empty.
+    path : path
+        The suffix chooses the format: png, pdf or svg.
+
+    Raises
+    ------
+    ShapeError
+        If the suffix is no such format, or nothing was played.
+    """
+    run, scenario = played.run, played.scenario
+    if not len(run):
+        raise ShapeError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
+    strips = ribbons(played)
+    lanes = _lanes(scenario.phases)
+    heights = [
+        0.30 * len(lanes) + 0.1,
+        3.0,
+        *([1.35] * run.rig.m),
+        *([0.27 * len(strips) + 0.1] if strips else []),
+    ]
+    upper, lower = max(5.6, 1.1 + 1.05 * sum(heights)), 0.5 + 0.27 * (len(rows) + 1) if rows else 0.0
+    with new_figure(path, (14.0, upper + lower + 0.4)) as figure:
+        figure.suptitle(f"{scenario.title}. {scenario.about}", fontweight="bold", x=0.01, ha="left")
+        ratios = [upper, lower] if rows else [upper]
+        parts: Any = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
+        left, right = parts[0].subfigures(1, 2, width_ratios=[1.0, 1.45])
+        panels = list(right.subplots(len(heights), 1, sharex=True, height_ratios=heights))
+        _draw_phases(panels[0], lanes)
+        _draw_force(panels[1], played)
+        for index in range(run.rig.m):
+            _draw_tension(panels[2 + index], played, index)
+        if strips:
+            draw_ribbons(panels[-1], played, strips)
+        for axes in panels:
+            axes.set_xlim(0.0, max(run.time[-1], 1e-3))
+        panels[-1].set_xlabel("time (s)")
+        if rows:
+            draw_verdicts(parts[1].subplots(), rows)
+        _draw_layout(figure, left, played)
+
+
+def moment_of(played: Played, time: float) -> Moment:
+    """Where was everything, as the lengths and directions of the cables tell?"""
+    run, rig = played.run, played.run.rig
+    cycle = int(np.argmin(np.abs(run.time - time)))
+    held = run.position[cycle]
+    anchors = held + (run.structure[cycle] * run.lengths[cycle]).T
+    fixed = np.array([module.frame not in rig.frames for module in rig.modules])
+    anchors[fixed] = rig.anchors[fixed]
+    bodies = {
+        frame: np.mean(
+            [a - each.anchor for a, each in zip(anchors, rig.modules, strict=True) if each.frame == frame], 0
+        )
+        for frame in rig.frames
+    }
+    return Moment(held, anchors, bodies)
+
+
+def _draw_layout(figure: Figure, left: SubFigure, played: Played) -> None:
+    felt, curves = touch(played), against(played)
+    ratios = [2.8, 1.0] if curves else [1.0]
+    parts: Any = left.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
+    axes = parts[0].subplots()
+    latest = float(felt.time[np.argmax(np.linalg.norm(felt.force, axis=1))])
+    path = played.run.position if played.felt is None else played.felt.position
+    names = draw_scene(axes, played.scenario, moment_of(played, latest), path)
+    axes.set_title(f"Layout to scale, at {latest:.2f} s; tiles of {TILE:g} m")
+    add_legend(parts[0], 3, looks_of([played.scenario]))
+    if curves:
+        for panel, each in zip(parts[1].subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
+            draw_against(panel, each, KNEE * max(played.run.setup.upper))
+    label_points(figure, axes, names)
+
+
+def _lanes(phases: Iterable[Phase]) -> list[list[Phase]]:
+    """In which lanes do phases not overlap?"""
+    lanes: list[list[Phase]] = []
+    for phase in sorted(phases, key=lambda each: each.begin):
+        free = next((lane for lane in lanes if lane[-1].end <= phase.begin + 1e-9), None)
+        if free is None:
+            lanes.append([phase])
+        else:
+            free.append(phase)
+    return lanes
+
+
+def _draw_phases(axes: Axes, lanes: list[list[Phase]]) -> None:
+    for row, lane in enumerate(lanes):
+        for number, phase in enumerate(lane):
+            shade = "#DCE6F0" if (row + number) % 2 == 0 else "#C4D5E6"
+            axes.barh(row, phase.end - phase.begin, 0.84, phase.begin, color=shade)
+            axes.text(
+                (phase.begin + phase.end) / 2,
+                row,
+                phase.name,
+                ha="center",
+                va="center",
+                fontsize=8.5,
+                clip_on=True,
+            )
+    axes.set_ylim(len(lanes) - 0.5, -0.5)
+    axes.set_yticks([])
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.tick_params(axis="x", length=0)
+    axes.set_title("What is rendered")
+
+
+def _draw_force(axes: Axes, played: Played) -> None:
+    run, felt = played.run, touch(played)
+    sizes = np.abs(felt.force).max(axis=0)
+    shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MATTERS * sizes.max(), 1e-9)]
+    for axis in shown:
+        axes.plot(run.time, run.demanded[:, axis], color=COLOURS[axis], linewidth=5.0, alpha=0.3)
+        axes.plot(felt.time, felt.force[:, axis], color=COLOURS[axis], linewidth=1.2)
+    axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
+    axes.set_ylabel("N")
+    who = "really felt" if played.felt is not None else "told by the modules"
+    axes.set_title(f"Force on the {held_name(played.scenario)}" if shown != [] else "Force")
+    two = two_scales(axes, felt.force[:, shown], KNEE * max(run.setup.upper))
+    axes.grid()
+    letters = [(_axis(run.rig.up, "xyz"[axis]), {"color": COLOURS[axis]}) for axis in shown]
+    pale: dict[str, Any] = {"color": GREY, "linewidth": 5.0, "alpha": 0.35}
+    entries = [*letters, ("intended", pale), (who, {"color": GREY, "linewidth": 1.2})]
+    if two:
+        entries.append(("smaller scale: brakes only", {"color": SHADE, "linewidth": 8.0}))
+    legend_beside(axes, entries)
+
+
+def _axis(up: str, letter: str) -> str:
+    return f"along {letter}, up" if letter == up else f"along {letter}"
+
+
+def _draw_tension(axes: Axes, played: Played, index: int) -> None:
+    run, felt = played.run, played.felt
+    lower, upper = run.setup.lower[index], run.setup.upper[index]
+    for limit in (lower, upper):
+        axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
+    axes.plot(run.time, run.sent[:, index], color=BLUE, linewidth=5.0, alpha=0.3)
+    axes.plot(run.time, run.tensions[:, index], color=ORANGE, linewidth=1.2)
+    entries: list[tuple[str, dict[str, Any]]] = [
+        ("set-point", {"color": BLUE, "linewidth": 5.0, "alpha": 0.3}),
+        ("motor, as told", {"color": ORANGE, "linewidth": 1.2}),
+    ]
+    values = run.tensions[:, [index]]
+    if felt is not None:
+        values = felt.tensions[:, [index]]
+        axes.plot(felt.time, felt.tensions[:, index], color=RED, linewidth=1.2)
+        entries.append(("cable, really", {"color": RED, "linewidth": 1.2}))
+    entries.append(("limits of the motor", {"color": GREY, "linestyle": "--", "linewidth": 0.9}))
+    axes.set_ylabel("N")
+    axes.set_title(f"Tension of {run.rig.modules[index].name}")
+    two_scales(axes, np.append(values, 1.1 * upper), KNEE * max(run.setup.upper))
+    axes.grid()
+    if index == 0:
+        legend_beside(axes, entries)

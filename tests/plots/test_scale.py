@@ -1,0 +1,27 @@
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tensionlab.plots.scale import two_scales
+
+
+def test_one_scale_is_enough_for_what_motors_pull():
+    axes = Figure().subplots()
+    assert not two_scales(axes, np.array([0.0, 5.0, np.nan]), 8.0)
+    assert axes.get_yscale() == "linear"
+    assert axes.get_ylim()[1] == pytest.approx(5.3)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_six_newtons_and_fifty_can_both_be_read(sign):
+    axes = Figure().subplots()
+    assert two_scales(axes, sign * np.array([0.0, 6.0, 50.0]), 8.0)
+    places = axes.transAxes.inverted().transform(
+        axes.transData.transform([(0.0, sign * y) for y in (0, 4, 6, 20, 40)])
+    )
+    gaps = np.abs(np.diff(places[:, 1]))
+    assert gaps.min() > 0.05
+    assert gaps[0] == pytest.approx(2 * gaps[1])
+    ticks = sign * axes.get_yticks()
+    assert {2.0, 6.0, 20.0, 40.0} <= set(ticks)
+    assert (ticks >= 0.0).all()

@@ -1,0 +1,94 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import ShapeError
+from tensionlab.experiments.scenarios.feel import Row, touch
+from tensionlab.experiments.scenarios.play import play, simulated
+from tensionlab.haptics.scenarios import load_scenario
+from tensionlab.plots.against import against
+from tensionlab.plots.ribbons import pawls, ribbons
+from tensionlab.plots.scenarios import moment_of, plot_scenario
+
+ROWS = (Row("a thing that is right", "N", 1.0, 2.0, 1.5), Row("a thing that is not", "J", 1.0, 2.0, float("nan")))
+
+
+def words_of(path):
+    return re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def bow():
+    scenario = load_scenario("bow")
+    return play(scenario, simulated(scenario), seconds=3.6)
+
+
+def test_a_picture_names_what_is_in_it(tmp_path, bow):
+    plot_scenario(bow, ROWS, tmp_path / "bow.svg")
+    words = words_of(tmp_path / "bow.svg")
+    for word in (
+        *(phase.name for phase in bow.scenario.phases),
+        *("Force on the draw hand", "along x", "intended", "really felt", "smaller scale: brakes only"),
+        *("Tension of bow-hand", "cable, really", "limits of the motor", "time (s)"),
+        *("bow-hand, brake", "brake asked for", "its pawl holds the cable", "bow-hand, by itself"),
+        *("module on the body", "where brakes hold", "draw hand", "bow-hand"),
+        *("Force against distance: draw", "from bow hand to draw hand (m)"),
+        *(
+            "a thing that is right",
+            "a thing that is not",
+            "1 of 2 not as expected",
+            "\N{CHECK MARK}",
+            "\N{BALLOT X}",
+        ),
+    ):
+        assert word in words, word
+    assert "module in the room" not in words
+    assert "along y" not in words  # the force there is nothing beside that along x
+
+
+def test_without_rows_and_without_who_felt_it(tmp_path, bow):
+    real = replace(bow, felt=None)
+    plot_scenario(real, (), tmp_path / "bow.svg")
+    words = words_of(tmp_path / "bow.svg")
+    assert "told by the modules" in words
+    for word in ("really felt", "cable, really", "its pawl holds the cable", "What it was to feel like"):
+        assert word not in words, word
+    assert not pawls(real).any()
+
+
+def test_a_pawl_is_in_where_the_cable_pulls_harder_than_the_motor_could(bow):
+    carried = pawls(bow)
+    assert not carried[bow.run.time < bow.run.time[bow.run.brakes[:, 0]][0]].any()
+    really = np.interp(bow.run.time, bow.felt.time, bow.felt.tensions[:, 0])
+    assert carried[really > 8.0].all()
+    assert (really > 8.0).sum() > 50
+    assert [each.kind for each in ribbons(bow)["bow-hand, brake"]] == ["brake", "pawl"]
+
+
+def test_where_things_are_is_read_off_the_cables(bow):
+    then = moment_of(bow, 2.0)
+    script = bow.scenario.person.bodies["bow"]
+    np.testing.assert_allclose(then.bodies["bow"], script.position(2.0), atol=0.01)
+    np.testing.assert_allclose(then.anchors[0], then.bodies["bow"] + bow.run.rig.anchors[0])
+
+
+def test_force_against_distance_is_the_pull_of_the_string(bow):
+    (draw,) = [each for each in against(bow) if each.title == "draw"]
+    string = bow.scenario.phases[0].effects["string"]
+    drawn = slice(0, int(np.argmax(draw.meant.distance > 0.7)))
+    wanted = string.pull(draw.meant.distance[drawn] - string.brace)
+    np.testing.assert_allclose(draw.meant.force[drawn], wanted, atol=0.1)
+    assert draw.felt.force.max() == pytest.approx(touch(bow).force[:, 0].max(), rel=1e-3)  # the brake's
+
+
+def test_a_suffix_without_a_format_is_refused(tmp_path, bow):
+    with pytest.raises(ShapeError, match="pictures end in"):
+        plot_scenario(bow, ROWS, tmp_path / "bow.jpeg")
+
+
+def test_the_same_play_makes_the_same_file(tmp_path, bow):
+    for name in ("one.png", "two.png"):
+        plot_scenario(bow, ROWS, tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
