@@ -77,6 +77,10 @@ class Welcome(Message):
     protocol: int = PROTOCOL
     rig: str = Field(description="its name")
     modules: list[str] = Field(description="their names, in the order of all lists")
+    scenario: str | None = Field(None, description="its name, if one is played")
+    bodies: list[str] = Field(
+        description="names of the bodies whose places the client should tell, the hand first"
+    )
     rate: float = Field(description="cycles a second")
     timeout: float = Field(description="after so many s without a frame there is no force any more")
 
@@ -98,13 +102,28 @@ class State(Message):
     )
     braked: list[bool] = Field(description="whether each brake is asked to be on")
     brakes: list[str] = Field(
-        description="what each brake is doing, as far as is known: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
+        description="what each brake does, as far as is known: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
     )
     ceiling: float = Field(
-        description="how stiff an effect may be now that no module renders, in N/m: a loop that is later bears less"
+        description="how stiff what no module renders may be now, in N/m; the later the loop, the less"
     )
     delay: float = Field(description="how late the loop is, in s: from what is asked for to what is heard of it")
     fresh: float = Field(description="share of the force that is there: 1, or less where frames fail to come")
+
+
+KINDS = {
+    "fault": "a module has a fault",
+    "limit": "something else than before holds a module back",
+    "lost": "a module does not take part any more",
+    "brake": "what a module's brake does, or what a scenario decides about brakes",
+    "silent": "frames fail to come: there is no force any more",
+    "fresh": "frames come again: the force comes in",
+    "ceiling": "how stiff the host may be has changed by more than a quarter",
+    "stiff": "an effect, or a part of it, is rendered by the host and softer than it was asked for",
+    "phase": "a phase of a scenario begins",
+    "rate": "once a second: cycles and frames a second, really",
+}
+"""What events tell of."""
 
 
 class Event(Message):
@@ -115,9 +134,7 @@ class Event(Message):
 
     type: Literal["event"] = "event"
     time: float = Field(description="of the run, in s")
-    kind: str = Field(
-        description="fault, limit, lost, brake, silent, fresh, ceiling, stiff, phase or rate: what each says is below"
-    )
+    kind: str = Field(description="one of those below")
     text: str = Field(description="what happened")
     module: str | None = Field(None, description="its name, if it is one module's")
     effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")

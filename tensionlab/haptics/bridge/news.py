@@ -79,7 +79,7 @@ class News:
         self._tell_stiffness(state, renderer)
         if before is not None:
             self._tell_modules(before.state, state)
-            self._tell_rates(state, state.time - before.state.time)
+        self._tell_rates(state, 0.0 if before is None else state.time - before.state.time)
 
     def note(self, kind: str, text: str) -> None:
         """Tell something else that happened now."""
@@ -149,7 +149,8 @@ class News:
         now, ceiling = state.time, renderer.ceiling
         if abs(ceiling - self._ceiling) > QUARTER * self._ceiling:
             self._ceiling = ceiling
-            text = f"{ceiling:.0f} N/m is the most without a module now: the loop is {1e3 * renderer.delay:.0f} ms late"
+            late = f"the loop is {1e3 * renderer.delay:.0f} ms late"
+            text = f"what no module renders may have {ceiling:.0f} N/m now: {late}"
             self._event(now, "ceiling", text, ceiling=ceiling, delay=renderer.delay)
         for name, cut in renderer.cut.items():
             if now >= self._stiff.get(name, -AGAIN) + AGAIN:

@@ -20,8 +20,8 @@ HAND = "hand"
 """The body that the cables pull on."""
 
 
-class Played(Protocol):
-    """What a client plays with: a demand source that takes effects over its own, and a share of all force.
+class Inner(Protocol):
+    """What a client's effects go to: a demand source that takes them, and a share of all force.
 
     Attributes
     ----------
@@ -48,14 +48,14 @@ class BridgedDemand:
     Parameters
     ----------
     mailbox : Mailbox
-    played : Played
+    inner : Inner
         Gets the client's effects: `FreeEffects`, or a scenario's demand.
     told : callable, optional
         See `Told`.
     """
 
-    def __init__(self, mailbox: Mailbox, played: Played, told: Told | None = None) -> None:
-        self._mailbox, self._played, self._told = mailbox, played, told
+    def __init__(self, mailbox: Mailbox, inner: Inner, told: Told | None = None) -> None:
+        self._mailbox, self._inner, self._told = mailbox, inner, told
         self._way, self._latest = 0.0, 0.0
 
     def __call__(self, state: RigState) -> Demand:
@@ -64,9 +64,9 @@ class BridgedDemand:
         self._way = float(way_in(age, state.time - self._latest, self._way))
         self._latest = state.time
         share = float(smoothstep(self._way))
-        demand = self._played(state, self._mailbox.effects, share)
+        demand = self._inner(state, self._mailbox.effects, share)
         if self._told is not None:
-            self._told(state, demand, share, self._played.renderer)
+            self._told(state, demand, share, self._inner.renderer)
         return replace(demand, stop=self._mailbox.stop_wanted)
 
 

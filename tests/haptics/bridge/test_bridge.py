@@ -65,6 +65,9 @@ def test_what_is_asked_for_is_pulled(bridge):
         assert state.asked == pytest.approx([0.0, 1.0, 0.0], abs=0.01)
         assert state.pulled == pytest.approx([0.0, 1.0, 0.0], abs=0.05)
         assert state.position == pytest.approx(HAND, abs=1e-3)
+        assert state.rendering == [False, False, False, True]
+        assert state.brakes == ["OPEN"] * 4
+        assert state.ceiling == pytest.approx(1.0 / (0.01 + state.delay), rel=0.1)
         assert push(client, 0.5, {}).asked == [0.0, 0.0, 0.0]
 
 
@@ -85,6 +88,32 @@ def test_a_client_that_falls_silent_feels_nothing_within_the_timeout(bridge):
         # Asking again brings the force back, from nothing.
         assert client.frame(9.0, HAND).asked == pytest.approx([0.0, 0.0, 0.0], abs=0.05)
         assert push(client, 0.6).asked[1] == pytest.approx(1.0, abs=0.01)
+
+
+def heard(watch, kind, within=10.0):
+    """The next event of a kind."""
+    end = time.monotonic() + within
+    while time.monotonic() < end:
+        found = json.loads(watch.recv(timeout=within))
+        if found.get("kind") == kind:
+            return found
+    raise AssertionError(f"no event {kind!r}")
+
+
+def test_who_watches_hears_rates_and_what_is_softer_than_asked_for(bridge):
+    ceiling = {"kind": "wall", "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, -1.0, 0.0]}}
+    with BridgeClient(bridge) as client, connect(f"{bridge}/events", compression=None) as watch:
+        push(client, 1.5, {"above": ceiling}, (0.0, 0.325, 0.0))
+        stiff = heard(watch, "stiff")
+        assert (stiff["effect"], stiff["stiffness"]) == ("above", 300.0)
+        assert stiff["ceiling"] < 100.0
+        rate = heard(watch, "rate")
+        assert rate["cycles"] > 25.0
+        assert rate["gap"] < 1.0
+        assert rate["frames"] > 0.0
+        assert "module" not in rate
+        assert all(event["kind"] != "rate" for event in client.events)
+        push(client, 0.3, {})
 
 
 BAD = [
