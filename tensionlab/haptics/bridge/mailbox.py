@@ -18,6 +18,9 @@ SHORTEST = 1e-3
 LONGEST = 0.1
 """A gap between frames beyond which a hand does not move evenly from one to the next, in s."""
 
+LEAP = 10.0
+"""Faster than this, in m/s, no hand moves: it was put elsewhere, and is at rest there."""
+
 
 @dataclass(frozen=True)
 class Arrived:
@@ -103,7 +106,10 @@ class Mailbox:
         share = age / apart
         if apart > LONGEST or share >= 1.0 or there.shape != here.shape:
             return still
-        return BodyMotion(there + share * (here - there), (here - there) / apart, _matrix(body), age)
+        velocity = (here - there) / apart
+        if float(np.linalg.norm(velocity)) > LEAP:
+            return still
+        return BodyMotion(there + share * (here - there), velocity, _matrix(body), age)
 
 
 def _matrix(body: Body) -> Floats | None:

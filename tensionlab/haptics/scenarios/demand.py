@@ -17,6 +17,8 @@ from tensionlab.haptics.rendering import Renderer
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.scenario import Scenario
 
+LEAP = 10.0
+"""Faster than this, in m/s, nobody moves: who tracks the hand has put it elsewhere."""
 NOTHING: Mapping[str, Effect] = MappingProxyType({})
 Told = Callable[[str, str], None]
 """Hears what happens: a kind (phase, brake) and a text."""
@@ -140,7 +142,8 @@ class ScenarioDemand:
 
 
 def _speed(here: Floats, there: Floats | None, step: float) -> Floats:
-    return np.zeros_like(here) if there is None else (here - there) / step
+    speed = np.zeros_like(here) if there is None else (here - there) / step
+    return speed if float(np.linalg.norm(speed)) <= LEAP else np.zeros_like(here)
 
 
 def _origin(pose: Pose, frame: str) -> Floats:

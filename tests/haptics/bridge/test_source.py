@@ -83,3 +83,13 @@ def test_a_clients_effects_take_the_place_of_the_scenarios_when_it_is_their_time
         before = replace(state, time=begin + 1.0)
         assert all(each.amplitude == 0.0 for each in demand(before, over).impedances.values())
     assert told.count(("phase", hum.name)) == 2
+
+
+def test_a_hand_that_is_put_elsewhere_has_no_speed():
+    scenario = load_scenario("materials")
+    demand = ScenarioDemand(scenario)
+    state = replace(next(cycles(scenario.rig, 2)).state, pose=Pose(np.array([0.0, 0.0, 1.15])))
+    demand(replace(state, time=1.0))
+    there = replace(state, time=1.01, pose=Pose(np.array([0.0, 0.0, 1.05])))
+    wrench = demand(there).wrench
+    assert np.linalg.norm(wrench) < 4.0  # a magnet's pull; its damper would have made 10 N of it
