@@ -9,6 +9,7 @@ from tensionlab.plots.house import METADATA
 from tensionlab.plots.layout import plot_layouts
 from tensionlab.plots.rig import plot_rig
 from tensionlab.plots.run import plot_run
+from tensionlab.plots.scenario_layouts import plot_scenario_layouts
 from tensionlab.plots.scenarios import plot_scenario
 from tensionlab.plots.what_if import plot_what_if
 from tensionlab.plots.workspace import plot_measures, plot_shares, plot_slices, plot_volume
@@ -27,6 +28,7 @@ __all__ = [
     "plot_rig",
     "plot_run",
     "plot_scenario",
+    "plot_scenario_layouts",
     "plot_shares",
     "plot_slices",
     "plot_summary",

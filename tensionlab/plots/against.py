@@ -10,17 +10,16 @@ import numpy as np
 from tensionlab.experiments.scenarios.feel import Touch, touch
 from tensionlab.plots.house import BLUE
 from tensionlab.plots.scale import two_scales
-from tensionlab.plots.scene import held_name
+from tensionlab.plots.scene import held_name, plane_of
 from tensionlab.solvers.contract import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensionlab.experiments.scenarios.play import Played
-    from tensionlab.haptics.scenarios import Phase
 
 SETTLED = 0.3
-"""What is felt before, in s, is the modules coming up."""
+"""What is felt within so many s of a phase's begin is the modules coming up, or what was before."""
 NEAR = 0.12
 """So far from a surface, in m, its force is drawn."""
 
@@ -53,10 +52,10 @@ def against(played: Played) -> list[Against]:
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:
-        plane = _plane(phase)
+        plane = plane_of(phase)
         if plane is None and (frame is None or not phase.effects):
             continue
-        courses = [_course(each.during(max(phase.begin, SETTLED), phase.end), plane) for each in (meant, felt)]
+        courses = [_course(each.during(phase.begin + SETTLED, phase.end), plane) for each in (meant, felt)]
         name = between if plane is None else "height above the surface (mm)"
         found.append(Against(phase.name, name, *courses))
     return found
@@ -69,8 +68,8 @@ def draw_against(axes: Axes, each: Against, knee: float) -> None:
     axes.grid()
     two_scales(axes, np.concatenate([each.meant.force, each.felt.force]), knee)
     axes.set_xlabel(each.distance)
-    axes.set_ylabel("N")
-    axes.set_title(f"Force against distance: {each.title}")
+    axes.set_ylabel("force (N)")
+    axes.set_title(each.title)
 
 
 def _course(part: Touch, plane: Any) -> Course:
@@ -82,13 +81,3 @@ def _course(part: Touch, plane: Any) -> Course:
     height = plane.height(arm)
     near = np.abs(height) <= NEAR
     return Course(1e3 * height[near], force[near] @ plane.n)
-
-
-def _plane(phase: Phase) -> Any:
-    """Which flat surface is in a phase, if any? An effect's own, or that of the wall it goes along."""
-    for effect in phase.effects.values():
-        for part in (effect, getattr(effect, "wall", None)):
-            for name in ("plane", "surface"):
-                if hasattr(part, name):
-                    return getattr(part, name)
-    return None

@@ -23,7 +23,10 @@ BROAD, STANCE, HEAD = 0.18, 0.12, 0.10
 
 
 class Place(NamedTuple):
-    """Where is what somebody calls so? "hand", "head", "shoulder", "hip" or "foot" in a name tell what it is."""
+    """Where is what somebody calls so?
+
+    "hand", "head", "torso" (between the shoulders), "shoulder", "hip" or "foot" in its name tell what it is.
+    """
 
     name: str
     where: Floats
@@ -49,14 +52,22 @@ def draw_person(
     from matplotlib.patches import Circle
 
     above = np.eye(3)[up]
-    known = {part: [place.where for place in places if part in place.name] for part in (*HEIGHTS, "hand", "foot")}
+    known = {
+        part: [place.where for place in places if part in place.name]
+        for part in (*HEIGHTS, "torso", "hand", "foot")
+    }
     hips, shoulders, head = (_middle(known[part], stands + height * above) for part, height in HEIGHTS.items())
-    if known["head"] and not known["shoulder"]:
-        shoulders = head - (HEIGHTS["head"] - HEIGHTS["shoulder"]) * above
-    if known["shoulder"] and not known["head"]:
-        head = shoulders + (HEIGHTS["head"] - HEIGHTS["shoulder"]) * above
     ahead = _level(_middle(known["hand"], shoulders) - stands, up)
     left = np.cross(above, ahead)
+    if len(known["shoulder"]) == 1:  # the right one or the left one
+        side = np.sign(left @ (known["shoulder"][0] - stands))
+        shoulders = shoulders - side * BROAD * left
+    shoulders = _middle(known["torso"], shoulders)
+    neck = (HEIGHTS["head"] - HEIGHTS["shoulder"]) * above
+    if known["head"] and not (known["shoulder"] or known["torso"]):
+        shoulders = head - neck
+    if not known["head"]:
+        head = shoulders + neck
     feet = known["foot"] or [stands + side * STANCE * (left + ahead) for side in (1.0, -1.0)]
     lines = [[hips, foot] for foot in feet] + [[hips, shoulders, head]]
     ends = [shoulders + side * BROAD * left for side in (-1.0, 1.0)]

@@ -17,8 +17,8 @@ BEYOND = 0.45
 """Share of a panel that the smaller scale takes."""
 WORTH = 1.6
 """Below so many times the knee, one scale does."""
-FEW = 3
-"""At least so many ticks are on the larger scale."""
+FEW = 2.5
+"""At least so many steps from tick to tick fit on the larger scale."""
 
 
 def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
@@ -59,10 +59,12 @@ def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
     top = 1.05 * high if high > knee else high + 0.05 * knee
     axes.set_ylim(bottom, top)
     fine, coarse = _round(knee / FEW), _round((most - knee) / 2.0)
-    sizes = [*np.arange(0.0, 0.9 * knee, fine), *np.arange(coarse, most, coarse)]
+    above = np.arange(coarse, most, coarse)
+    sizes = [*np.arange(0.0, 0.9 * knee, fine), *above[above > knee + 0.1 * (most - knee)]]
     ticks = sorted({sign * float(size) for size in sizes for sign in (1.0, -1.0)})
     axes.set_yticks([tick for tick in ticks if bottom <= tick <= top], minor=False)
     axes.minorticks_off()
+    axes.yaxis.set_major_formatter("{x:g}")
     for edge, end in ((knee, top), (-knee, bottom)):
         if edge * end > 0.0 and abs(end) > knee:
             axes.axhspan(edge, end, color=SHADE, linewidth=0.0, zorder=0)

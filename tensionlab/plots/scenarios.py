@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,8 @@ MATTERS = 0.1
 """An axis is drawn if its force gets to this share of the largest."""
 SHADES = ("#DCE6F0", "#C4D5E6")
 """Of the phases, in turn."""
+PANEL = 2.0
+"""Height of a panel of force against distance, in inches."""
 KNEE = 1.3
 """Beyond so many times the motors' largest tension, forces are drawn on a smaller scale."""
 
@@ -59,13 +62,9 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
         raise ShapeError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
     strips = ribbons(played)
     lanes = _lanes(scenario.phases)
-    heights = [
-        0.30 * len(lanes) + 0.1,
-        3.0,
-        *([1.35] * run.rig.m),
-        *([0.27 * len(strips) + 0.1] if strips else []),
-    ]
-    upper, lower = max(5.6, 1.1 + 1.05 * sum(heights)), 0.5 + 0.27 * (len(rows) + 1) if rows else 0.0
+    heights = [0.1 + 0.3 * len(lanes), 2.7, *([1.0] * run.rig.m), *([0.1 + 0.25 * len(strips)] if strips else [])]
+    upper = max(6.8, 1.0 + 1.25 * sum(heights))
+    lower = 0.5 + 0.27 * (len(rows) + 1) if rows else 0.0
     with new_figure(path, (14.0, upper + lower + 0.4)) as figure:
         figure.suptitle(f"{scenario.title}. {scenario.about}", fontweight="bold", x=0.01, ha="left")
         ratios = [upper, lower] if rows else [upper]
@@ -83,7 +82,13 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
         panels[-1].set_xlabel("time (s)")
         if rows:
             draw_verdicts(parts[1].subplots(), rows)
-        _draw_layout(figure, left, played)
+        _draw_left(figure, left, played, upper)
+
+
+def knee_of(played: Played) -> float:
+    """Beyond which force, in N, is a smaller scale due? Beyond what motors pulled with, or one of them can."""
+    motors = np.linalg.norm(touch(replace(played, felt=None)).force, axis=1)
+    return KNEE * max(float(motors.max()), *played.run.setup.upper)
 
 
 def moment_of(played: Played, time: float) -> Moment:
@@ -103,9 +108,12 @@ def moment_of(played: Played, time: float) -> Moment:
     return Moment(held, anchors, bodies)
 
 
-def _draw_layout(figure: Figure, left: SubFigure, played: Played) -> None:
+def _draw_left(figure: Figure, left: SubFigure, played: Played, height: float) -> None:
+    """Draw the layout and, below, force against distance; the height is in inches."""
     felt, curves = touch(played), against(played)
-    ratios = [2.8, 1.0] if curves else [1.0]
+    columns = min(len(curves), 2)
+    below = PANEL * -(-len(curves) // columns) if curves else 0.0
+    ratios = [height - below, below] if curves else [height]
     parts: Any = left.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
     axes = parts[0].subplots()
     latest = float(felt.time[np.argmax(np.linalg.norm(felt.force, axis=1))])
@@ -114,8 +122,12 @@ def _draw_layout(figure: Figure, left: SubFigure, played: Played) -> None:
     axes.set_title(f"Layout to scale, at {latest:.2f} s; tiles of {TILE:g} m")
     add_legend(parts[0], 3, looks_of([played.scenario]))
     if curves:
-        for panel, each in zip(parts[1].subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
-            draw_against(panel, each, KNEE * max(played.run.setup.upper))
+        parts[1].suptitle("Force against distance", fontweight="bold", fontsize="medium", x=0.03, ha="left")
+        panels = parts[1].subplots(-(-len(curves) // columns), columns, squeeze=False).ravel()
+        for panel, each in zip(panels, curves, strict=False):
+            draw_against(panel, each, knee_of(played))
+        for panel in panels[len(curves) :]:
+            panel.axis("off")
     label_points(figure, axes, names)
 
 
@@ -163,13 +175,13 @@ def _draw_force(axes: Axes, played: Played) -> None:
     axes.set_ylabel("N")
     who = "really felt" if played.felt is not None else "told by the modules"
     axes.set_title(f"Force on the {held_name(played.scenario)}" if shown != [] else "Force")
-    two = two_scales(axes, felt.force[:, shown], KNEE * max(run.setup.upper))
+    two = two_scales(axes, felt.force[:, shown], knee_of(played))
     axes.grid()
     letters = [(_axis(run.rig.up, "xyz"[axis]), {"color": COLOURS[axis]}) for axis in shown]
     pale: dict[str, Any] = {"color": GREY, "linewidth": 5.0, "alpha": 0.35}
     entries = [*letters, ("intended", pale), (who, {"color": GREY, "linewidth": 1.2})]
     if two:
-        entries.append(("smaller scale: brakes only", {"color": SHADE, "linewidth": 8.0}))
+        entries.append(("smaller scale", {"color": SHADE, "linewidth": 8.0}))
     legend_beside(axes, entries)
 
 
@@ -188,15 +200,14 @@ def _draw_tension(axes: Axes, played: Played, index: int) -> None:
         ("set-point", {"color": BLUE, "linewidth": 5.0, "alpha": 0.3}),
         ("motor, as told", {"color": ORANGE, "linewidth": 1.2}),
     ]
-    values = run.tensions[:, [index]]
     if felt is not None:
-        values = felt.tensions[:, [index]]
         axes.plot(felt.time, felt.tensions[:, index], color=RED, linewidth=1.2)
         entries.append(("cable, really", {"color": RED, "linewidth": 1.2}))
     entries.append(("limits of the motor", {"color": GREY, "linestyle": "--", "linewidth": 0.9}))
     axes.set_ylabel("N")
     axes.set_title(f"Tension of {run.rig.modules[index].name}")
-    two_scales(axes, np.append(values, 1.1 * upper), KNEE * max(run.setup.upper))
+    pulled = run.tensions if felt is None else felt.tensions  # one range for all, so that they compare
+    two_scales(axes, np.append(pulled, 1.1 * upper), KNEE * max(run.setup.upper))
     axes.grid()
     if index == 0:
         legend_beside(axes, entries)

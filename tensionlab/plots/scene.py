@@ -19,12 +19,13 @@ from tensionlab.solvers.contract import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.haptics.scenarios import Hold, Scenario
+    from tensionlab.haptics.scenarios import Hold, Phase, Scenario
     from tensionlab.model.rig import Rig
 
 DEPTH = (0.40, 0.25)
 """Right and up, for each metre of depth."""
 FLOOR = "#DDDDDD"
+SKY = "#56B4E9"
 TILE = 0.5
 """Side of a tile of the floor, in m."""
 PATCH = 0.25
@@ -37,6 +38,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "cable": {"color": "#333333", "linewidth": 1.3},
     "what the cables hold": {"color": RED, "marker": "o", "linestyle": "", "markersize": 9},
     "its path": {"color": RED, "linewidth": 1.4, "alpha": 0.55},
+    "surface to be felt": {"color": SKY, "linewidth": 2.4},
     "where brakes hold": {"color": GREEN, "linewidth": 2.4},
 }
 
@@ -98,6 +100,11 @@ def scripted(scenario: Scenario, time: float) -> Moment:
     return Moment(scenario.person.script.position(time), anchors, bodies)
 
 
+def origin_of(scenario: Scenario, moment: Moment) -> Floats:
+    """Where is that from which effects and holds are seen?"""
+    return np.zeros_like(moment.held) if scenario.seen_from is None else moment.bodies[scenario.seen_from]
+
+
 def held_name(scenario: Scenario) -> str:
     """What is that called which the cables hold?"""
     return next((word for key, word in scenario.labels.items() if key not in scenario.rig.frames), "held point")
@@ -123,8 +130,11 @@ def draw_scene(
             parts = [Place(held_name(scenario), moment.held)]
             parts += [Place(scenario.labels.get(name, name), place) for name, place in moment.bodies.items()]
             draw_person(axes, view, view.up, np.array(scenario.stands), parts)
-    origin = np.zeros(rig.dimension) if scenario.seen_from is None else moment.bodies[scenario.seen_from]
+    origin = origin_of(scenario, moment)
     drawn = [path[:: max(1, len(path) // 20)]]
+    names: dict[str, list[tuple[float, float]]] = {}
+    for name, outline in _draw_surfaces(axes, view, scenario, origin, path.mean(axis=0)).items():
+        names[name] = [tuple(place) for place in view(outline)]
     for phase in scenario.phases:
         if phase.hold is not None:
             drawn.append(_draw_hold(axes, view, phase.hold, origin, moment.held))
@@ -136,11 +146,10 @@ def draw_scene(
             foot = view(np.where(np.arange(rig.dimension) == view.up, 0.0, anchor))
             axes.plot(*zip(seen, foot, strict=True), color=BLUE, linewidth=0.9, linestyle=":", zorder=2)
         axes.plot(*zip(seen, held, strict=True), **LOOKS["cable"], zorder=5)
+        drawn.append(anchor + np.linspace(0.1, 0.9, 9)[:, None] * (moment.held - anchor))
         axes.plot(*seen[:, None], **LOOKS["module on the body" if rides else "module in the room"], zorder=6)
     axes.plot(*held[:, None], **LOOKS["what the cables hold"], zorder=7)
-    names = {
-        module.name: [tuple(view(anchor))] for module, anchor in zip(rig.modules, moment.anchors, strict=True)
-    }
+    names |= {each.name: [tuple(view(anchor))] for each, anchor in zip(rig.modules, moment.anchors, strict=True)}
     return names | {held_name(scenario): [tuple(held), *map(tuple, view(np.concatenate(drawn)))]}
 
 
@@ -148,7 +157,9 @@ def looks_of(scenarios: list[Scenario]) -> list[tuple[str, dict[str, Any]]]:
     """Which entries does the legend of these scenarios need?"""
     bodily = [module.frame in each.rig.frames for each in scenarios for module in each.rig.modules]
     holds = any(phase.hold is not None for each in scenarios for phase in each.phases)
+    flat = any(plane_of(phase) is not None for each in scenarios for phase in each.phases)
     left_out = {
+        "surface to be felt": not flat,
         "module in the room": all(bodily),
         "module on the body": not any(bodily),
         "where brakes hold": not holds,
@@ -158,8 +169,8 @@ def looks_of(scenarios: list[Scenario]) -> list[tuple[str, dict[str, Any]]]:
 
 def _draw_floor(axes: Axes, view: View, points: Floats) -> None:
     """Draw tiles below everything; their sides are the scale."""
-    low = np.floor(points.min(axis=0) / TILE - 0.4) * TILE
-    high = np.ceil(points.max(axis=0) / TILE + 0.4) * TILE
+    low = np.floor(points.min(axis=0) / TILE - 0.2) * TILE
+    high = np.ceil(points.max(axis=0) / TILE + 0.2) * TILE
     low[view.up] = high[view.up] = 0.0
     flat = [axis for axis in range(3) if axis != view.up]
     for one in flat:
@@ -167,6 +178,39 @@ def _draw_floor(axes: Axes, view: View, points: Floats) -> None:
             ends = np.array([low, high])
             ends[:, one] = where
             axes.plot(*view(ends).T, color=FLOOR, linewidth=0.9, zorder=0)
+
+
+def plane_of(phase: Phase) -> Any:
+    """Which flat surface is in a phase, if any? An effect's own, or that of the wall it goes along."""
+    for effect in phase.effects.values():
+        for part in (effect, getattr(effect, "wall", None)):
+            for name in ("plane", "surface"):
+                if hasattr(part, name):
+                    return getattr(part, name)
+    return None
+
+
+def _draw_surfaces(
+    axes: Axes, view: View, scenario: Scenario, origin: Floats, middle: Floats
+) -> dict[str, Floats]:
+    """Draw flat surfaces and balls; where, by the names of the phases in which they are felt?"""
+    from matplotlib.patches import Circle
+
+    together: dict[Any, list[str]] = {}
+    drawn: dict[str, Floats] = {}
+    for phase in scenario.phases:
+        if (plane := plane_of(phase)) is not None:
+            together.setdefault(plane, []).append(phase.name)
+        for effect in phase.effects.values():
+            ball: Any = getattr(effect, "field", None)
+            if hasattr(ball, "radius"):
+                centre = origin + np.array(ball.centre)
+                axes.add_patch(Circle(tuple(view(centre)), ball.radius, facecolor=SKY, alpha=0.3, zorder=3))
+                drawn[phase.name] = centre[None]
+    for plane, names in together.items():
+        foot = middle - plane.height(middle - origin) * plane.n
+        drawn[", ".join(names)] = draw_patch(axes, view, foot, plane.n, SKY)
+    return drawn
 
 
 def _draw_hold(axes: Axes, view: View, hold: Hold, origin: Floats, held: Floats) -> Floats:
@@ -189,7 +233,7 @@ def _draw_hold(axes: Axes, view: View, hold: Hold, origin: Floats, held: Floats)
 
 
 def draw_patch(axes: Axes, view: View, middle: Floats, normal: Floats, colour: str) -> Floats:
-    """Draw a square of a plane, or where space is flat a stretch of a line; returns its corners."""
+    """Draw a square of a plane, or where space is flat a stretch of a line; returns points of its edge."""
     from matplotlib.patches import Polygon
 
     sides = np.linalg.svd(normal[None])[2][1:]
@@ -204,4 +248,5 @@ def draw_patch(axes: Axes, view: View, middle: Floats, normal: Floats, colour: s
     corners = view(places)
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="none", alpha=0.18, zorder=3))
     axes.add_patch(Polygon(corners, fill=False, edgecolor=colour, linewidth=1.6, zorder=3))
-    return np.asarray(places)
+    edges = places[:, None] + np.linspace(0.0, 1.0, 4)[:-1, None] * (np.roll(places, -1, axis=0) - places)[:, None]
+    return np.asarray(edges.reshape(-1, normal.size))

@@ -60,7 +60,7 @@ def draw_verdicts(axes: Axes, rows: Sequence[Judged]) -> None:
         for x, value in ((LOW, row.low), (HIGH, row.high)):
             axes.text(x, number, _word(value), ha="right", va="center")
         axes.text(MEASURED, number, _word(row.measured), ha="right", va="center", fontweight="bold", color=colour)
-        axes.text(UNIT, number, row.unit, va="center", color=GREY)
+        axes.text(UNIT, number, row.unit.removeprefix("1"), va="center", color=GREY)
         _draw_gauge(axes, number, row, colour)
 
 

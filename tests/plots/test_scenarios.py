@@ -30,11 +30,11 @@ def test_a_picture_names_what_is_in_it(tmp_path, bow):
     words = words_of(tmp_path / "bow.svg")
     for word in (
         *(phase.name for phase in bow.scenario.phases),
-        *("Force on the draw hand", "along x", "intended", "really felt", "smaller scale: brakes only"),
+        *("Force on the draw hand", "along x", "intended", "really felt", "smaller scale"),
         *("Tension of bow-hand", "cable, really", "limits of the motor", "time (s)"),
         *("bow-hand, brake", "brake asked for", "its pawl holds the cable", "bow-hand, by itself"),
         *("module on the body", "where brakes hold", "draw hand", "bow-hand"),
-        *("Force against distance: draw", "from bow hand to draw hand (m)"),
+        *("Force against distance", "from bow hand to draw hand (m)"),
         *(
             "a thing that is right",
             "a thing that is not",

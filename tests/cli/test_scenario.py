@@ -1,0 +1,86 @@
+"""`tensionlab scenario`, as somebody would use it who has just found it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tensionlab.haptics.scenarios import SCENARIOS
+from tensionlab.haptics.scenarios.files import FOLDER
+from tensionlab.hardware.record.run import read_run
+
+
+def test_list_shows_all(run):
+    status, out, _err = run("scenario", "list")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()[-len(SCENARIOS) :]] == list(SCENARIOS)
+    assert "proposals" in out
+    assert [each["name"] for each in json.loads(run("scenario", "list", "--json")[1])] == list(SCENARIOS)
+
+
+def test_the_bow_ends_with_a_picture_and_a_verdict(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run("scenario", "bow", "--log", "bow.mcap")
+    assert status == 0, err
+    assert "work of the draw" in out
+    assert "Picture: scenario-bow.png" in out
+    assert (tmp_path / "scenario-bow.png").read_bytes().startswith(b"\x89PNG")
+    log = read_run("bow.mcap")
+    assert len(log) == 1000
+    assert log.complete
+    assert {event.text for event in log.events if event.kind == "phase"} == {"draw", "full draw"}
+    assert any(event.text == "locked: bow-hand" for event in log.events if event.kind == "brake")
+
+
+def test_a_part_is_played_but_not_judged(run, tmp_path):
+    picture = tmp_path / "part.svg"
+    status, out, _err = run("scenario", "recoil", "--seconds", "1.2", "--plot", str(picture), "--json")
+    assert status == 0
+    told = json.loads(out)
+    assert told["felt"] == []
+    assert told["run"]["cycles"] == 240
+    assert told["directions"]["unexplained"] == 0
+    assert picture.read_text().startswith("<?xml")
+
+
+def test_it_says_no_where_it_feels_otherwise(run, tmp_path):
+    """A weight without inertia: it is as heavy as it should be, but not while it is lifted."""
+    for name in ("weight.toml", "weight.rig.toml"):
+        text = (FOLDER / name).read_text().replace("mass = 0.5, grasped", "mass = 0.5, cutoff = 0.1, grasped")
+        (tmp_path / name).write_text(text)
+    words = [str(tmp_path / "weight.toml"), "--plot", str(tmp_path / "weight.png")]
+    status, out, _err = run("scenario", *words)
+    assert status == 1
+    assert "not met" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bw"], 'no scenario "bw"; there are materials'),
+        (["nothing.toml"], "no such file"),
+        (["bow", "--seconds", "0"], "--seconds is above 0 and at most 5"),
+        (["bow", "--seconds", "6"], "at most 5"),
+        (["bow", "--solver", "nobody"], "nobody"),
+        (["bow", "--solver", "closed-form"], "closed-form"),
+        (["bow", "--plot", "bow.txt"], "no picture"),
+        (["bow", "--osc", "9000"], "--osc is for real modules"),
+        (["bow", "--modules", "socket://127.0.0.1:1"], "have a tracker send /body/hand, /body/bow"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_moves(run, words, said):
+    status, _out, err = run("scenario", *words)
+    assert status == 2
+    assert said in " ".join(err.split())
+
+
+def test_the_log_has_what_was_felt(run, tmp_path):
+    """All of the wrench that is asked for is the effects'; what modules render by themselves is in it."""
+    paths = ["--log", str(tmp_path / "b.mcap"), "--plot", str(tmp_path / "b.png")]
+    status, _, _ = run("scenario", "bow", "--seconds", "1.5", *paths)
+    assert status == 0
+    log = read_run(tmp_path / "b.mcap")
+    assert np.isfinite(log.impedances[10:, 0, 0]).all()
+    draw = np.maximum(log.lengths[10:, 0] - 0.2, 0.0)
+    assert np.linalg.norm(log.demanded[10:], axis=1) == pytest.approx(np.minimum(1.0 + 8.3 * draw, 6.0), abs=0.1)
+    assert np.abs(log.asked[10:]).max() < 0.1
