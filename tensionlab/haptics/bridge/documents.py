@@ -7,6 +7,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from tensionlab.haptics.bridge.mailbox import LEAP
 from tensionlab.haptics.bridge.messages import IN, KINDS, LARGEST, OUT, PROTOCOL, Body, Message
 from tensionlab.haptics.bridge.server import BURST, COMMAND, EVENTS, FASTEST, PATIENCE
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
@@ -23,7 +24,8 @@ from the code: `python -m tensionlab.haptics.bridge.documents` writes it.
 - `ws://127.0.0.1:8765{EVENTS}` tells what happens, to any number of clients, and takes nothing.
 - Every message is one JSON object, {LARGEST // 1024} KiB at most. The first one to every client is a `welcome`.
   Units are SI; axes are those of the rig (its file says which one is up; Unity's are left-handed: turn one round).
-- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind.
+- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind. One that
+  would have to be faster than {LEAP:g} m/s has been put elsewhere, and is at rest there.
 - What is stiff or vibrates runs on the modules whose cables lie within 45 degrees of it. The rest is the host's,
   no stiffer than `ceiling` in the state; a `stiff` event names an effect that asks for more.
 - `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects take
