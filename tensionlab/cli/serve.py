@@ -105,6 +105,7 @@ def serve(
         if log is not None:
             runner.log = log_of(log, loaded, solver, settings, links)
         failed = _run(runner, seconds)
+        news.note("ended", runner.statistics.ended)
     output.console().print(summary_table(runner))
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)

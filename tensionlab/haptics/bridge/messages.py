@@ -121,6 +121,7 @@ KINDS = {
     "ceiling": "how stiff the host may be has changed by more than a quarter",
     "stiff": "an effect, or a part of it, is rendered by the host and softer than it was asked for",
     "phase": "a phase of a scenario begins",
+    "ended": "the run is over, and why; then the connection closes",
     "rate": "once a second: cycles and frames a second, really",
 }
 """What events tell of."""
