@@ -43,8 +43,8 @@ class Against(NamedTuple):
 def against(played: Played) -> list[Against]:
     """For which phases does a picture of force against distance make sense, and what is in it?
 
-    Those with a flat surface: the force out of it, against the height above it. And those of a scenario that is
-    seen from a body, as a bow: the pull towards it, against the distance from it.
+    Those with a flat surface that pushes or pulls: the force out of it, against the height above it. And those of
+    a scenario that is seen from a body, as a bow: the pull towards it, against the distance from it.
     """
     run, frame = played.run, played.scenario.seen_from
     felt, told = touch(played), touch(replace(played, felt=None))
@@ -52,7 +52,7 @@ def against(played: Played) -> list[Against]:
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:
-        plane = plane_of(phase)
+        plane = plane_of(phase, ["plane"])
         if plane is None and (frame is None or not phase.effects):
             continue
         courses = [_course(each.during(phase.begin + SETTLED, phase.end), plane) for each in (meant, felt)]

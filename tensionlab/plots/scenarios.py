@@ -31,8 +31,8 @@ MATTERS = 0.1
 """An axis is drawn if its force gets to this share of the largest."""
 SHADES = ("#DCE6F0", "#C4D5E6")
 """Of the phases, in turn."""
-PANEL = 2.0
-"""Height of a panel of force against distance, in inches."""
+PANEL, LAYOUT = 2.0, 5.6
+"""Least height of a panel of force against distance, and of the layout above it, in inches."""
 KNEE = 1.3
 """Beyond so many times the motors' largest tension, forces are drawn on a smaller scale."""
 
@@ -71,7 +71,7 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
         parts: Any = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
         left, right = parts[0].subfigures(1, 2, width_ratios=[1.0, 1.45])
         panels = list(right.subplots(len(heights), 1, sharex=True, height_ratios=heights))
-        _draw_phases(panels[0], lanes)
+        _draw_phases(panels[0], lanes, float(run.time[-1]))
         _draw_force(panels[1], played)
         for index in range(run.rig.m):
             _draw_tension(panels[2 + index], played, index)
@@ -112,13 +112,14 @@ def _draw_left(figure: Figure, left: SubFigure, played: Played, height: float) -
     """Draw the layout and, below, force against distance; the height is in inches."""
     felt, curves = touch(played), against(played)
     columns = min(len(curves), 2)
-    below = PANEL * -(-len(curves) // columns) if curves else 0.0
+    below = max(PANEL * -(-len(curves) // columns), height - LAYOUT) if curves else 0.0
     ratios = [height - below, below] if curves else [height]
     parts: Any = left.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
     axes = parts[0].subplots()
     latest = float(felt.time[np.argmax(np.linalg.norm(felt.force, axis=1))])
     path = played.run.position if played.felt is None else played.felt.position
     names = draw_scene(axes, played.scenario, moment_of(played, latest), path)
+    axes.set_anchor("N")
     axes.set_title(f"Layout to scale, at {latest:.2f} s; tiles of {TILE:g} m")
     add_legend(parts[0], 3, looks_of([played.scenario]))
     if curves:
@@ -143,20 +144,13 @@ def _lanes(phases: Iterable[Phase]) -> list[list[Phase]]:
     return lanes
 
 
-def _draw_phases(axes: Axes, lanes: list[list[Phase]]) -> None:
+def _draw_phases(axes: Axes, lanes: list[list[Phase]], last: float) -> None:
+    """Draw phases as bars with their names, up to the last time."""
     for row, lane in enumerate(lanes):
         for number, phase in enumerate(lane):
-            shade = "#DCE6F0" if (row + number) % 2 == 0 else "#C4D5E6"
-            axes.barh(row, phase.end - phase.begin, 0.84, phase.begin, color=shade)
-            axes.text(
-                (phase.begin + phase.end) / 2,
-                row,
-                phase.name,
-                ha="center",
-                va="center",
-                fontsize=8.5,
-                clip_on=True,
-            )
+            if (length := min(phase.end, last) - phase.begin) > 0.0:
+                axes.barh(row, length, 0.84, phase.begin, color=SHADES[(row + number) % 2])
+                axes.text(phase.begin + length / 2, row, phase.name, ha="center", va="center", fontsize=8.5)
     axes.set_ylim(len(lanes) - 0.5, -0.5)
     axes.set_yticks([])
     axes.spines[["left", "bottom"]].set_visible(False)

@@ -6,7 +6,7 @@ right, shortened. So sizes can be read off, and what stands behind one another i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -180,11 +180,11 @@ def _draw_floor(axes: Axes, view: View, points: Floats) -> None:
             axes.plot(*view(ends).T, color=FLOOR, linewidth=0.9, zorder=0)
 
 
-def plane_of(phase: Phase) -> Any:
-    """Which flat surface is in a phase, if any? An effect's own, or that of the wall it goes along."""
+def plane_of(phase: Phase, names: Sequence[str] = ("plane", "surface")) -> Any:
+    """Which flat surface is in a phase, if any? An effect's own, by these names, or that of its wall."""
     for effect in phase.effects.values():
         for part in (effect, getattr(effect, "wall", None)):
-            for name in ("plane", "surface"):
+            for name in names:
                 if hasattr(part, name):
                     return getattr(part, name)
     return None

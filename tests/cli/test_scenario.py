@@ -13,7 +13,8 @@ from tensionlab.hardware.record.run import read_run
 def test_list_shows_all(run):
     status, out, _err = run("scenario", "list")
     assert status == 0
-    assert [line.split()[0] for line in out.splitlines()[-len(SCENARIOS) :]] == list(SCENARIOS)
+    rows = out.splitlines()[3:]
+    assert [line.split()[0] for line in rows if not line.startswith(" ")] == list(SCENARIOS)
     assert "proposals" in out
     assert [each["name"] for each in json.loads(run("scenario", "list", "--json")[1])] == list(SCENARIOS)
 

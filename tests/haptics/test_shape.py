@@ -106,3 +106,17 @@ def test_the_proxy_is_never_inside(start, end):
     for position in path:
         memory = Shape(Box()).render(at(*position), memory).memory
         assert Box()(memory)[0] >= -1e-5 or memory == pytest.approx(position)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("speed", [0.02, 0.3, 1.5])
+@pytest.mark.parametrize("solid", [HalfSpace(), Box(centre=(0.0, 0.0, -0.05), size=(1.0, 1.0, 0.1))])
+def test_a_hand_that_skims_a_flat_surface_is_not_held_back(solid, speed, depth):
+    """The proxy stays above it: it once was left behind by centimetres, and then drew with 10 N."""
+    x = np.arange(0.0, 0.1, speed * 0.001)
+    dips = -depth * np.sin(40 * np.pi * x / 0.1)
+    path = np.stack([x, 0 * x, dips], axis=-1)
+    force = follow(Shape(solid), path, 0.001)
+    assert np.abs(force[:, 0]).max() < 1e-3
+    assert force[:, 2].min() >= 0.0
+    assert force[:, 2].max() == pytest.approx(400.0 * depth, rel=0.1, abs=4e-4)

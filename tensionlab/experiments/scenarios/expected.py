@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tensionlab.experiments.scenarios.collision import collision
 from tensionlab.experiments.scenarios.feel import Row, about, between, effect, first, late, pitch, rms, touch
 from tensionlab.experiments.scenarios.materials import materials
 from tensionlab.experiments.scenarios.play import Played
@@ -122,6 +123,7 @@ def bow(played: Played) -> tuple[Row, ...]:
 
 EXPECTED: dict[str, Callable[[Played], tuple[Row, ...]]] = {
     "materials": materials,
+    "collision": collision,
     "recoil": recoil,
     "weight": weight,
     "bow": bow,

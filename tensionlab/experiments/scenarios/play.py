@@ -11,6 +11,7 @@ from pathlib import Path
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.scenarios import Felt, Person, Scenario, ScenarioDemand
+from tensionlab.haptics.scenarios.demand import Told
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.log import RunLog
 from tensionlab.hardware.record.run import Run, read_run
@@ -128,33 +129,59 @@ def play(
     HardwareError
         What went wrong with a module; all have been told to stop then.
     """
-    length = scenario.seconds if seconds is None else seconds
-    settings = RunSettings(rate=scenario.rate, nearest=scenario.nearest)
     with tempfile.TemporaryDirectory() as folder, fast_enough(scenario, modules.group):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
-        record = RunLog(path, scenario.rig, manifest(call), solver, settings, modules.links)
-        asked = ScenarioDemand(scenario, record.note)
-
-        def demand(state: RigState) -> Demand:
-            if state.cycle == 0 and modules.person is not None:
-                modules.person.begin()
-            if progress is not None:
-                progress(state.time / length)
-            return asked(state)
-
-        runner = Runner(
-            scenario.rig,
-            modules.group,
-            solver,
-            demand,
-            settings,
-            log=record,
-            clock=modules.clock,
-            tracker=modules.tracker,
-        )
-        statistics = runner.run(length)
+        record = RunLog(path, scenario.rig, manifest(call), solver, settings_of(scenario), modules.links)
+        statistics = perform(scenario, modules, record.note, solver, seconds, record, progress)
         felt = None if modules.person is None else modules.person.felt
         return Played(scenario, read_run(path), statistics, felt)
+
+
+def perform(
+    scenario: Scenario,
+    modules: Modules,
+    tell: Told | None = None,
+    solver: str = "newton",
+    seconds: float | None = None,
+    log: RunLog | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Statistics:
+    """Play a scenario on modules that are `fast_enough`, and keep nothing of it unless there is a log.
+
+    Parameters
+    ----------
+    scenario, modules, solver, seconds, progress
+        As in `play`.
+    tell : callable, optional
+        As in `ScenarioDemand`.
+    log : RunLog, optional
+    """
+    length = scenario.seconds if seconds is None else seconds
+    asked = ScenarioDemand(scenario, tell)
+
+    def demand(state: RigState) -> Demand:
+        if state.cycle == 0 and modules.person is not None:
+            modules.person.begin()
+        if progress is not None:
+            progress(state.time / length)
+        return asked(state)
+
+    runner = Runner(
+        scenario.rig,
+        modules.group,
+        solver,
+        demand,
+        settings_of(scenario),
+        log=log,
+        clock=modules.clock,
+        tracker=modules.tracker,
+    )
+    return runner.run(length)
+
+
+def settings_of(scenario: Scenario) -> RunSettings:
+    """How does a scenario want to be run?"""
+    return RunSettings(rate=scenario.rate, nearest=scenario.nearest)
 
 
 @contextmanager

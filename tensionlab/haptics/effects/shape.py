@@ -17,6 +17,8 @@ STEPS = 10
 """Of the proxy at most, each time; a slow hand needs two or three. What is left of the way it goes next time."""
 NEAR = 1e-6
 """Within so many m of the surface a proxy is on it; a step as short ends its way."""
+CLOSE = 1e-3
+"""Within so many m of the surface a proxy goes straight on, and only not in."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +111,11 @@ class Shape:
         for _ in range(STEPS):
             distance, normal = self.field(proxy)
             way = position - proxy
-            inward = np.minimum(dot(way, normal), 0.0) + distance
-            # On the surface: along it, or away from it. Above it: straight on, but no further than is surely free.
+            inward = np.minimum(dot(way, normal) + distance, 0.0)
+            # At the surface: straight on, but not into it. Above it: no further than is surely free, which close to
+            # the surface is so little that the proxy of a hand that skims it would be left behind.
             free = way * np.minimum(1.0, distance / np.maximum(length_of(way), NEAR))[..., None]
-            step = np.where((distance <= NEAR)[..., None], way - inward[..., None] * normal, free)
+            step = np.where((distance <= CLOSE)[..., None], way - inward[..., None] * normal, free)
             ahead = self._outside(proxy + step)
             # In a corner it would go to and fro: it only ever comes nearer, by more than a hair.
             nearer = length_of(position - ahead) < length_of(way) - NEAR**2
