@@ -18,6 +18,9 @@ SHORTEST = 1e-3
 LONGEST = 0.1
 """A gap between frames beyond which a hand does not move evenly from one to the next, in s."""
 
+LEAP = 10.0
+"""Faster than this, in m/s, no hand moves: it was put elsewhere, and is at rest there."""
+
 
 @dataclass(frozen=True)
 class Arrived:
@@ -48,11 +51,19 @@ class BodyMotion:
 
 @dataclass
 class Mailbox:
-    """The latest two frames of whoever commands, and the effects asked for. Used by several threads."""
+    """The latest two frames of whoever commands, and the effects asked for. Used by several threads.
+
+    Attributes
+    ----------
+    count : int
+        Frames that came.
+    stop_wanted : bool
+    """
 
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _frames: tuple[Arrived | None, Arrived | None] = (None, None)
     _effects: dict[str, Effect] = field(default_factory=dict)
+    count: int = 0
     stop_wanted: bool = False
 
     def put(self, frame: Frame, now: float) -> None:
@@ -62,6 +73,7 @@ class Mailbox:
             effects = {name: effect_of(name, given) for name, given in frame.effects.items()}
         with self._lock:
             self._frames = (self._frames[1], Arrived(frame, now))
+            self.count += 1
             if effects is not None:
                 self._effects = effects
 
@@ -94,7 +106,10 @@ class Mailbox:
         share = age / apart
         if apart > LONGEST or share >= 1.0 or there.shape != here.shape:
             return still
-        return BodyMotion(there + share * (here - there), (here - there) / apart, _matrix(body), age)
+        velocity = (here - there) / apart
+        if float(np.linalg.norm(velocity)) > LEAP:
+            return still
+        return BodyMotion(there + share * (here - there), velocity, _matrix(body), age)
 
 
 def _matrix(body: Body) -> Floats | None:
