@@ -55,6 +55,8 @@ class RigState:
         Modules that take part. One that is lost does not come back within a run.
     states, faults, limits : (m,) arrays of int
         `codes.State`, `codes.Fault` and `codes.Limit` of each module.
+    brakes : (m,) array of int
+        What each brake is doing, `codes.BrakeState`; -1 before the first telemetry.
     taken : (m,) array of int
         Sequence number of the set-point that each module followed last; -1 before the first telemetry.
     delays : (m,) array
@@ -77,6 +79,7 @@ class RigState:
     states: Integers
     faults: Integers
     limits: Integers
+    brakes: Integers
     taken: Integers
     delays: Floats
     thermal: Floats

@@ -76,8 +76,12 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
     """
 
     def __init__(self, message: str, allocation: Allocation) -> None:
-        super().__init__(message)
+        super().__init__(message, allocation)
         self.allocation = allocation
+
+    def __str__(self) -> str:
+        """The message alone; all arguments are kept so that the error can be sent between processes."""
+        return str(self.args[0])
 
 
 class HardwareError(TensionlabError):
@@ -116,6 +120,10 @@ class ModuleFault(HardwareError):  # noqa: N818 - pinned name
     """
 
     def __init__(self, message: str, module: str, code: IntEnum | IntFlag) -> None:
-        super().__init__(message)
+        super().__init__(message, module, code)
         self.module = module
         self.code = code
+
+    def __str__(self) -> str:
+        """The message alone; all arguments are kept so that the error can be sent between processes."""
+        return str(self.args[0])

@@ -9,7 +9,7 @@ import numpy as np
 
 import tensionlab as tl
 from tensionlab.demand import Demand, Impedance, Pose, RigState
-from tensionlab.hardware.codes import Limit, ResetReason, State
+from tensionlab.hardware.codes import BrakeState, Limit, ResetReason, State
 from tensionlab.hardware.log import RunLog
 from tensionlab.hardware.protocol import Info
 from tensionlab.hardware.run.cycle import Cycle
@@ -79,6 +79,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             states=np.where(active, State.RUNNING, State.FAULT).astype(np.int64),
             faults=np.where(active, 0, 1).astype(np.int64),
             limits=np.where(found.tensions > 0.6, Limit.NONE, Limit.LOWER).astype(np.int64),
+            brakes=np.full(rig.m, -1 if first else BrakeState.OPEN),
             taken=np.full(rig.m, -1 if first else (sequence - 1) % 256),
             thermal=np.full(rig.m, index / (count + 1)),
         )

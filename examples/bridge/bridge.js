@@ -8,12 +8,15 @@ export class Bridge {
       this.socket.onmessage = ({ data }) => {
         const message = JSON.parse(data);
         if (message.type === "welcome") resolve(message);
-        else if (message.type === "event") onEvent(message);
+        else if (message.type === "event") {
+          if (message.kind === "ended") this.ended = message.text;
+          onEvent(message);
+        }
         else if (message.type === "state") this.waiting.shift()?.resolve(message);
         else this.waiting.shift()?.reject(new Error(message.reason));
       };
       this.socket.onclose = ({ reason }) => {
-        const gone = new Error(reason || "the bridge has gone");
+        const gone = new Error(reason || `the bridge has gone: ${this.ended ?? "no reason given"}`);
         reject(gone);
         this.waiting.forEach((each) => each.reject(gone));
         this.waiting = [];

@@ -12,14 +12,30 @@ from tensionlab.cli import output
 from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
 
 if TYPE_CHECKING:
-    from tensionlab.hardware import Runner
+    from tensionlab.haptics.scenarios import Scenario
+    from tensionlab.hardware import Runner, RunSettings
+    from tensionlab.model.rig import Rig
 
 
 def serve(
-    rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
+    rig: Annotated[
+        Path | None,
+        typer.Argument(help="Rig file (TOML); the scenario's own if left out.", show_default=False),
+    ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Play a scenario, over and over: hand and bodies are where the client says, and its effects take "
+            "the place of the scenario's that have their names.",
+        ),
+    ] = None,
     modules: Modules = None,
     solver: Solver = "newton",
-    rate: Annotated[float, typer.Option(help="Cycles a second.")] = 50.0,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Cycles a second.  [default: 50, or the scenario's]", show_default=False),
+    ] = None,
     seconds: Annotated[float | None, typer.Option(help="How long; until Ctrl-C if left out.")] = None,
     host: Annotated[
         str, typer.Option(help="Where to listen; beyond this machine with --token only.")
@@ -41,31 +57,38 @@ def serve(
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
     from tensionlab.cli.run_table import summary_table
+    from tensionlab.experiments.scenarios.play import fast_enough
     from tensionlab.haptics.bridge.mailbox import Mailbox
     from tensionlab.haptics.bridge.messages import Welcome
     from tensionlab.haptics.bridge.news import News
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.server import Bridge
-    from tensionlab.haptics.bridge.source import FADE, PATIENCE, BridgedDemand, tracked_pose
-    from tensionlab.hardware import Runner, RunSettings
-    from tensionlab.hardware.codes import Limit
+    from tensionlab.haptics.bridge.source import HAND, BridgedDemand, FreeEffects, Inner, tracked_pose
+    from tensionlab.haptics.effects.compose import FADE, PATIENCE
+    from tensionlab.haptics.scenarios import ScenarioDemand
+    from tensionlab.hardware import Runner
+    from tensionlab.hardware.codes import BrakeState, Limit
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
-    from tensionlab.model.files import load_rig
 
-    loaded = load_rig(rig)
-    check_solver(loaded, solver, None)
-    settings, mailbox = RunSettings(rate=rate), Mailbox()
+    loaded, played_one = _loaded(rig, scenario)
+    settings, mailbox = _settings(played_one, rate), Mailbox()
+    check_solver(loaded, solver, settings.nearest)
     follow = tracked_pose(loaded, mailbox)
     welcome = Welcome(
         rig=loaded.name,
         modules=[module.name for module in loaded.modules],
-        rate=rate,
+        scenario=None if played_one is None else played_one.name,
+        bodies=[HAND, *loaded.frames],
+        rate=settings.rate,
         timeout=PATIENCE + FADE,
     )
-    limits = {int(each): each.name for each in Limit}
-    news = News(loaded, limits)
+    limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
+    news = News(loaded, limits, brakes, lambda: mailbox.count)
     bridge = Bridge(mailbox, welcome, news.state, host, port, token, tuple(page or ()))
     news.tell = bridge.tell
+    inner: Inner = (
+        FreeEffects(loaded, mailbox) if played_one is None else ScenarioDemand(played_one, news.note, repeat=True)
+    )
     with ExitStack() as stack:
         stack.enter_context(bridge)
         typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
@@ -74,15 +97,39 @@ def serve(
             typer.echo(f"OSC at UDP port {door.port}")
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
-        demand = BridgedDemand(loaded, mailbox, news.take)
-        tracker = follow if loaded.frames or loaded.m < loaded.n else None
+        if played_one is not None:
+            stack.enter_context(fast_enough(played_one, group))
+        demand = BridgedDemand(mailbox, inner, news.take)
+        tracker = follow if played_one is not None or loaded.frames or loaded.m < loaded.n else None
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
             runner.log = log_of(log, loaded, solver, settings, links)
         failed = _run(runner, seconds)
+        news.note("ended", runner.statistics.ended)
     output.console().print(summary_table(runner))
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)
+
+
+def _loaded(rig: Path | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
+    """Read the rig, and the scenario if one is to be played."""
+    from tensionlab.haptics.scenarios import load_scenario
+    from tensionlab.model.files import load_rig
+
+    if scenario is not None:
+        played_one = load_scenario(scenario, rig)
+        return played_one.rig, played_one
+    if rig is None:
+        raise typer.BadParameter("give a rig file, or --scenario NAME, which has a rig of its own")
+    return load_rig(rig), None
+
+
+def _settings(played_one: Scenario | None, rate: float | None) -> RunSettings:
+    from tensionlab.hardware import RunSettings
+
+    if played_one is None:
+        return RunSettings() if rate is None else RunSettings(rate=rate)
+    return RunSettings(rate=rate or played_one.rate, nearest=played_one.nearest)
 
 
 def _run(runner: Runner, seconds: float | None) -> bool:

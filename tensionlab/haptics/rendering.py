@@ -94,6 +94,8 @@ class Renderer:
         How late the loop is, in s: the worst of the last 100 cycles.
     ceiling : float
         How stiff the host may be now, in N/m.
+    cut : dict of str to dict
+        By the names of effects, stiffnesses that were asked for in the latest cycle and are beyond that.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -106,6 +108,7 @@ class Renderer:
         self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
         self.delay = UNKNOWN
         self.ceiling = 0.0
+        self.cut: dict[str, dict[str, float]] = {}
 
     def __call__(
         self, effects: Mapping[str, Effect], motion: Motion, state: RigState, share: float = 1.0
@@ -126,11 +129,13 @@ class Renderer:
         able = state.active & (self._rig.n == self._rig.dimension)
         force = np.zeros(self._rig.dimension)
         impedances: dict[int, CableImpedance] = {}
+        self.cut = {}
         for watched in (True, False):
             chosen = {name: each for name, each in effects.items() if isinstance(each, WATCHED) is watched}
             done, divided = self._staged(chosen, watched, motion, state, able)
             force = force + done + divided.pushed
             impedances |= divided.impedances
+            self.cut |= {name: each for name, each in zip(chosen, divided.cut, strict=True) if each}
             able = able & [index not in divided.impedances for index in range(self._rig.m)]
         balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
         wrench = np.zeros(self._rig.n)

@@ -120,3 +120,25 @@ def capped(effect: T, cap: float, spared: type | None = None) -> T:
             changes[each.name] = tuple(capped(part, cap, spared) for part in value)
     changes = {name: value for name, value in changes.items() if value != getattr(effect, name)}
     return replace(effect, **changes) if changes else effect  # type: ignore[type-var]
+
+
+def beyond(effect: object, cap: float, spared: type | None = None, above: str = "") -> dict[str, float]:
+    """Which stiffnesses, by their names, does `capped` cut, and what were they, in N/m?
+
+    Parameters
+    ----------
+    effect, cap, spared
+        As for `capped`.
+    above : str
+        Name of what the effect is part of, with a dot.
+    """
+    own = spared is not None and isinstance(effect, spared)
+    found: dict[str, float] = {}
+    for each in fields(effect) if is_dataclass(effect) else ():
+        value = getattr(effect, each.name)
+        if each.name == "stiffness" and not own and value > cap:
+            found[f"{above}stiffness"] = value
+        for part in value if isinstance(value, tuple) else (value,):
+            if is_dataclass(part) and not isinstance(part, type):
+                found |= beyond(part, cap, spared, f"{above}{each.name}.")
+    return found

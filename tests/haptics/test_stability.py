@@ -22,7 +22,7 @@ from tensionlab.haptics.effects import (
 )
 from tensionlab.haptics.effects.shape import VirtualCoupling
 from tensionlab.haptics.passivity import PassivityController, most_damping
-from tensionlab.haptics.stability import capped, passive_stiffness, stiffness_bound, stiffness_cap
+from tensionlab.haptics.stability import beyond, capped, passive_stiffness, stiffness_bound, stiffness_cap
 from tensionlab.haptics.stages import Stages
 
 STEP = 0.001
@@ -126,6 +126,12 @@ def test_every_stiffness_of_an_effect_is_capped():
     assert [soft[2].stiffness, soft[3].coupling.stiffness, soft[5].stiffness] == [50.0, 50.0, 10.0]
     assert soft[4] == Viscous()
     assert capped(Wall(), 1000.0) == Wall()
+    assert set(beyond(whole, 50.0)) == {"effect.effect.parts.stiffness"} | {
+        f"effect.effect.parts.{name}.stiffness" for name in ("wall", "friction", "ripples", "coupling")
+    }
+    assert not beyond(soft, 50.0)
+    assert beyond(Texture(friction=Friction(stiffness=70.0)), 50.0, OnModule)["friction.stiffness"] == 70.0
+    assert "wall.stiffness" not in beyond(Texture(), 50.0, OnModule)
     # What a module renders keeps its own stiffness, not what the host adds to it.
     rough = capped(Texture(), 50.0, OnModule)
     assert [rough.wall.stiffness, rough.friction.stiffness, rough.ripples.stiffness] == [300.0, 50.0, 50.0]

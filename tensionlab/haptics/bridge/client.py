@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from types import TracebackType
 from typing import Any, Self
 
@@ -70,7 +70,10 @@ class BridgeClient:
 
     def send(self, message: Message) -> State:
         """Send a `Frame` or a `Stop`; how is the rig?"""
-        self._line.send(message.model_dump_json())
+        from websockets.exceptions import ConnectionClosed
+
+        with suppress(ConnectionClosed):  # what the bridge said last tells why
+            self._line.send(message.model_dump_json())
         return State.model_validate(self._answer("state"))
 
     def frame(
@@ -93,7 +96,8 @@ class BridgeClient:
             try:
                 found: dict[str, Any] = json.loads(self._line.recv())
             except WebSocketException as error:
-                raise HardwareError(f"the bridge has gone: {error}") from None
+                ended = [event["text"] for event in self.events if event["kind"] == "ended"]
+                raise HardwareError(f"the bridge has gone: {ended[-1] if ended else error}") from None
             if found["type"] == "refused":
                 raise HardwareError(f"the bridge refused: {found['reason']}")
             if found["type"] == kind:

@@ -7,11 +7,12 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from tensionlab.haptics.bridge.messages import IN, LARGEST, OUT, PROTOCOL, Body, Message
+from tensionlab.haptics.bridge.mailbox import LEAP
+from tensionlab.haptics.bridge.messages import IN, KINDS, LARGEST, OUT, PROTOCOL, Body, Message
 from tensionlab.haptics.bridge.server import BURST, COMMAND, EVENTS, FASTEST, PATIENCE
-from tensionlab.haptics.bridge.source import FADE
-from tensionlab.haptics.bridge.source import PATIENCE as SILENCE
-from tensionlab.haptics.effects import EFFECTS
+from tensionlab.haptics.effects import EFFECTS, SOLIDS
+from tensionlab.haptics.effects.compose import FADE
+from tensionlab.haptics.effects.compose import PATIENCE as SILENCE
 
 HEAD = f"""# The bridge
 
@@ -23,7 +24,12 @@ from the code: `python -m tensionlab.haptics.bridge.documents` writes it.
 - `ws://127.0.0.1:8765{EVENTS}` tells what happens, to any number of clients, and takes nothing.
 - Every message is one JSON object, {LARGEST // 1024} KiB at most. The first one to every client is a `welcome`.
   Units are SI; axes are those of the rig (its file says which one is up; Unity's are left-handed: turn one round).
-- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind.
+- The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind. One that
+  would have to be faster than {LEAP:g} m/s has been put elsewhere, and is at rest there.
+- What is stiff or vibrates runs on the modules whose cables lie within 45 degrees of it. The rest is the host's,
+  no stiffer than `ceiling` in the state; a `stiff` event names an effect that asks for more.
+- `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects take
+  the place of the scenario's that have their names. Others are felt all the time.
 - {SILENCE:g} s after the latest frame the force begins to fade, and {SILENCE + FADE:g} s after it there is none,
   until frames come again. Then it comes back in {FADE:g} s.
 - More than {FASTEST:g} messages a second, beyond {BURST} at once, end the connection, and so do {PATIENCE} in a
@@ -45,8 +51,12 @@ def document() -> str:
     parts = [HEAD, "## What a client says\n"]
     parts += [_message(kind) for kind in CLIENTS]
     parts += ["## What the bridge says\n", *(_message(kind) for kind in OUT)]
+    parts += ["## Kinds of events\n", "| Kind | What it tells |", "| --- | --- |"]
+    parts += [*(f"| `{kind}` | {told} |" for kind, told in KINDS.items()), ""]
     parts += ["## Effects\n", "Parameters that are left out have their default.\n"]
     parts += [_effect(name, kind) for name, kind in EFFECTS.items()]
+    parts += ["## Solids\n", "What `field` of a shaped effect is: `kind`, sphere if left out, and parameters.\n"]
+    parts += [_effect(name, kind) for name, kind in SOLIDS.items()]
     return "\n".join(parts)
 
 

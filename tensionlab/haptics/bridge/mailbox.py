@@ -22,6 +22,8 @@ ONWARD = 1.0
 """How long a hand moves on evenly where the next frame is late, in times between the frames."""
 RECENT = 32
 """Frames of which the one that was quickest on its way tells how late the others came."""
+LEAP = 10.0
+"""Faster than this, in m/s, no hand moves: it was put elsewhere, and is at rest there."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +55,21 @@ class BodyMotion:
 
 @dataclass
 class Mailbox:
-    """The latest two frames of whoever commands, and the effects asked for. Used by several threads."""
+    """The latest two frames of whoever commands, and the effects asked for. Used by several threads.
+
+    Attributes
+    ----------
+    count : int
+        Frames that came.
+    stop_wanted : bool
+    """
 
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _frames: tuple[Arrived | None, Arrived | None] = (None, None)
     _ways: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))  # plus what the clocks differ by
     _late: float = 0.0
     _effects: dict[str, Effect] = field(default_factory=dict)
+    count: int = 0
     stop_wanted: bool = False
 
     def put(self, frame: Frame, now: float) -> None:
@@ -71,6 +81,7 @@ class Mailbox:
             self._frames = (self._frames[1], Arrived(frame, now))
             self._ways.append(now - frame.time)
             self._late = self._ways[-1] - min(self._ways)
+            self.count += 1
             if effects is not None:
                 self._effects = effects
 
@@ -105,7 +116,10 @@ class Mailbox:
         share = (age + self._late) / apart
         if apart > LONGEST or share >= 1.0 + ONWARD or there.shape != here.shape:
             return still
-        return BodyMotion(there + share * (here - there), (here - there) / apart, _matrix(body), age)
+        velocity = (here - there) / apart
+        if float(np.linalg.norm(velocity)) > LEAP:
+            return still
+        return BodyMotion(there + share * (here - there), velocity, _matrix(body), age)
 
 
 def _matrix(body: Body) -> Floats | None:

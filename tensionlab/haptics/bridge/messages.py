@@ -77,6 +77,10 @@ class Welcome(Message):
     protocol: int = PROTOCOL
     rig: str = Field(description="its name")
     modules: list[str] = Field(description="their names, in the order of all lists")
+    scenario: str | None = Field(None, description="its name, if one is played")
+    bodies: list[str] = Field(
+        description="names of the bodies whose places the client should tell, the hand first"
+    )
     rate: float = Field(description="cycles a second")
     timeout: float = Field(description="after so many s without a frame there is no force any more")
 
@@ -93,17 +97,54 @@ class State(Message):
     tensions: list[float | None] = Field(description="what the modules say they pull with, in N")
     limits: list[str] = Field(description="what holds each module back: NONE, LOWER, UPPER, SLEW, ...")
     active: list[bool] = Field(description="whether each module takes part")
+    rendering: list[bool] = Field(
+        description="whether each module renders a spring, damper or vibration by itself, at its own rate"
+    )
+    braked: list[bool] = Field(description="whether each brake is asked to be on")
+    brakes: list[str] = Field(
+        description="what each brake does, as far as is known: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
+    )
+    ceiling: float = Field(
+        description="how stiff what no module renders may be now, in N/m; the later the loop, the less"
+    )
+    delay: float = Field(description="how late the loop is, in s: from what is asked for to what is heard of it")
     fresh: float = Field(description="share of the force that is there: 1, or less where frames fail to come")
 
 
+KINDS = {
+    "fault": "a module has a fault",
+    "limit": "something else than before holds a module back",
+    "lost": "a module does not take part any more",
+    "brake": "what a module's brake does, or what a scenario decides about brakes",
+    "silent": "frames fail to come: there is no force any more",
+    "fresh": "frames come again: the force comes in",
+    "ceiling": "how stiff the host may be has changed by more than a quarter",
+    "stiff": "an effect, or a part of it, is rendered by the host and softer than it was asked for",
+    "phase": "a phase of a scenario begins",
+    "ended": "the run is over, and why; then the connection closes",
+    "rate": "once a second: cycles and frames a second, really",
+}
+"""What events tell of."""
+
+
 class Event(Message):
-    """Something that happened; to those who watch, and to who commands."""
+    """Something that happened; to those who watch, and to who commands. A `rate`, once a second, only to watchers.
+
+    Keys that do not belong to its kind are left out.
+    """
 
     type: Literal["event"] = "event"
     time: float = Field(description="of the run, in s")
-    kind: str = Field(description="fault, limit, lost, client, silent, fresh or rate")
+    kind: str = Field(description="one of those below")
     text: str = Field(description="what happened")
     module: str | None = Field(None, description="its name, if it is one module's")
+    effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
+    stiffness: float | None = Field(None, description="stiff: what was asked for, in N/m")
+    ceiling: float | None = Field(None, description="stiff, ceiling: what the host renders at most, in N/m")
+    delay: float | None = Field(None, description="ceiling: how late the loop is, in s")
+    cycles: float | None = Field(None, description="rate: cycles a second, really")
+    gap: float | None = Field(None, description="rate: the longest time from one cycle to the next, in s")
+    frames: float | None = Field(None, description="rate: frames a second that came")
 
 
 class Refused(Message):

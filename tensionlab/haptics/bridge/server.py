@@ -19,7 +19,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from tensionlab.errors import EffectError, HardwareError, MissingDependency
 from tensionlab.haptics.bridge.mailbox import Mailbox
-from tensionlab.haptics.bridge.messages import LARGEST, Event, Frame, Message, Refused, State, Stop, Welcome
+from tensionlab.haptics.bridge.messages import LARGEST, Event, Frame, Refused, State, Stop, Welcome
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -135,7 +135,7 @@ class Bridge:
         self._thread.join()
 
     def tell(self, event: Event) -> None:
-        """Send an event to all clients; from any thread."""
+        """Send an event to all clients, but rates only to those who watch; from any thread."""
         self._loop.call_soon_threadsafe(self._broadcast, event)
 
     @property
@@ -266,10 +266,11 @@ class Bridge:
         await connection.send(Refused(reason=reason).model_dump_json())
         await connection.close(1008, reason)
 
-    def _broadcast(self, message: Message) -> None:
+    def _broadcast(self, event: Event) -> None:
         from websockets.asyncio.server import broadcast
 
-        broadcast(self._clients, message.model_dump_json())
+        clients = self._clients - {self._commander} if event.kind == "rate" else self._clients
+        broadcast(clients, event.model_dump_json(exclude_none=True))
 
 
 def _reason(error: Exception) -> str:

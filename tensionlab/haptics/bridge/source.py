@@ -4,76 +4,103 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
-from tensionlab.demand import Demand, Floats, Pose, RigState
+from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.haptics.bridge.mailbox import Mailbox
-from tensionlab.haptics.effects.effect import Effect, Memory, Motion, smoothstep
+from tensionlab.haptics.effects.compose import way_in
+from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
+from tensionlab.haptics.rendering import Renderer
 from tensionlab.model.rig import Rig
 
 HAND = "hand"
 """The body that the cables pull on."""
-PATIENCE, FADE = 0.10, 0.15
-"""After so many s without a frame the force goes to zero, within so many more."""
+
+
+class Inner(Protocol):
+    """What a client's effects go to: a demand source that takes them, and a share of all force.
+
+    Attributes
+    ----------
+    renderer : Renderer
+        Of its effects.
+    """
+
+    renderer: Renderer
+
+    def __call__(self, state: RigState, over: Mapping[str, Effect], share: float) -> Demand:
+        """What is to be felt now? At a share of 0, no force, and no brake."""
+        ...
+
+
+Told = Callable[[RigState, Demand, float, Renderer], None]
+"""Hears of each cycle: the state, what was asked for, the share of the force that was there, and the renderer."""
 
 
 class BridgedDemand:
-    """Renders the effects in a mailbox. A demand source.
+    """Renders what is in a mailbox. A demand source.
 
-    The hand is where the client says, or, if it does not, where the cables say. A client that falls silent fades
-    to no force; then, and before the first frame, the cables are held taut.
+    A client that falls silent fades to no force; then, and before the first frame, the cables are held taut.
+
+    Parameters
+    ----------
+    mailbox : Mailbox
+    inner : Inner
+        Gets the client's effects: `FreeEffects`, or a scenario's demand.
+    told : callable, optional
+        See `Told`.
+    """
+
+    def __init__(self, mailbox: Mailbox, inner: Inner, told: Told | None = None) -> None:
+        self._mailbox, self._inner, self._told = mailbox, inner, told
+        self._way, self._latest = 0.0, 0.0
+
+    def __call__(self, state: RigState) -> Demand:
+        """What to render now?"""
+        age = self._mailbox.age(time.monotonic())
+        self._way = float(way_in(age, state.time - self._latest, self._way))
+        self._latest = state.time
+        share = float(smoothstep(self._way))
+        demand = self._inner(state, self._mailbox.effects, share)
+        if self._told is not None:
+            self._told(state, demand, share, self._inner.renderer)
+        return replace(demand, stop=self._mailbox.stop_wanted)
+
+
+class FreeEffects:
+    """The client's effects and nothing else.
+
+    The hand is where the client says, or, if it does not, where the cables say.
 
     Parameters
     ----------
     rig : Rig
     mailbox : Mailbox
-    told : callable
-        Hears, each cycle, the state, the wrench asked for, and the share of it that was there.
+
+    Attributes
+    ----------
+    renderer : Renderer
     """
 
-    def __init__(
-        self, rig: Rig, mailbox: Mailbox, told: Callable[[RigState, Floats, float], None] | None = None
-    ) -> None:
-        self._rig, self._mailbox, self._told = rig, mailbox, told
-        self._memories: dict[str, tuple[Effect, Memory]] = {}
-        self._share = 0.0
-        self._latest = 0.0
+    def __init__(self, rig: Rig, mailbox: Mailbox) -> None:
+        self._dimension, self._mailbox, self._latest = rig.dimension, mailbox, 0.0
+        self.renderer = Renderer(rig)
 
-    def __call__(self, state: RigState) -> Demand:
-        """What to render now?"""
-        now = time.monotonic()
+    def __call__(self, state: RigState, over: Mapping[str, Effect], share: float) -> Demand:
+        """What is to be felt now?"""
+        return self.renderer(over, self._motion(state), state, share).demand
+
+    def _motion(self, state: RigState) -> Motion:
         step = max(state.time - self._latest, 1e-4)
         self._latest = state.time
-        motion = self._motion(state, now, step)
-        force = self._force(self._mailbox.effects, motion)
-        # Silence takes the force away at its own pace; frames that come again bring it back no faster than that.
-        fresh = 1.0 - float(smoothstep((self._mailbox.age(now) - PATIENCE) / FADE))
-        self._share = min(fresh, self._share + step / FADE)
-        wrench = np.zeros(self._rig.n)
-        wrench[: self._rig.dimension] = self._share * force
-        if self._told is not None:
-            self._told(state, wrench, self._share)
-        return Demand(wrench if self._share > 0.0 else None, stop=self._mailbox.stop_wanted)
-
-    def _motion(self, state: RigState, now: float, step: float) -> Motion:
-        d = self._rig.dimension
-        tracked = self._mailbox.motion(HAND, now)
-        if tracked is not None and tracked.position.shape == (d,):
+        tracked = self._mailbox.motion(HAND, time.monotonic())
+        if tracked is not None and tracked.position.shape == (self._dimension,):
             return Motion(tracked.position, tracked.velocity, state.time, step, tracked.age)
-        return Motion(state.pose.position, state.twist[:d], state.time, step, float(np.min(state.ages)))
-
-    def _force(self, effects: Mapping[str, Effect], motion: Motion) -> Floats:
-        """Add the forces of all effects. One that is changed forgets, unless only its parameters are others."""
-        total: Floats = np.zeros(self._rig.dimension)
-        kept: dict[str, tuple[Effect, Memory]] = {}
-        for name, effect in effects.items():
-            before, memory = self._memories.get(name, (effect, None))
-            rendered = effect.render(motion, memory if type(before) is type(effect) else None)
-            total = total + rendered.force
-            kept[name] = (effect, rendered.memory)
-        self._memories = kept
-        return total
+        velocity = state.twist[: self._dimension]
+        return Motion(state.pose.position, velocity, state.time, step, float(np.min(state.ages)))
 
 
 def tracked_pose(rig: Rig, mailbox: Mailbox) -> Callable[[float], Pose]:

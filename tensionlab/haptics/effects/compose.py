@@ -79,6 +79,33 @@ class Ramp:
         return np.clip((np.asarray(motion.time) - self.begin) / self.duration, 0.0, 1.0)
 
 
+PATIENCE, FADE = 0.10, 0.15
+"""Age of a motion that changes nothing, and how long a force then takes to go, in s: defaults of this project. The
+patience is five frames at 50 Hz; both together are the 0.25 s after which modules give up."""
+
+
+def way_in(
+    age: float | Floats, step: float, before: float | Floats | None, patience: float = PATIENCE, fade: float = FADE
+) -> Floats:
+    """How far in is what depends on somebody's word, from 0 to 1? Its share of the force is `smoothstep` of that.
+
+    It is out when nothing has been heard for ``patience + fade``, and comes in no faster than in ``fade``.
+
+    Parameters
+    ----------
+    age : float or array
+        Time since the latest word, in s; may be infinite.
+    step : float
+        Time since the step before, in s.
+    before : float or array or None
+        The way then; None: as far in as the age allows.
+    patience, fade : float
+        In s.
+    """
+    allowed = np.clip((patience + fade - np.asarray(age)) / fade, 0.0, 1.0)
+    return allowed if before is None else np.minimum(allowed, before + step / fade)
+
+
 @dataclass(frozen=True)
 class WhileFresh:
     """What does an effect feel like when nobody knows any more where the hand is? It goes to zero, smoothly.
@@ -91,14 +118,14 @@ class WhileFresh:
     ----------
     effect : Effect
     patience : float
-        Age that changes nothing, in s. 0.1, five frames at 50 Hz, is a default of this project.
+        Age that changes nothing, in s; see `PATIENCE`.
     fade : float
-        In s. 0.15 is a default of this project: with the patience it is the 0.25 s after which modules give up.
+        In s; see `FADE`.
     """
 
     effect: Effect
-    patience: float = 0.10
-    fade: float = 0.15
+    patience: float = PATIENCE
+    fade: float = FADE
 
     def __post_init__(self) -> None:
         require_not_negative(self, "patience")
@@ -129,8 +156,7 @@ class WhileFresh:
         return done._replace(force=smoothstep(way)[..., None] * done.force, memory=(done.memory, way))
 
     def _way(self, motion: Motion, before: Floats | None) -> Floats:
-        wanted = np.clip((self.silent_after - np.asarray(motion.age)) / self.fade, 0.0, 1.0)
-        return wanted if before is None else np.minimum(wanted, before + motion.step / self.fade)
+        return way_in(motion.age, motion.step, before, self.patience, self.fade)
 
 
 def _scaled(effect: Effect, motion: Motion, memory: Memory, share: float) -> AxisImpedance | None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
-from tensionlab.haptics.stability import capped
+from tensionlab.haptics.stability import beyond, capped
 
 ALIGNED = math.cos(math.radians(45.0))
 """Cosine between axis and cable below which no cable is good enough: the published threshold of a convincing
@@ -181,6 +181,8 @@ class Divided(NamedTuple):
         Of the effects, for the next step.
     sudden : bool
         As in `Rendered`.
+    cut : tuple of dict
+        Of each effect, the stiffnesses that the host does not render as they are: see `beyond`.
     """
 
     force: Floats
@@ -188,6 +190,7 @@ class Divided(NamedTuple):
     pushed: Floats
     memory: tuple[Memory, ...]
     sudden: bool
+    cut: tuple[dict[str, float], ...]
 
 
 def divide(
@@ -227,20 +230,24 @@ def divide(
     free = np.ones(len(lengths), dtype=bool) if able is None else np.array(able, dtype=bool)
     force, pushed = np.zeros_like(motion.position), np.zeros_like(motion.position)
     impedances: dict[int, CableImpedance] = {}
-    memories, sudden = [], False
+    memories, cut, sudden = [], [], False
     for effect, own in zip(effects, memory or (None,) * len(effects), strict=True):
-        done = None
-        if isinstance(effect, OnModule) and (part := effect.on_module(motion, own)) is not None and free.any():
+        done, stiff = None, beyond(effect, cap)
+        part = effect.on_module(motion, own) if isinstance(effect, OnModule) else None
+        if isinstance(effect, OnModule) and part is None:
+            stiff = {}  # not where the hand is
+        elif isinstance(effect, OnModule) and part is not None and free.any():
             cosines = np.where(free, directions @ part.axis, -1.0)
             best = int(np.argmax(cosines))
             if cosines[best] >= ALIGNED:
                 impedances[best] = along_cable(part, float(lengths[best]), directions[best], limits)
                 free[best] = False
                 pushed = pushed + felt(part, directions[best], motion.velocity, cap)
-                done = capped(effect, cap, OnModule).on_host(motion, own)
+                done, stiff = capped(effect, cap, OnModule).on_host(motion, own), beyond(effect, cap, OnModule)
         if done is None:
             done = capped(effect, cap).render(motion, own)
         force = force + done.force
         memories.append(done.memory)
+        cut.append(stiff)
         sudden = sudden or bool(np.any(done.sudden))
-    return Divided(force, impedances, pushed, tuple(memories), sudden)
+    return Divided(force, impedances, pushed, tuple(memories), sudden, tuple(cut))

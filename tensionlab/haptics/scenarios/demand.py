@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from tensionlab.haptics.rendering import Renderer
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.scenario import Scenario
 
+LEAP = 10.0
+"""Faster than this, in m/s, nobody moves: who tracks the hand has put it elsewhere."""
+NOTHING: Mapping[str, Effect] = MappingProxyType({})
 Told = Callable[[str, str], None]
 """Hears what happens: a kind (phase, brake) and a text."""
 
@@ -35,6 +40,8 @@ class ScenarioDemand:
     scenario : Scenario
     tell : callable, optional
         Hears when a phase begins, and what is decided about brakes.
+    repeat : bool
+        Whether it begins anew when it is over.
 
     Attributes
     ----------
@@ -42,8 +49,10 @@ class ScenarioDemand:
         Which knows how late the loop is, and how stiff it may be.
     """
 
-    def __init__(self, scenario: Scenario, tell: Told | None = None) -> None:
+    def __init__(self, scenario: Scenario, tell: Told | None = None, *, repeat: bool = False) -> None:
         self._scenario = scenario
+        self._period = scenario.seconds if repeat else math.inf
+        self._own = {name for phase in scenario.phases for name in phase.effects}
         self._tell: Told = tell if tell is not None else lambda kind, text: None
         self.renderer = Renderer(scenario.rig)
         self._strengths = brake_strengths(scenario.rig)
@@ -53,11 +62,20 @@ class ScenarioDemand:
         self._catch: Catch | None = None
         self._why = ""
 
-    def __call__(self, state: RigState) -> Demand:
-        """What is to be felt now?"""
+    def __call__(self, state: RigState, over: Mapping[str, Effect] = NOTHING, share: float = 1.0) -> Demand:
+        """What is to be felt now?
+
+        Parameters
+        ----------
+        state : RigState
+        over : mapping of str to Effect
+            In place of the scenario's own by the same names, when it is their time; others are felt all the time.
+        share : float
+            Of all force, from 0 to 1. At 0 no brake is on, either.
+        """
         scenario = self._scenario
         motion = self._motion(state)
-        phases = scenario.now(state.time)
+        phases = scenario.now(float(motion.time))
         names = tuple(phase.name for phase in phases)
         for name in names:
             if name not in self._phases:
@@ -66,8 +84,9 @@ class ScenarioDemand:
         effects: dict[str, Effect] = {}
         for phase in phases:
             effects |= phase.effects
-        demand = self.renderer(effects, motion, state).demand
-        holds = [phase.hold for phase in phases if phase.hold is not None]
+        effects |= {name: each for name, each in over.items() if name in effects or name not in self._own}
+        demand = self.renderer(effects, motion, state, share).demand
+        holds = [phase.hold for phase in phases if phase.hold is not None and share > 0.0]
         brakes = self._brakes(holds[0], motion, state) if holds else self._let_go("no hold")
         return replace(demand, brakes=brakes)
 
@@ -80,7 +99,8 @@ class ScenarioDemand:
         step = 1.0 / self._scenario.rate if before is None else max(state.time - before.time, 1e-4)
         age = float(np.min(state.ages))
         there = None if before is None else before.pose.position
-        hand = Motion(pose.position, _speed(pose.position, there, step), state.time, step, age)
+        time = math.fmod(state.time, self._period)
+        hand = Motion(pose.position, _speed(pose.position, there, step), time, step, age)
         self._before = Seen(state.time, pose)
         frame = self._scenario.seen_from
         if frame is None:
@@ -122,7 +142,8 @@ class ScenarioDemand:
 
 
 def _speed(here: Floats, there: Floats | None, step: float) -> Floats:
-    return np.zeros_like(here) if there is None else (here - there) / step
+    speed = np.zeros_like(here) if there is None else (here - there) / step
+    return speed if float(np.linalg.norm(speed)) <= LEAP else np.zeros_like(here)
 
 
 def _origin(pose: Pose, frame: str) -> Floats:

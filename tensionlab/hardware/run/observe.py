@@ -21,12 +21,13 @@ class Observation(NamedTuple):
     states: Integers
     faults: Integers
     limits: Integers
+    brakes: Integers
     taken: Integers
     thermal: Floats
 
 
 NAN = float("nan")
-SILENT = (NAN, NAN, NAN, float("inf"), State.IDLE, 0, Limit.IDLE, -1, NAN)
+SILENT = (NAN, NAN, NAN, float("inf"), State.IDLE, 0, Limit.IDLE, -1, -1, NAN)
 """What is known of a module that has said nothing yet."""
 
 
@@ -42,8 +43,8 @@ def observe(group: ModuleGroup) -> Observation:
         said = heard.message
         age = client.link.clock() - heard.time
         state = said.state if client.state is None else client.state
-        codes = (state, client.faults, said.limit, said.sequence)
+        codes = (state, client.faults, said.limit, said.brake, said.sequence)
         rows.append((said.length, said.speed, said.tension, age, *codes, said.thermal))
     lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
-    states, faults, limits, taken = np.array(numbers, dtype=np.int64)
-    return Observation(lengths, speeds, tensions, ages, states, faults, limits, taken, thermal)
+    states, faults, limits, brakes, taken = np.array(numbers, dtype=np.int64)
+    return Observation(lengths, speeds, tensions, ages, states, faults, limits, brakes, taken, thermal)

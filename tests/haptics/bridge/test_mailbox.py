@@ -45,6 +45,15 @@ def test_a_gap_is_no_motion():
     np.testing.assert_allclose(motion.velocity, 0.0)
 
 
+def test_a_leap_is_no_motion():
+    box = Mailbox()
+    box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
+    box.put(frame(10.01, 0.15, 0.0, 0.0), 100.01)
+    motion = box.motion("hand", 100.012)
+    np.testing.assert_allclose(motion.position, [0.15, 0.0, 0.0])
+    np.testing.assert_allclose(motion.velocity, 0.0)
+
+
 def test_time_that_goes_back_is_no_motion_either():
     box = Mailbox()
     box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)

@@ -1,0 +1,24 @@
+"""Errors keep what they carry, also on their way to another process."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import ModuleFault, Unreachable
+from tensionlab.hardware.codes import Fault
+
+
+def test_a_modules_fault_reaches_another_process():
+    fault = pickle.loads(pickle.dumps(ModuleFault('module "a" is too hot', "a", Fault(4))))
+    assert (str(fault), fault.module, fault.code) == ('module "a" is too hot', "a", Fault(4))
+
+
+def test_an_allocation_that_is_not_exact_reaches_another_process():
+    result = tl.allocate([[1.0, -1.0]], [9.0], tl.TensionLimits([0.5, 0.5], [6.0, 6.0]))
+    with pytest.raises(Unreachable) as raised:
+        result.raise_for_status()
+    sent = pickle.loads(pickle.dumps(raised.value))
+    assert str(sent) == str(raised.value)
+    np.testing.assert_array_equal(sent.allocation.tensions, result.tensions)
