@@ -118,13 +118,13 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
             f"tracker send /body/{', /body/'.join(['hand', *scenario.rig.frames])}"
         )
     links = module_links(scenario.rig, modules)
-    tracker = None
+    mailbox = tracker = None
     if osc is not None:
         mailbox = Mailbox()
         opened.enter_context(OscDoor(mailbox, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
         tracker = tracked_pose(scenario.rig, mailbox)
     group = opened.enter_context(closing(connect(scenario.rig, links)))
-    return Modules(group, RealClock(), links, tracker)
+    return Modules(group, RealClock(), links, tracker, mailbox=mailbox)
 
 
 def _list(json: bool) -> None:

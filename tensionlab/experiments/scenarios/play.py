@@ -8,8 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tensionlab.demand import Demand, RigState
+from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
+from tensionlab.haptics.bridge.mailbox import Mailbox
+from tensionlab.haptics.bridge.source import BridgedDemand
 from tensionlab.haptics.scenarios import Felt, Person, Scenario, ScenarioDemand
 from tensionlab.haptics.scenarios.demand import Told
 from tensionlab.hardware.group import ModuleGroup
@@ -40,6 +42,8 @@ class Modules:
         None: the cables' lengths tell.
     person : Person or None
         Who is simulated, in this process.
+    mailbox : Mailbox or None
+        Where the tracker's frames come in: where they fail to come, there is no force.
     """
 
     group: ModuleGroup
@@ -47,6 +51,7 @@ class Modules:
     links: Mapping[str, str]
     tracker: Tracker | None = None
     person: Person | None = None
+    mailbox: Mailbox | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +162,8 @@ def perform(
     log : RunLog, optional
     """
     length = scenario.seconds if seconds is None else seconds
-    asked = ScenarioDemand(scenario, tell)
+    scene = ScenarioDemand(scenario, tell)
+    asked: DemandSource = scene if modules.mailbox is None else BridgedDemand(modules.mailbox, scene)
 
     def demand(state: RigState) -> Demand:
         if state.cycle == 0 and modules.person is not None:

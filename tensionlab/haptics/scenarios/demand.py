@@ -20,6 +20,8 @@ from tensionlab.haptics.scenarios.scenario import Scenario
 LEAP = 10.0
 """Faster than this, in m/s, nobody moves: who tracks the hand has put it elsewhere."""
 NOTHING: Mapping[str, Effect] = MappingProxyType({})
+STARTING = 0.25
+"""How long all force takes to come in, in s: nobody knows where the hand is when a run begins."""
 Told = Callable[[str, str], None]
 """Hears what happens: a kind (phase, brake) and a text."""
 
@@ -74,6 +76,7 @@ class ScenarioDemand:
             Of all force, from 0 to 1. At 0 no brake is on, either.
         """
         scenario = self._scenario
+        share = share * min(state.time / STARTING, 1.0)
         motion = self._motion(state)
         phases = scenario.now(float(motion.time))
         names = tuple(phase.name for phase in phases)
