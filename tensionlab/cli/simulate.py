@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,9 +14,12 @@ import typer
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
+    from tensionlab.experiments.scenarios.served import ServedPerson
     from tensionlab.experiments.validation.error_model import Errors
+    from tensionlab.haptics.scenarios import Scenario
     from tensionlab.hardware.simulated import SimulatedModule
     from tensionlab.hardware.simulation.serve import PlannedFault
+    from tensionlab.model.rig import Rig
 
 ALONE = "module"
 """What a module is called that belongs to no rig."""
@@ -59,6 +63,21 @@ def simulate(
         Path | None,
         typer.Option(callback=output.output_file, help="Write there (CSV) what the cables really pull with."),
     ] = None,
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The modules of a scenario, and its simulated person, who holds their cables: a name that "
+            "`tensionlab scenario list` shows, or a file. RIG takes the place of its rig.",
+        ),
+    ] = None,
+    tracker: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="With --scenario, send where hand and bodies are by OSC, 90 times a second: /body/NAME x y z.",
+        ),
+    ] = None,
     sensor_port: Annotated[
         int | None,
         typer.Option(
@@ -83,9 +102,12 @@ def simulate(
 ) -> None:
     """Simulate one module for each cable of a rig, with its own firmware, until Ctrl-C.
 
-    The cable's far end stays where the rig's home puts it, or goes round it. Prints a modules file, and an empty
-    line after it: names, and links that pyserial opens. A module has one client at a time; a second one is
-    refused, and one that goes away is a link that closed.
+    The cable's far end stays where the rig's home puts it, goes round it (--orbit), or is where a simulated
+    person holds it (--scenario). The person begins when all modules are armed, and goes back to the start once all
+    have been stopped.
+
+    Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module has one
+    client at a time; a second one is refused, and one that goes away is a link that closed.
     """
     from tensionlab.experiments.validation.served import ServedSensor
     from tensionlab.hardware.modules_file import modules_to_toml
@@ -93,52 +115,87 @@ def simulate(
     from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
     from tensionlab.hardware.simulation.recording import Recording
     from tensionlab.hardware.simulation.serve import ServedModule, serve
-    from tensionlab.model.files import load_rig
+    from tensionlab.hardware.simulation.world import GIVE
 
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
-    far_ends = {} if orbit is None else _orbit(rig, output.numbers(orbit))
-    errors = None
-    if sensor_port is not None:
-        if rig is None or only or orbit is not None:
-            raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
-        errors = _errors(rig, preset, seed)
-    simulated = _one(seed, config_file) if rig is None else _rig(rig, seed, config_file, far_ends, errors)
-    chosen = _only(only, list(simulated))
-    faults = _faults(fault or [], list(simulated))
-    served = [
-        ServedModule(
-            module,
-            PtyPort() if pty else TcpPort(listen, port and port + index),
-            conditions=conditions,
-            seed=seed + index,
-            faults=faults[name],
-            settings_file=settings_file,
-            far_end=far_ends.get(name),
+    if scenario is not None and (only or orbit is not None or sensor_port is not None):
+        raise typer.BadParameter(
+            "--scenario takes all modules of its rig, and a person holds their cables: leave out --only, --orbit "
+            "and --sensor-port"
         )
-        for index, (name, (module, settings_file)) in enumerate(simulated.items())
-        if name in chosen
-    ]
-    sensor = None
-    if rig is not None and errors is not None and sensor_port is not None:
-        sensor = ServedSensor(load_rig(rig), errors, seed, TcpPort(listen, sensor_port))
-    text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
-    if sensor is not None:
-        text += f"# Force sensor: {sensor.url}\n"
-    if modules is not None:
-        modules.write_text(text, encoding="utf-8")
+    if sensor_port is not None and (rig is None or only or orbit is not None):
+        raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
+    if tracker is not None and scenario is None:
+        raise typer.BadParameter("--tracker sends where the person of a scenario is: give --scenario NAME as well")
+    played = None if scenario is None else _scenario(scenario, rig)
+    loaded = _loaded(rig) if played is None else played.rig
+    errors = None if loaded is None or sensor_port is None else _errors(loaded, preset, seed)
+    with ExitStack() as opened:
+        person = None if played is None else _person(played, tracker, opened)
+        far_ends = {} if person is None else person.far_ends
+        if orbit is not None:
+            far_ends = _orbit(loaded, output.numbers(orbit))
+        simulated = (
+            _one(seed, config_file) if loaded is None else _rig(loaded, seed, config_file, far_ends, errors)
+        )
+        chosen = _only(only, list(simulated))
+        faults = _faults(fault or [], list(simulated))
+        served = [
+            ServedModule(
+                module,
+                PtyPort() if pty else TcpPort(listen, port and port + index),
+                conditions=conditions,
+                seed=seed + index,
+                faults=faults[name],
+                settings_file=settings_file,
+                far_end=far_ends.get(name),
+            )
+            for index, (name, (module, settings_file)) in enumerate(simulated.items())
+            if name in chosen
+        ]
+        text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
+        watchers = [] if person is None else [person.take]
+        if loaded is not None and errors is not None and sensor_port is not None:
+            sensor = opened.enter_context(ServedSensor(loaded, errors, seed, TcpPort(listen, sensor_port)))
+            text += f"# Force sensor: {sensor.url}\n"
+            watchers.append(sensor.take)
+        if record is not None:
+            watchers.append(opened.enter_context(Recording(record, chosen)).take)
+        if modules is not None:
+            modules.write_text(text, encoding="utf-8")
 
-    ended = []
-    for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, lambda number, _: ended.append(number))
-    with (
-        Recording(record, chosen) if record is not None else nullcontext() as recording,
-        sensor if sensor is not None else nullcontext(),
-    ):
+        ended = []
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, lambda number, _: ended.append(number))
         typer.echo(text)
-        watchers = [each.take for each in (recording, sensor) if each is not None]
-        serve(served, speed, lambda: bool(ended), watchers)
+        serve(served, speed, lambda: bool(ended), watchers, math.inf if person is None else GIVE)
+
+
+def _scenario(name: str, rig: Path | None) -> Scenario:
+    from tensionlab.haptics.scenarios import load_scenario
+
+    return load_scenario(name, rig)
+
+
+def _loaded(path: Path | None) -> Rig | None:
+    from tensionlab.model.files import load_rig
+
+    return None if path is None else load_rig(path)
+
+
+def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> ServedPerson:
+    """Who holds the cables, and is tracked, if that is wanted?"""
+    from tensionlab.experiments.scenarios.served import ServedPerson
+    from tensionlab.haptics.bridge.osc_tracker import OscTracker
+
+    if tracker is None:
+        return ServedPerson(scenario)
+    host, _, port = tracker.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise typer.BadParameter(f"--tracker is HOST:PORT, such as 127.0.0.1:9000; got {tracker!r}")
+    return ServedPerson(scenario, opened.enter_context(OscTracker(host, int(port))).send)
 
 
 def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
@@ -151,7 +208,7 @@ def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModu
 
 
 def _rig(
-    path: Path,
+    rig: Rig,
     seed: int,
     config_file: Path | None,
     far_ends: dict[str, Callable[[], float]],
@@ -160,9 +217,7 @@ def _rig(
     """Which modules are simulated, and where does each keep its settings?"""
     from tensionlab.experiments.validation.error_model import true_plants, true_rig
     from tensionlab.hardware.simulation.simulated_rig import simulated_module
-    from tensionlab.model.files import load_rig
 
-    rig = load_rig(path)
     plants = {} if errors is None else true_plants(rig, errors)
     if errors is not None:
         rig = true_rig(rig, errors)
@@ -184,14 +239,12 @@ def _rig(
     return simulated
 
 
-def _errors(path: Path, preset: str, seed: int) -> Errors:
+def _errors(rig: Rig, preset: str, seed: int) -> Errors:
     """What is wrong with the rig that a force sensor holds?"""
     from tensionlab.experiments.validation.error_model import PRESETS, draw, require_point
-    from tensionlab.model.files import load_rig
 
     if preset not in PRESETS:
         raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
-    rig = load_rig(path)
     require_point(rig)
     return draw(PRESETS[preset], rig.m, seed)
 
@@ -204,14 +257,13 @@ def _only(only: list[str] | None, names: list[str]) -> list[str]:
     return [name for name in names if not only or name in only]
 
 
-def _orbit(path: Path | None, numbers: list[float]) -> dict[str, Callable[[], float]]:
+def _orbit(rig: Rig | None, numbers: list[float]) -> dict[str, Callable[[], float]]:
     """How long is each cable now, if the point goes round its home? By the time of day, which processes share."""
     from tensionlab.hardware.simulation.orbit import cable_lengths
-    from tensionlab.model.files import load_rig
 
-    if path is None or len(numbers) != 2:
+    if rig is None or len(numbers) != 2:
         raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")
-    return cable_lengths(load_rig(path), *numbers)
+    return cable_lengths(rig, *numbers)
 
 
 def _settings(path: Path | None) -> bytes | None:

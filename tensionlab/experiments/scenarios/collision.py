@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.experiments.scenarios.feel import Row, Touch, touch
+from tensionlab.experiments.scenarios.feel import Row, Touch, late, touch
 from tensionlab.experiments.scenarios.play import Played
-from tensionlab.haptics.effects.contact import Plane
+from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.scenarios import Hold
 from tensionlab.solvers.contract import Floats
 
@@ -15,6 +15,8 @@ AWAY = 0.002
 """How far a head has come back when it withdraws, in m."""
 FREE = 0.2
 """How soon it is free then, in s: a release, and the pawl on its way up."""
+UNSURE = 0.1
+"""How well the speed of a tracked head is known, in m/s: brakes may be locked so much the earlier."""
 
 
 def collision(played: Played) -> tuple[Row, ...]:
@@ -29,9 +31,16 @@ def collision(played: Played) -> tuple[Row, ...]:
     warned = push[felt.time < begin]
     leaning = (felt.time > begin) & (felt.time < end)
     refused, speed = _refused(played, felt.time, depth)
+    early = 0.0 if played.felt is not None else UNSURE * hold.late_by(late(played)).latency
+    cue = sum(
+        each.stiffness
+        for phase in played.scenario.phases
+        for each in phase.effects.values()
+        if isinstance(each, Wall)
+    )
     rows = [
-        Row("cue before the stop", "N", 1.5, 2.5, _most(warned)),
-        Row("depth of the stop in the wall", "m", -0.015, 0.01, _most(depth[leaning])),
+        Row("cue before the stop", "N", 1.5 - cue * early, 2.5, _most(warned)),
+        Row("depth of the stop in the wall", "m", -0.015 - early, 0.01, _most(depth[leaning])),
         Row("speed of an approach that is refused", "m/s", 0.3, 2.0, speed),
     ]
     if played.felt is not None and hold.cap is not None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.experiments.scenarios.feel import Row, Touch, about, effect, late, pitch, rms, touch
+from tensionlab.experiments.scenarios.feel import Row, Touch, about, effect, pitch, rms, touch
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects import Magnet, Shape, Sphere, Texture, Vibration, Water
 from tensionlab.haptics.effects.effect import Motion
-from tensionlab.haptics.rendering import HAND_DAMPING
+from tensionlab.haptics.rendering import HAND_DAMPING, REMEMBERED
 from tensionlab.haptics.stability import capped, stiffness_cap
 from tensionlab.solvers.contract import Floats
 
@@ -26,13 +26,16 @@ def materials(played: Played) -> tuple[Row, ...]:
 def magnetic(played: Played) -> tuple[Row, ...]:
     """It draws the hand down by its largest force, as stiffly as the host may, and lets it go slowly."""
     magnet, begin, end = effect(played, Magnet)
-    magnet = capped(magnet, ceiling(played))
     felt = touch(played).during(begin, end)
     height, speed = magnet.plane.height(felt.position), _speeds(felt) @ magnet.plane.n
-    wanted = -magnet.render(Motion(felt.position, _speeds(felt))).force @ magnet.plane.n
+    stiffness, wanted = ceiling(played, felt.time), np.zeros_like(height)
+    for cap in np.unique(stiffness):
+        there = stiffness == cap
+        motion = Motion(felt.position[there], _speeds(felt)[there])
+        wanted[there] = -capped(magnet, float(cap)).render(motion).force @ magnet.plane.n
     down, leaving = -felt.force @ magnet.plane.n, (height > 0.0) & (height < magnet.reach) & (speed > 0.01)
     return (
-        about("magnet: largest pull", "N", float(wanted.max()), float(down[leaving].max()), 0.2),
+        about("magnet: largest pull", "N", float(wanted.max()), float(down[leaving].max(initial=0.0)), 0.2),
         Row("magnet: pull on the way off it, error", "N", 0.0, 0.5, rms((down - wanted)[leaving])),
     )
 
@@ -40,8 +43,8 @@ def magnetic(played: Played) -> tuple[Row, ...]:
 def textured(played: Played) -> tuple[Row, ...]:
     """Friction where the hand slides, and ripples of the right period, if the host may make them felt at all."""
     rough, begin, end = effect(played, Texture)
-    ripples = capped(rough.ripples, ceiling(played))
     felt = touch(played).during(begin, end)
+    ripples = capped(rough.ripples, float(ceiling(played, felt.time).min()))
     normal, across = rough.wall.plane.n, np.asarray(ripples.direction)
     load, speed = felt.force @ normal, _speeds(felt) @ across
     slides = (load > TOUCHED) & (speed > 0.01)
@@ -105,9 +108,14 @@ def water(played: Played) -> tuple[Row, ...]:
     )
 
 
-def ceiling(played: Played) -> float:
-    """How stiff could the host be, in N/m?"""
-    return stiffness_cap(late(played), 1.0 / played.scenario.rate, HAND_DAMPING)
+def ceiling(played: Played, time: Floats) -> Floats:
+    """How stiff could the host be at times, in N/m? By how late it had found the loop to be until then."""
+    run, rate = played.run, played.scenario.rate
+    late = np.nanmax(run.delays, axis=1, initial=0.0)
+    worst = np.array([late[max(cycle + 1 - REMEMBERED, 0) : cycle + 1].max() for cycle in range(len(run))])
+    caps = {each: stiffness_cap(each, 1.0 / rate, HAND_DAMPING) for each in np.unique(worst)}
+    cycles = np.searchsorted(run.time, time, side="right") - 1
+    return np.array([caps[worst[max(cycle, 0)]] for cycle in cycles])
 
 
 def _speeds(felt: Touch) -> Floats:

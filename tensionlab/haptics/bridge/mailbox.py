@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -17,7 +18,10 @@ SHORTEST = 1e-3
 """Frames that come closer together, in s, are taken to be so far apart."""
 LONGEST = 0.1
 """A gap between frames beyond which a hand does not move evenly from one to the next, in s."""
-
+ONWARD = 1.0
+"""How long a hand moves on evenly where the next frame is late, in times between the frames."""
+RECENT = 32
+"""Frames of which the one that was quickest on its way tells how late the others came."""
 LEAP = 10.0
 """Faster than this, in m/s, no hand moves: it was put elsewhere, and is at rest there."""
 
@@ -62,6 +66,8 @@ class Mailbox:
 
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _frames: tuple[Arrived | None, Arrived | None] = (None, None)
+    _ways: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))  # plus what the clocks differ by
+    _late: float = 0.0
     _effects: dict[str, Effect] = field(default_factory=dict)
     count: int = 0
     stop_wanted: bool = False
@@ -73,6 +79,8 @@ class Mailbox:
             effects = {name: effect_of(name, given) for name, given in frame.effects.items()}
         with self._lock:
             self._frames = (self._frames[1], Arrived(frame, now))
+            self._ways.append(now - frame.time)
+            self._late = self._ways[-1] - min(self._ways)
             self.count += 1
             if effects is not None:
                 self._effects = effects
@@ -91,7 +99,9 @@ class Mailbox:
         """Where is a body now? None if no frame tells.
 
         Between two frames it moves evenly, one frame behind: from the older place, where it is taken to be when
-        the newer frame comes, to the newer one. Then it stays there.
+        the newer frame comes, to the newer one. By the client's clock: a frame that came later than others did
+        finds it further on, and where the next is late, it moves on for as long again. Were it to wait and to leap
+        with each frame, its speed would be far off. After that it is at the newer place.
         """
         before, latest = self._frames
         if latest is None or name not in latest.frame.bodies:
@@ -103,8 +113,8 @@ class Mailbox:
             return still
         there = np.array(before.frame.bodies[name].position)
         apart = max(latest.frame.time - before.frame.time, SHORTEST)
-        share = age / apart
-        if apart > LONGEST or share >= 1.0 or there.shape != here.shape:
+        share = (age + self._late) / apart
+        if apart > LONGEST or share >= 1.0 + ONWARD or there.shape != here.shape:
             return still
         velocity = (here - there) / apart
         if float(np.linalg.norm(velocity)) > LEAP:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import re
 import select
@@ -133,12 +134,13 @@ def serve(
     speed: float,
     stopped: Callable[[], bool],
     watchers: Sequence[Callable[[Sequence[SimulatedModule]], None]] = (),
+    longest: float = math.inf,
 ) -> None:
     """Let time pass in all modules, `speed` times as fast as here, until it is to stop.
 
     After each step, ``watchers`` see the modules. One thread for all: a module needs some 3 % of a processor, and
-    they can't keep each other from running. Deadlines are absolute, so that no delay adds to another. Ports are
-    closed at the end.
+    they can't keep each other from running. Deadlines are absolute, so that no delay adds to another. No step is
+    longer than ``longest`` s, for watchers that the modules pull. Ports are closed at the end.
     """
     start, now = time.monotonic(), 0.0
     try:
@@ -147,15 +149,17 @@ def serve(
             files = [file for served in modules for file in served.port.files()]
             wait = max(start + due / speed - time.monotonic(), 0.0)
             select.select(files, [], [], min(wait, IDLE_TICK))
-            now = (time.monotonic() - start) * speed
+            then, now = now, (time.monotonic() - start) * speed
             late = now - due - LATE
             if late > 0.0:
                 start += late / speed
                 now -= late
-            for served in modules:
-                served.serve(now)
-            for watch in watchers:
-                watch([served.module for served in modules])
+            pieces = max(math.ceil((now - then) / longest), 1)
+            for piece in range(1, pieces + 1):
+                for served in modules:
+                    served.serve(then + (now - then) * piece / pieces)
+                for watch in watchers:
+                    watch([served.module for served in modules])
     finally:
         for served in modules:
             served.port.close()

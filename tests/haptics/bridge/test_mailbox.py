@@ -11,16 +11,29 @@ def frame(time, *position, effects=None, rotation=None):
     return Frame.model_validate({"time": time, "bodies": {"hand": body}, "effects": effects})
 
 
-def test_between_two_frames_a_hand_moves_evenly_one_frame_behind():
+def test_between_two_frames_a_hand_moves_evenly_one_frame_behind_and_then_for_as_long_again():
     box = Mailbox()
-    box.put(frame(10.0, 0.0, 0.0, 0.0), 100.000)
-    box.put(frame(10.02, 0.02, 0.0, 0.0), 100.021)  # a ms late on its way
-    for age, x in ((0.0, 0.0), (0.01, 0.01), (0.02, 0.02), (0.05, 0.02)):
-        motion = box.motion("hand", 100.021 + age)
+    box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
+    box.put(frame(10.02, 0.02, 0.0, 0.0), 100.02)
+    for age, x in ((0.0, 0.0), (0.01, 0.01), (0.02, 0.02), (0.03, 0.03), (0.05, 0.02)):
+        motion = box.motion("hand", 100.02 + age)
         np.testing.assert_allclose(motion.position, [x, 0.0, 0.0], atol=1e-12)
         assert motion.age == pytest.approx(age)
     np.testing.assert_allclose(box.motion("hand", 100.03).velocity, [1.0, 0.0, 0.0])
-    np.testing.assert_allclose(box.motion("hand", 100.05).velocity, 0.0)
+    np.testing.assert_allclose(box.motion("hand", 100.07).velocity, 0.0)
+
+
+def test_a_hand_moves_evenly_though_its_frames_come_unevenly():
+    sent = np.arange(200) / 90.0
+    came = np.maximum.accumulate(sent + np.random.default_rng(1).uniform(0.003, 0.012, 200))
+    box, number, places, times = Mailbox(), 0, [], np.arange(0.5, 2.0, 0.005)
+    for now in times:
+        while came[number] <= now:
+            box.put(frame(5.0 + sent[number], 0.4 * sent[number], 0.0, 0.0), came[number])
+            number += 1
+        places.append(box.motion("hand", now).position[0])
+    np.testing.assert_allclose(np.diff(places) / 0.005, 0.4, atol=0.1)
+    np.testing.assert_allclose(places, 0.4 * times, atol=0.4 * 0.025)
 
 
 def test_a_gap_is_no_motion():
