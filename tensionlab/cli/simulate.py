@@ -17,12 +17,8 @@ if TYPE_CHECKING:
     from tensionlab.experiments.scenarios.served import ServedPerson
     from tensionlab.experiments.validation.error_model import Errors
     from tensionlab.haptics.scenarios import Scenario
-    from tensionlab.hardware.simulated import SimulatedModule
     from tensionlab.hardware.simulation.serve import PlannedFault
     from tensionlab.model.rig import Rig
-
-ALONE = "module"
-"""What a module is called that belongs to no rig."""
 
 
 def simulate(
@@ -104,11 +100,12 @@ def simulate(
 
     The cable's far end stays where the rig's home puts it, goes round it (--orbit), or is where a simulated
     person holds it (--scenario). The person begins when all modules are armed, and goes back to the start once all
-    have been stopped.
+    have been stopped; `tensionlab scenario NAME --modules FILE --osc PORT` plays with it.
 
     Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module has one
     client at a time; a second one is refused, and one that goes away is a link that closed.
     """
+    from tensionlab.cli.simulated_modules import one_module, rig_modules
     from tensionlab.experiments.validation.served import ServedSensor
     from tensionlab.hardware.modules_file import modules_to_toml
     from tensionlab.hardware.simulation.channel import Conditions
@@ -138,7 +135,9 @@ def simulate(
         if orbit is not None:
             far_ends = _orbit(loaded, output.numbers(orbit))
         simulated = (
-            _one(seed, config_file) if loaded is None else _rig(loaded, seed, config_file, far_ends, errors)
+            one_module(seed, config_file)
+            if loaded is None
+            else rig_modules(loaded, seed, config_file, far_ends, errors)
         )
         chosen = _only(only, list(simulated))
         faults = _faults(fault or [], list(simulated))
@@ -198,47 +197,6 @@ def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> Serve
     return ServedPerson(scenario, opened.enter_context(OscTracker(host, int(port))).send)
 
 
-def _one(seed: int, settings_file: Path | None) -> dict[str, tuple[SimulatedModule, Path | None]]:
-    """Which module is simulated without a rig? One fresh from its maker: neither set up nor calibrated."""
-    from tensionlab.hardware.simulated import SimulatedModule
-
-    module = SimulatedModule(seed=seed, settings=_settings(settings_file))
-    _complain(module, settings_file)
-    return {ALONE: (module, settings_file)}
-
-
-def _rig(
-    rig: Rig,
-    seed: int,
-    config_file: Path | None,
-    far_ends: dict[str, Callable[[], float]],
-    errors: Errors | None,
-) -> dict[str, tuple[SimulatedModule, Path | None]]:
-    """Which modules are simulated, and where does each keep its settings?"""
-    from tensionlab.experiments.validation.error_model import true_plants, true_rig
-    from tensionlab.hardware.simulation.simulated_rig import simulated_module
-
-    plants = {} if errors is None else true_plants(rig, errors)
-    if errors is not None:
-        rig = true_rig(rig, errors)
-    lengths = rig.lengths(rig.home, frames=rig.at_rest)
-    simulated = {}
-    for index, (each, length) in enumerate(zip(rig.modules, lengths, strict=True)):
-        at = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
-        start = far_ends[each.name]() if far_ends else float(length)
-        module = simulated_module(
-            each,
-            start,
-            serial_number=index + 1,
-            seed=seed + index,
-            settings=_settings(at),
-            plant=plants.get(each.name),
-        )
-        _complain(module, at)
-        simulated[each.name] = (module, at)
-    return simulated
-
-
 def _errors(rig: Rig, preset: str, seed: int) -> Errors:
     """What is wrong with the rig that a force sensor holds?"""
     from tensionlab.experiments.validation.error_model import PRESETS, draw, require_point
@@ -264,18 +222,6 @@ def _orbit(rig: Rig | None, numbers: list[float]) -> dict[str, Callable[[], floa
     if rig is None or len(numbers) != 2:
         raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")
     return cable_lengths(rig, *numbers)
-
-
-def _settings(path: Path | None) -> bytes | None:
-    from tensionlab.hardware.simulation.serve import read_settings
-
-    return None if path is None else read_settings(path)
-
-
-def _complain(module: SimulatedModule, path: Path | None) -> None:
-    """Say so where a file holds no settings: the module has standard ones then, as a real one would."""
-    if path is not None and path.exists() and not module.loaded:
-        typer.echo(f"{path}: not the settings of a module; it starts with standard ones", err=True)
 
 
 def _faults(texts: list[str], names: list[str]) -> dict[str, list[PlannedFault]]:

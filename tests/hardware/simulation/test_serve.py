@@ -1,7 +1,9 @@
 """A served module, without a network: what it does at which time."""
 
+import time
 from collections import deque
 
+import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError
@@ -177,3 +179,18 @@ def test_a_fault_is_planned_in_words(text, fault):
 def test_a_plan_that_is_none_is_refused(text):
     with pytest.raises(HardwareError, match="write one of encoder, supply, motor, brake, cable and a time"):
         parse_fault(text)
+
+
+def test_after_a_stall_time_passes_in_pieces_for_those_who_watch():
+    served, times, ended = ServedModule(SimulatedModule(), FakePort()), [], []
+
+    def watch(modules):
+        if len(times) in (20, 40):
+            time.sleep(0.015)  # less than the server may be late, so that no time is lost
+        times.append(modules[0].seconds)
+        if len(times) == 80:
+            ended.append(True)
+
+    serve([served], 1.0, lambda: bool(ended), [watch], 1e-3)
+    assert np.diff(times).max() <= 1e-3 + STEP + 1e-9
+    assert len(times) >= 80
