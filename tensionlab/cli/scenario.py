@@ -33,7 +33,7 @@ def scenario(
         typer.Option(
             metavar="PORT",
             help="With --modules: where hand and bodies are comes by OSC to this UDP port: /body/NAME x y z.",
-            min=0,
+            min=1,
             max=65535,
         ),
     ] = None,

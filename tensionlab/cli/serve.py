@@ -11,6 +11,10 @@ import typer
 from tensionlab.cli import output
 from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
 
+QUICK = 300.0
+"""How fast tensions may change, in N/s: the most that modules take. At the 60 N/s with which they come, a hand
+that is pressed against a wall of 300 N/m shakes, even where the module renders it."""
+
 if TYPE_CHECKING:
     from tensionlab.haptics.scenarios import Scenario
     from tensionlab.hardware import Runner, RunSettings
@@ -97,8 +101,7 @@ def serve(
             typer.echo(f"OSC at UDP port {door.port}")
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
-        if played_one is not None:
-            stack.enter_context(fast_enough(played_one, group))
+        stack.enter_context(fast_enough(group, QUICK if played_one is None else played_one.slew))
         demand = BridgedDemand(mailbox, inner, news.take)
         tracker = follow if played_one is not None or loaded.frames or loaded.m < loaded.n else None
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)

@@ -157,7 +157,7 @@ def outcome(impact: Impact, scenario: Scenario) -> Outcome:
     modules = simulated(played, Conditions(impact.latency), impact.seed)
     heard: list[str] = []
     fault = ""
-    with fast_enough(played, modules.group):
+    with fast_enough(modules.group, played.slew):
         try:
             perform(played, modules, lambda kind, text: heard.append(text) if kind == "brake" else None)
         except HardwareError as error:

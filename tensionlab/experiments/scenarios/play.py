@@ -134,7 +134,7 @@ def play(
     HardwareError
         What went wrong with a module; all have been told to stop then.
     """
-    with tempfile.TemporaryDirectory() as folder, fast_enough(scenario, modules.group):
+    with tempfile.TemporaryDirectory() as folder, fast_enough(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
         record = RunLog(path, scenario.rig, manifest(call), solver, settings_of(scenario), modules.links)
         statistics = perform(scenario, modules, record.note, solver, seconds, record, progress)
@@ -191,19 +191,19 @@ def settings_of(scenario: Scenario) -> RunSettings:
 
 
 @contextmanager
-def fast_enough(scenario: Scenario, group: ModuleGroup) -> Iterator[None]:
-    """See to it that tensions may change as fast as a scenario wants, and set modules back after it."""
-    if scenario.slew is None:
+def fast_enough(group: ModuleGroup, slew: float | None) -> Iterator[None]:
+    """Let tensions change so fast, in N/s, and set the modules back after it; None: leave them alone."""
+    if slew is None:
         yield
         return
     before = [client.parameter("slew") for client in group.clients]
     for client in group.clients:
-        client.set_parameter("slew", scenario.slew)
+        client.set_parameter("slew", slew)
     try:
         yield
     finally:
-        for client, slew in zip(group.clients, before, strict=True):
+        for client, own in zip(group.clients, before, strict=True):
             try:
-                client.set_parameter("slew", slew)
+                client.set_parameter("slew", own)
             except HardwareError:  # it is gone, or lets go: what ended the run has been said
                 continue
