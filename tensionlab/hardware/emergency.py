@@ -55,7 +55,7 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
             told[who.pid] = _tell(who)
 
     def one(name: str) -> Outcome:
-        who = holders[name]
+        who = before = holders[name]
         end = time.monotonic() + (PATIENCE if who is not None and not told[who.pid] else 0.0)
         while True:
             try:
@@ -64,8 +64,10 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
                     return Outcome(who)
             except HardwareError as error:
                 now = holder(links[name]) if isinstance(error, LinkError) else None
-                if now is None or time.monotonic() > end:
+                # Who had it when this try began may have let go since: then it is free now.
+                if (now is None and before is None) or time.monotonic() > end:
                     return Outcome(who, _why(error, who, now, told))
+                before = now
             time.sleep(BREATH)
 
     with ThreadPoolExecutor(len(links)) as threads:

@@ -8,6 +8,7 @@ import pytest
 from scripts import running
 from wire import connected
 
+from tensionlab.errors import LinkError
 from tensionlab.experiments.processes import simulated
 from tensionlab.hardware import emergency
 from tensionlab.hardware.codes import State
@@ -82,6 +83,27 @@ def test_modules_that_another_process_has_let_go_and_the_rest_too(links, manner)
     assert [each.holder and each.holder.pid for each in outcomes.values()] == [process.pid] * 3 + [None]
     assert {each.error for each in outcomes.values()} == {""}
     assert states(links) == [State.ESTOP] * 4
+
+
+def test_a_module_that_is_let_go_while_it_is_being_opened(links, monkeypatch):
+    """Still taken when it is opened, free when one looks who has it."""
+    url = links["top"]
+    real, tries = emergency.ModuleClient, []
+
+    def open_late(name, link):
+        tries.append(name)
+        if len(tries) == 1:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            raise LinkError(f"{url} is in use by process {process.pid}; end that first")
+        return real(name, link)
+
+    monkeypatch.setattr(emergency, "ModuleClient", open_late)
+    monkeypatch.setattr(emergency, "_tell", lambda who: "")
+    with host("ignores", [url]) as process:
+        outcome = emergency_stop({"top": url})["top"]
+    assert (outcome.holder.pid, outcome.error, len(tries)) == (process.pid, "", 2)
+    assert states({"top": url}) == [State.ESTOP]
 
 
 @pytest.mark.parametrize("hangs", [False, True])
