@@ -76,9 +76,10 @@ TIMING = Timing()
 class ImpactCap:
     """How hard may a body be stopped?
 
-    A body of mass m, stopped by a cable of stiffness k, feels at most ``v sqrt(k m)``. That is the impact: who goes
-    on pushing is held with all that the brakes bear, and the host does not see it. So links that break away below
-    the cap are part of it; without them, 23 of 1,000 random heads felt more (`make impacts` with ``--strength``).
+    A body of mass m, stopped by a cable of stiffness k, feels at most ``v sqrt(k m)``. That is the impact: who
+    goes on pushing is held with all that the brakes bear, and the host does not see it. So links that break away
+    below the cap are part of it; without them, 23 of 1,000 random heads felt more
+    (`tensionlab.experiments.scenarios.impacts`, ``--strength 186``).
 
     Attributes
     ----------
