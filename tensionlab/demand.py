@@ -90,7 +90,7 @@ class Impedance:
     """What a module renders at its own rate, instead of a tension: see `protocol.SetImpedance`. SI units."""
 
     rest: float
-    stiffness: float
+    stiffness: float = 0.0
     damping: float = 0.0
     feed_forward: float = 0.0
     amplitude: float = 0.0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
 
 if TYPE_CHECKING:
     from tensionlab.experiments.scenarios import feel, play
@@ -53,7 +53,6 @@ def scenario(
     On simulated modules, a simulated person acts, as fast as this machine can. Exit status 1 where something felt
     otherwise than it should, or went wrong with a module.
     """
-    from tensionlab.cli.rig_modules import check_solver
     from tensionlab.errors import HardwareError
     from tensionlab.experiments.scenarios.direction import directions
     from tensionlab.experiments.scenarios.expected import expected
@@ -98,7 +97,6 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     """Open the modules, to be closed with the rest, and find out who tells where everything is."""
     from contextlib import closing
 
-    from tensionlab.cli.rig_modules import module_links, note_simulated
     from tensionlab.experiments.scenarios.play import Modules, needs_tracker, simulated
     from tensionlab.haptics.bridge.mailbox import Mailbox
     from tensionlab.haptics.bridge.osc import OscDoor
@@ -112,7 +110,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
         reached = simulated(scenario)
         opened.callback(reached.group.close)
         return reached
-    if osc is None and needs_tracker(scenario):
+    if osc is None and needs_tracker(scenario.rig):
         raise typer.BadParameter(
             f"the cables of {scenario.rig.name} cannot tell where everything is: give --osc PORT, and have a "
             f"tracker send /body/{', /body/'.join(['hand', *scenario.rig.frames])}"

@@ -11,14 +11,14 @@ import typer
 from tensionlab.cli import output
 from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
 
-QUICK = 300.0
-"""How fast tensions may change, in N/s: the most that modules take. At the 60 N/s with which they come, a hand
-that is pressed against a wall of 300 N/m shakes, even where the module renders it."""
-
 if TYPE_CHECKING:
     from tensionlab.haptics.scenarios import Scenario
     from tensionlab.hardware import Runner, RunSettings
     from tensionlab.model.rig import Rig
+
+QUICK = 300.0
+"""How fast tensions may change, in N/s: the most that modules take. At the 60 N/s with which they come, a hand
+that is pressed against a wall of 300 N/m shakes, even where the module renders it."""
 
 
 def serve(
@@ -61,7 +61,7 @@ def serve(
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
     from tensionlab.cli.run_table import summary_table
-    from tensionlab.experiments.scenarios.play import fast_enough
+    from tensionlab.experiments.scenarios.play import fast_enough, needs_tracker
     from tensionlab.haptics.bridge.mailbox import Mailbox
     from tensionlab.haptics.bridge.messages import Welcome
     from tensionlab.haptics.bridge.news import News
@@ -103,7 +103,7 @@ def serve(
         stack.callback(group.close)
         stack.enter_context(fast_enough(group, QUICK if played_one is None else played_one.slew))
         demand = BridgedDemand(mailbox, inner, news.take)
-        tracker = follow if played_one is not None or loaded.frames or loaded.m < loaded.n else None
+        tracker = follow if played_one is not None or needs_tracker(loaded) else None
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
             runner.log = log_of(log, loaded, solver, settings, links)

@@ -20,11 +20,10 @@ from tensionlab.allocation import Allocator
 from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.haptics.effects import Friction, ModuleLimits, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
-from tensionlab.haptics.effects.on_module import CableImpedance, Divided, divide
+from tensionlab.haptics.effects.on_module import Divided, divide
 from tensionlab.haptics.passivity import PassivityController, most_damping
 from tensionlab.haptics.stability import stiffness_cap
 from tensionlab.haptics.stages import Stages
-from tensionlab.model.limits import TensionLimits
 from tensionlab.model.rig import Rig
 
 HAND_DAMPING = 2.0
@@ -66,20 +65,6 @@ class Group(NamedTuple):
     memory: Memory
 
 
-class Asked(NamedTuple):
-    """What was asked for in a cycle?
-
-    Attributes
-    ----------
-    demand : Demand
-    wrench : (n,) array
-        That the hand is to feel, in N and N·m; zero where nothing is asked for.
-    """
-
-    demand: Demand
-    wrench: Floats
-
-
 class Renderer:
     """Makes demands of effects, one a cycle, and keeps what they remember.
 
@@ -112,7 +97,7 @@ class Renderer:
 
     def __call__(
         self, effects: Mapping[str, Effect], motion: Motion, state: RigState, share: float = 1.0
-    ) -> Asked:
+    ) -> Demand:
         """What is to be asked for now?
 
         Parameters
@@ -128,7 +113,7 @@ class Renderer:
         self._watch(state, motion.step)
         able = state.active & (self._rig.n == self._rig.dimension)
         force = np.zeros(self._rig.dimension)
-        impedances: dict[int, CableImpedance] = {}
+        impedances: dict[int, Impedance] = {}
         self.cut = {}
         for watched in (True, False):
             chosen = {name: each for name, each in effects.items() if isinstance(each, WATCHED) is watched}
@@ -138,14 +123,14 @@ class Renderer:
             self.cut |= {name: each for name, each in zip(chosen, divided.cut, strict=True) if each}
             able = able & [index not in divided.impedances for index in range(self._rig.m)]
         balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
-        wrench = np.zeros(self._rig.n)
         if share <= 0.0:
-            return Asked(Demand(), wrench)
+            return Demand()
+        wrench = np.zeros(self._rig.n)
         wrench[: self._rig.dimension] = share * force
         springs = {
             self._names[index]: self._scaled(each, share, balance[index]) for index, each in impedances.items()
         }
-        return Asked(Demand(wrench, springs), wrench)
+        return Demand(wrench, springs)
 
     def _staged(
         self,
@@ -186,22 +171,20 @@ class Renderer:
             if (group := self._kept.get(True)) is not None:  # it paired forces with what came after another time
                 self._kept[True] = group._replace(memory=group.memory._replace(observed=None))
 
-    def _balance(self, force: Floats, impedances: Mapping[int, CableImpedance], state: RigState) -> Floats:
+    def _balance(self, force: Floats, impedances: Mapping[int, Impedance], state: RigState) -> Floats:
         """How much harder than its impedance must each cable pull, so that the others can do the rest, in N?
 
         As hard as it would if there were no impedances, and all cables rendered the force together.
         """
         key = state.active.tobytes()
         if key not in self._allocators:
-            limits = self._rig.limits
-            part = TensionLimits(limits.lower * state.active, limits.upper * state.active)
-            self._allocators[key] = Allocator(part)
+            self._allocators[key] = Allocator(self._rig.limits.only(state.active))
         extra = self._allocators[key](state.structure, force).tensions.copy()
         for index, each in impedances.items():
-            extra[index] -= _impedance(each).tension(float(state.lengths[index]), float(state.speeds[index]))
+            extra[index] -= each.tension(float(state.lengths[index]), float(state.speeds[index]))
         return np.maximum(extra, 0.0)
 
-    def _scaled(self, cable: CableImpedance, share: float, balance: float) -> Impedance:
+    def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
         """A share of what a module is to render, and what others need; a vibrating cable stays taut."""
         amplitude = share * cable.amplitude
         least = self._limits.lower + amplitude if amplitude else 0.0
@@ -213,10 +196,6 @@ class Renderer:
             amplitude,
             cable.frequency,
         )
-
-
-def _impedance(cable: CableImpedance) -> Impedance:
-    return Impedance(**vars(cable))
 
 
 def _matched(before: Group, names: tuple[tuple[str, type], ...]) -> Memory:

@@ -53,3 +53,7 @@ class TensionLimits:
         upper.setflags(write=False)
         object.__setattr__(self, "lower", lower)
         object.__setattr__(self, "upper", upper)
+
+    def only(self, part: NDArray[np.bool_]) -> TensionLimits:
+        """Which limits leave all but some cables, (m,) array of bool, without tension?"""
+        return TensionLimits(np.where(part, self.lower, 0.0), np.where(part, self.upper, 0.0))

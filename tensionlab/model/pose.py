@@ -36,7 +36,8 @@ Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]
 """Where each named body frame is: a `Frame`, a tuple (position, rotation), or a position alone."""
 
 
-def _frame(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> Frame:
+def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> Frame:
+    """Where is a body frame, in whichever way it was given?"""
     if isinstance(where, Frame):
         return where
     if isinstance(where, tuple) and len(where) == 2 and np.ndim(where[0]) > 0:
@@ -83,7 +84,7 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
     turns: list[Floats | None] = []
     shapes: dict[str, tuple[int, ...]] = {}
     for name in names:
-        position, rotation = _frame(given[name])
+        position, rotation = frame_of(given[name])
         what = f'frame "{name}" '
         origins.append(points(position, anchors.shape[-1], what + "position"))
         shapes[what + "position"] = origins[-1].shape[:-1]

@@ -23,7 +23,7 @@ from tensionlab.haptics.effects import (
     Wall,
 )
 from tensionlab.haptics.effects.on_module import felt as felt_of
-from tensionlab.haptics.rendering import UNKNOWN, Asked, Renderer
+from tensionlab.haptics.rendering import UNKNOWN, Renderer
 from tensionlab.hardware.run.clock import WorldClock
 from tensionlab.hardware.runner import Runner
 from tensionlab.hardware.simulation.channel import Conditions
@@ -60,7 +60,7 @@ class Seen(NamedTuple):
     """A cycle: what was known, what was asked for, how late, how stiff, and how the cables really pulled."""
 
     state: RigState
-    asked: Asked
+    demand: Demand
     delay: float
     ceiling: float
     wrench: np.ndarray
@@ -75,7 +75,7 @@ def felt(effects, motion, seconds=1.0, latency=0.0, share=1.0, world=None):
         now = Motion(state.pose.position, state.twist, state.time, PERIOD)
         asked = renderer(effects(state.time) if callable(effects) else effects, now, state, share)
         cycles.append(Seen(state, asked, renderer.delay, renderer.ceiling, world.wrench))
-        return asked.demand
+        return asked
 
     group = world.group(Conditions(latency))
     Runner(RIG, group, "newton", demand, clock=WorldClock(world)).run(seconds)
@@ -121,7 +121,7 @@ def test_a_stiff_wall_is_its_modules_and_is_felt_at_once(latency):
 
     world.watch = note
     cycles = felt(wall(UP, 200.0, 0.0), None, 2.0, latency, world=world)
-    assert list(cycles[-1].asked.demand.impedances) == ["top"]
+    assert list(cycles[-1].demand.impedances) == ["top"]
     after = len(depths) // 2
     error = np.array(pushes[after:]) - 200.0 * np.array(depths[after:])
     # Spools rub with 0.05 N each. A host that is 20 ms late would be off by 0.3 N, at 60 ms by 0.9 N.
@@ -137,7 +137,7 @@ def test_a_module_with_a_wall_renders_other_forces_too():
     """The wall has the only cable that can pull up; so does the spring need it."""
     effects = wall(UP, 200.0) | {"spring": Spring(tuple(HOME + 0.11 * UP), 20.0)}
     cycle = felt(effects, held(0.0, 0.01, 0.0))[-1]
-    assert list(cycle.asked.demand.impedances) == ["top"]
+    assert list(cycle.demand.impedances) == ["top"]
     np.testing.assert_allclose(cycle.wrench, [0.0, 2.0, 0.0], atol=0.15)
 
 
@@ -146,7 +146,7 @@ def test_where_nothing_pulls_against_a_wall_it_is_no_more_than_its_spring():
     alone = replace(state, active=np.arange(RIG.m) == TOP)
     motion = Motion(HOME - 0.01 * UP, np.zeros(3), state.time, PERIOD)
     for now, pull in ((state, 0.65), (alone, 0.0)):
-        spring = Renderer(RIG)(wall(UP, 200.0), motion, now).demand.impedances["top"]
+        spring = Renderer(RIG)(wall(UP, 200.0), motion, now).impedances["top"]
         assert spring.feed_forward == pytest.approx(pull, abs=0.1)
 
 
@@ -161,7 +161,7 @@ def test_a_wall_off_its_cable_is_calm_and_within_45_degrees(degrees, latency):
 
     hand = Hand(HOME, push)
     cycles = felt(wall(normal, 200.0), hand, 3.0, latency)
-    assert list(cycles[-1].asked.demand.impedances) == ["top"]
+    assert list(cycles[-1].demand.impedances) == ["top"]
     assert shaking(hand, normal) < 1e-3
     assert hand.position @ normal == pytest.approx(HOME @ normal - 1.0 / 200.0, abs=1e-3)
     wrench = cycles[-1].wrench
@@ -188,12 +188,12 @@ def test_where_no_cable_lies_along_a_wall_the_host_renders_it_no_stiffer_than_it
     cycles = felt(wall(DOWN, 300.0), hand, 4.0, latency)
     assert shaking(hand, DOWN) < 1e-3
     for cycle in cycles[1:]:
-        assert not cycle.asked.demand.impedances
+        assert not cycle.demand.impedances
         # 0.5 of (2 N s/m) / (10 ms + delay)
         assert cycle.ceiling == pytest.approx(1.0 / (PERIOD / 2 + cycle.delay))
     last = cycles[-1]
     depth = -(last.state.pose.position - HOME) @ DOWN
-    assert last.asked.wrench @ DOWN == pytest.approx(last.ceiling * depth, rel=0.05)
+    assert last.demand.wrench @ DOWN == pytest.approx(last.ceiling * depth, rel=0.05)
     assert last.wrench @ DOWN == pytest.approx(1.0, abs=0.1)
 
 
@@ -221,8 +221,8 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
     world.watch = note
     effects = {"buzz": Vibration((0.0, 1.0, 0.0), amplitude, frequency)}
     cycles = felt(effects, None, 2.0, share=share, world=world)
-    assert list(cycles[-1].asked.demand.impedances) == ["top"]
-    assert abs(cycles[-1].asked.wrench @ UP) < 1e-9  # on average it pulls nowhere
+    assert list(cycles[-1].demand.impedances) == ["top"]
+    assert abs(cycles[-1].demand.wrench @ UP) < 1e-9  # on average it pulls nowhere
     motor, cable = (np.concatenate(each)[-4100:-100] for each in (commanded, tensions))  # a second, at 4 kHz
     spectrum = 2.0 * np.abs(np.fft.rfft(motor)) / len(motor)
     assert np.argmax(spectrum[1:]) + 1 == frequency
@@ -236,11 +236,11 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
 def test_the_share_is_that_of_everything_and_without_one_the_cables_are_taut():
     for share, force in ((1.0, 2.0), (0.5, 1.0)):
         last = felt(wall(UP, 100.0), held(0.0, -0.02, 0.0), share=share)[-1]
-        assert last.asked.demand.impedances["top"].stiffness == pytest.approx(100.0 * share)
+        assert last.demand.impedances["top"].stiffness == pytest.approx(100.0 * share)
         np.testing.assert_allclose(last.wrench, force * UP, atol=0.15)
     last = felt(wall(UP, 100.0) | {"buzz": Vibration()}, held(0.0, -0.02, 0.0), share=0.0)[-1]
-    assert last.asked.demand.wrench is None
-    assert not last.asked.demand.impedances
+    assert last.demand.wrench is None
+    assert not last.demand.impedances
     np.testing.assert_allclose(last.state.tensions, RIG.limits.lower, atol=1e-6)
 
 
@@ -262,7 +262,7 @@ def test_what_goes_on_remembers_and_what_is_new_does_not():
     def motion(time):
         return Pose(HOME + np.array([0.01 * min(max(4.0 * time - 1.0, 0.0), 1.0), 0.0, 0.0]))
 
-    found = {round(seen.state.time, 2): seen.asked.wrench[0] for seen in felt(effects, motion, 2.5)}
+    found = {round(seen.state.time, 2): seen.demand.wrench[0] for seen in felt(effects, motion, 2.5)}
     for time in (0.6, 0.9, 1.4):
         assert found[time] == pytest.approx(found[0.48], abs=0.1)
     assert found[0.48] < -0.2
@@ -281,7 +281,7 @@ def test_the_delay_it_finds_is_how_late_what_it_asks_for_is_heard(latency):
         latency,
     )
     assert cycles[0].delay == UNKNOWN
-    first = next(seen.state.time for seen in cycles if seen.asked.wrench @ UP > 0.5)
+    first = next(seen.state.time for seen in cycles if seen.demand.wrench @ UP > 0.5)
     before = cycles[round(leap / PERIOD) - 1].state.tensions
     heard = next(seen.state.time for seen in cycles if np.ptp(seen.state.tensions - before) > 0.2)
     assert heard - first >= 2 * latency

@@ -36,3 +36,9 @@ def test_bad_limits_are_refused_by_name_and_index(lower, upper, words):
     for word in words:
         with pytest.raises(ShapeError, match=word):
             TensionLimits(lower, upper)
+
+
+def test_all_but_some_cables_are_left_without_tension():
+    left = TensionLimits([0.5, 1.0, 2.0], [6.0, 7.0, 8.0]).only(np.array([True, False, True]))
+    assert left.lower.tolist() == [0.5, 0.0, 2.0]
+    assert left.upper.tolist() == [6.0, 0.0, 8.0]

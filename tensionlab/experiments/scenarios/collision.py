@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tensionlab.experiments.scenarios.feel import Row, Touch, late, touch
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects.contact import Plane, Wall
-from tensionlab.haptics.scenarios import Hold
+from tensionlab.haptics.scenarios import Hold, Scenario
 from tensionlab.solvers.contract import Floats
 
 AWAY = 0.002
@@ -24,7 +24,7 @@ def collision(played: Played) -> tuple[Row, ...]:
 
     What a brake holds only a simulated person can tell.
     """
-    hold, wall = _hold(played)
+    hold, wall = hold_of(played.scenario)
     felt = touch(played)
     push, depth = felt.force @ wall.n, -wall.height(felt.position)
     begin, end = _locked(played)
@@ -57,11 +57,12 @@ def collision(played: Played) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _hold(played: Played) -> tuple[Hold, Plane]:
-    for phase in played.scenario.phases:
+def hold_of(scenario: Scenario) -> tuple[Hold, Plane]:
+    """Which wall do brakes hold in a scenario?"""
+    for phase in scenario.phases:
         if phase.hold is not None and phase.hold.plane is not None:
             return phase.hold, phase.hold.plane
-    raise LookupError(f"{played.scenario.name} has no hold with a plane")
+    raise LookupError(f"{scenario.name} has no hold with a plane")
 
 
 def _locked(played: Played) -> tuple[float, float]:

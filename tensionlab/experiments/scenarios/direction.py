@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.haptics.effects.on_module import ALIGNED
 from tensionlab.hardware.codes import Limit
 from tensionlab.hardware.record.run import Run
 from tensionlab.solvers.contract import Floats, Status
 
-CONVINCING = math.cos(math.radians(45.0))
-"""Cosine of the published threshold of a convincing direction."""
 WEAK = 0.5
 """Forces below have no direction that matters, in N."""
 SETTLING = 0.1
@@ -55,7 +54,7 @@ def why(run: Run) -> NDArray[np.int64]:
 
     -1: it did; -2: it was weaker than 0.5 N.
     """
-    told = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.tensions))
+    told = told_by(run)
     meant = np.nan_to_num(run.demanded)
     limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
     found = np.full(len(run), REASONS.index("unexplained"))
@@ -68,10 +67,16 @@ def why(run: Run) -> NDArray[np.int64]:
     return found
 
 
+def told_by(run: Run) -> Floats:
+    """Which force is that by what the modules say they pull with, (K, n) in N?"""
+    force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.tensions))
+    return force
+
+
 def _near(told: Floats, meant: Floats) -> NDArray[np.bool_]:
     """Where is the angle between two forces (K, n) at most 45 degrees?"""
     sizes = np.linalg.norm(told, axis=1) * np.linalg.norm(meant, axis=1)
-    return np.asarray((np.einsum("kn,kn->k", told, meant) >= CONVINCING * sizes) & (sizes > 0.0))
+    return np.asarray((np.einsum("kn,kn->k", told, meant) >= ALIGNED * sizes) & (sizes > 0.0))
 
 
 def _late(run: Run, told: Floats, meant: Floats) -> NDArray[np.bool_]:

@@ -25,6 +25,7 @@ from tensionlab.experiments.scenarios.feel import (
 )
 from tensionlab.experiments.scenarios.materials import materials
 from tensionlab.experiments.scenarios.play import Played
+from tensionlab.experiments.score import angles
 from tensionlab.haptics.effects import Bow, Recoil, Weight
 from tensionlab.haptics.effects.effect import Motion
 
@@ -49,7 +50,7 @@ def recoil(played: Played) -> tuple[Row, ...]:
     """
     pistol, _, _ = effect(played, Recoil)
     felt, way = touch(played), np.asarray(pistol.direction) / np.linalg.norm(pistol.direction)
-    shares, peaks, angles = [], [], []
+    shares, peaks, off = [], [], []
     shots = [shot for shot in pistol.shots if shot + KICK < felt.time[-1]]
     for shot, following in zip(shots, [*shots[1:], np.inf], strict=True):
         before = felt.during(shot - 0.1, shot)
@@ -62,12 +63,11 @@ def recoil(played: Played) -> tuple[Row, ...]:
             np.trapezoid(along, after.time) / np.trapezoid(np.maximum(wanted - taut @ way, 0.0), after.time)
         )
         peaks.append(float(along.max()))
-        strongest = force[int(np.argmax(along))]
-        angles.append(float(np.degrees(np.arccos(np.clip(strongest @ way / np.linalg.norm(strongest), -1, 1)))))
+        off.append(float(angles(way[None], force[[int(np.argmax(along))]])[0]))
     return (
         Row("impulse of a shot, as a share of what it should be", "1", 0.75, 1.1, float(np.mean(shares))),
         Row("peak of a shot, on average", "N", 0.6 * pistol.peak, pistol.peak, float(np.mean(peaks))),
-        Row("largest angle between kick and its direction", "deg", 0.0, 45.0, float(np.max(angles))),
+        Row("largest angle between kick and its direction", "deg", 0.0, 45.0, float(np.max(off))),
     )
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.experiments.scenarios.direction import told_by
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.solvers.contract import Floats
@@ -70,7 +71,7 @@ def touch(played: Played) -> Touch:
     if frame is not None:  # as the cable of a module that rides there tells
         index = [module.frame for module in run.rig.modules].index(frame)
         position = run.rig.anchors[index] - run.structure[:, :, index] * run.lengths[:, index, None]
-    return Touch(run.time, position, np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.tensions)))
+    return Touch(run.time, position, told_by(run))
 
 
 def effect(played: Played, kind: type[Kind]) -> tuple[Kind, float, float]:

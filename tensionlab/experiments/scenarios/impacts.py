@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from tensionlab.errors import HardwareError
+from tensionlab.experiments.scenarios.collision import hold_of
 from tensionlab.experiments.scenarios.play import fast_enough, perform, simulated
 from tensionlab.haptics.effects.contact import Plane
 from tensionlab.haptics.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
@@ -152,7 +153,7 @@ def scenario_of(impact: Impact, scenario: Scenario) -> Scenario:
 
 def outcome(impact: Impact, scenario: Scenario) -> Outcome:
     """What becomes of it on simulated modules?"""
-    wall = wall_of(scenario)
+    _, wall = hold_of(scenario)
     played = scenario_of(impact, scenario)
     modules = simulated(played, Conditions(impact.latency), impact.seed)
     heard: list[str] = []
@@ -188,14 +189,6 @@ def _end(heard: Sequence[str], depth: float) -> END:
     return "motors only"
 
 
-def wall_of(scenario: Scenario) -> Plane:
-    """Which wall do its brakes hold?"""
-    for phase in scenario.phases:
-        if phase.hold is not None and phase.hold.plane is not None:
-            return phase.hold.plane
-    raise LookupError(f"{scenario.name} has no hold with a plane")
-
-
 def with_strength(rig: Rig, strength: float) -> Rig:
     """A rig whose brakes give way elsewhere, in N."""
     modules = [each if each.brake is None else replace(each, brake=strength) for each in rig.modules]
@@ -211,7 +204,7 @@ def impacts(scenario: Scenario, count: int, seed: int = 0, processes: int = 2) -
         With a torso, a rig of a head, and a `Hold` with a plane.
     count, seed, processes : int
     """
-    rng, wall = np.random.default_rng(seed), wall_of(scenario)
+    rng, (_, wall) = np.random.default_rng(seed), hold_of(scenario)
     drawn = [draw_impact(rng, wall) for _ in range(count)]
     if processes == 1:
         yield from (outcome(each, scenario) for each in drawn)

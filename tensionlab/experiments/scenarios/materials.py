@@ -6,6 +6,7 @@ import numpy as np
 
 from tensionlab.experiments.scenarios.feel import Row, Touch, about, effect, pitch, rms, touch
 from tensionlab.experiments.scenarios.play import Played
+from tensionlab.experiments.score import angles
 from tensionlab.haptics.effects import Magnet, Shape, Sphere, Texture, Vibration, Water
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering import HAND_DAMPING, REMEMBERED
@@ -67,11 +68,11 @@ def shaped(played: Played) -> tuple[Row, ...]:
     depth = ball.field.radius - np.linalg.norm(out, axis=1)
     push = np.einsum("kd,kd->k", felt.force, out) / np.linalg.norm(out, axis=1)
     pressed = (push > 2 * TOUCHED) & (np.abs(np.linalg.norm(_speeds(felt), axis=1)) < 0.15)
-    angles = np.degrees(np.arccos(np.clip(push / np.linalg.norm(felt.force, axis=1), -1.0, 1.0)))
+    off = angles(felt.force, out)
     stiffness = float(np.median(push[pressed] / depth[pressed]))
     return (
         about("ball: stiffness", "N/m", ball.coupling.stiffness, stiffness, 0.25),
-        Row("ball: angle off the surface's normal, median", "deg", 0.0, 15.0, float(np.median(angles[pressed]))),
+        Row("ball: angle off the surface's normal, median", "deg", 0.0, 15.0, float(np.median(off[pressed]))),
     )
 
 

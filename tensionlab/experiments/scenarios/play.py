@@ -23,6 +23,7 @@ from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.hardware.runner import Runner, Tracker
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.world import World
+from tensionlab.model.rig import Rig
 from tensionlab.records import manifest
 
 SIMULATED = "sim:"
@@ -74,9 +75,8 @@ class Played:
     felt: Felt | None
 
 
-def needs_tracker(scenario: Scenario) -> bool:
+def needs_tracker(rig: Rig) -> bool:
     """Whether cable lengths cannot tell where everything is: too few cables, or anchors that move."""
-    rig = scenario.rig
     return bool(rig.frames) or rig.m < rig.n
 
 
@@ -98,7 +98,7 @@ def simulated(
     person = Person(scenario.person, scenario.rig)
     world = World(scenario.rig, person, seed)
     links = dict.fromkeys((module.name for module in scenario.rig.modules), SIMULATED)
-    tracker = (lambda time: person.pose) if needs_tracker(scenario) else None
+    tracker = (lambda time: person.pose) if needs_tracker(scenario.rig) else None
     return Modules(world.group(conditions, seed), WorldClock(world, paced=paced), links, tracker, person)
 
 

@@ -15,6 +15,7 @@ from tensionlab.haptics.scenarios import Person, PersonPlan, Scenario, Script, W
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.simulated import SimulatedModule
 from tensionlab.hardware.simulation.world import GIVE
+from tensionlab.model.pose import frame_of
 
 TRACKED = 90.0
 """How often a tracker tells where everything is, in Hz: as those of head-mounted displays do."""
@@ -100,7 +101,5 @@ def way_back(plan: PersonPlan, pose: Pose) -> PersonPlan:
 
 def _places(pose: Pose) -> dict[str, Floats]:
     """Where is the origin of each body?"""
-    found = {}
-    for name, where in (pose.frames or {}).items():
-        found[name] = np.asarray(where[0] if isinstance(where, tuple) else where, dtype=np.float64)
-    return found
+    frames = pose.frames or {}
+    return {name: np.asarray(frame_of(where).position, dtype=np.float64) for name, where in frames.items()}

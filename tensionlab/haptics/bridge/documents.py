@@ -7,12 +7,12 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from tensionlab.haptics.bridge.mailbox import LEAP
 from tensionlab.haptics.bridge.messages import IN, KINDS, LARGEST, OUT, PROTOCOL, Body, Message
 from tensionlab.haptics.bridge.server import BURST, COMMAND, EVENTS, FASTEST, PATIENCE
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.compose import FADE
 from tensionlab.haptics.effects.compose import PATIENCE as SILENCE
+from tensionlab.haptics.effects.effect import LEAP
 
 HEAD = f"""# The bridge
 

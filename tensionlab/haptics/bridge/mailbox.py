@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tensionlab.demand import Floats
-from tensionlab.haptics.bridge.effects import effect_of
 from tensionlab.haptics.bridge.messages import Body, Frame
-from tensionlab.haptics.effects.effect import Effect
+from tensionlab.haptics.effects.described import effect_of
+from tensionlab.haptics.effects.effect import LEAP, Effect
 
 SHORTEST = 1e-3
 """Frames that come closer together, in s, are taken to be so far apart."""
@@ -22,8 +22,6 @@ ONWARD = 1.0
 """How long a hand moves on evenly where the next frame is late, in times between the frames."""
 RECENT = 32
 """Frames of which the one that was quickest on its way tells how late the others came."""
-LEAP = 10.0
-"""Faster than this, in m/s, no hand moves: it was put elsewhere, and is at rest there."""
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ class FreeEffects:
 
     def __call__(self, state: RigState, over: Mapping[str, Effect], share: float) -> Demand:
         """What is to be felt now?"""
-        return self.renderer(over, self._motion(state), state, share).demand
+        return self.renderer(over, self._motion(state), state, share)
 
     def _motion(self, state: RigState) -> Motion:
         step = max(state.time - self._latest, 1e-4)

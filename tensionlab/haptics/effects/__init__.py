@@ -13,7 +13,6 @@ from tensionlab.haptics.effects.fields import Box, Distance, Field, HalfSpace, S
 from tensionlab.haptics.effects.friction import Friction
 from tensionlab.haptics.effects.on_module import (
     AxisImpedance,
-    CableImpedance,
     ModuleLimits,
     OnModule,
     along_cable,
@@ -47,7 +46,6 @@ __all__ = [
     "AxisImpedance",
     "Bow",
     "Box",
-    "CableImpedance",
     "Distance",
     "Effect",
     "Field",

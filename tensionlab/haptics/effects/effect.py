@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Memory = Any
 """What an effect remembers: None before its first step, then whatever it returned. Each effect has its own."""
+LEAP = 10.0
+"""Faster than this, in m/s, nobody moves: who tracks a hand has put it elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,7 @@
 What is stiff, or vibrates, cannot wait for a link (see `tensionlab.haptics.stability`). A module knows its own
 cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed of paying out, 0)
 + amplitude sin(2 pi frequency t)``. So an effect that has such a part says what happens along one axis, and
-`divide` finds the cable that lies best along it. Whoever wires effects to modules makes the module's command
-from a `CableImpedance`, field by field.
+`divide` finds the cable that lies best along it.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.demand import Impedance
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
 from tensionlab.haptics.stability import beyond, capped
 
@@ -61,18 +61,6 @@ class AxisImpedance:
 
 
 @dataclass(frozen=True)
-class CableImpedance:
-    """What is one module to render along its cable? m, N/m, N s/m, N, N and Hz."""
-
-    rest: float
-    stiffness: float = 0.0
-    damping: float = 0.0
-    feed_forward: float = 0.0
-    amplitude: float = 0.0
-    frequency: float = 0.0
-
-
-@dataclass(frozen=True)
 class ModuleLimits:
     """What does a module render at most? It refuses an impedance as a whole that goes beyond.
 
@@ -107,7 +95,7 @@ class OnModule(Effect, Protocol):
 
 def along_cable(
     part: AxisImpedance, length: float, direction: Floats, limits: ModuleLimits | None = None
-) -> CableImpedance:
+) -> Impedance:
     """What must a module render so that this happens along the axis?
 
     Where the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and only c of its tension is along
@@ -129,7 +117,7 @@ def along_cable(
     c = float(part.axis @ direction)
     amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
     least = limits.lower + amplitude if amplitude else 0.0
-    return CableImpedance(
+    return Impedance(
         rest=max(length - c * part.compression, 0.0),
         stiffness=min(part.stiffness / c**2, limits.stiffness),
         damping=min(part.damping / c**2, limits.damping) if part.compression >= 0.0 else 0.0,
@@ -173,7 +161,7 @@ class Divided(NamedTuple):
     ----------
     force : (d,) array
         For the host to ask the other cables for, in N.
-    impedances : dict of int to CableImpedance
+    impedances : dict of int to Impedance
         By the number of the cable.
     pushed : (d,) array
         Force that the hand is to feel of those, vibration aside, in N: see `felt`.
@@ -186,7 +174,7 @@ class Divided(NamedTuple):
     """
 
     force: Floats
-    impedances: dict[int, CableImpedance]
+    impedances: dict[int, Impedance]
     pushed: Floats
     memory: tuple[Memory, ...]
     sudden: bool
@@ -229,7 +217,7 @@ def divide(
     """
     free = np.ones(len(lengths), dtype=bool) if able is None else np.array(able, dtype=bool)
     force, pushed = np.zeros_like(motion.position), np.zeros_like(motion.position)
-    impedances: dict[int, CableImpedance] = {}
+    impedances: dict[int, Impedance] = {}
     memories, cut, sudden = [], [], False
     for effect, own in zip(effects, memory or (None,) * len(effects), strict=True):
         done, stiff = None, beyond(effect, cap)

@@ -12,13 +12,12 @@ import numpy as np
 from tensionlab.demand import Demand, Floats, Pose, RigState
 from tensionlab.haptics.brake_contact import Catch, Decision, decide
 from tensionlab.haptics.brakes import brake_strengths
-from tensionlab.haptics.effects.effect import Effect, Motion, relative
+from tensionlab.haptics.effects.effect import LEAP, Effect, Motion, relative
 from tensionlab.haptics.rendering import Renderer
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.scenario import Scenario
+from tensionlab.model.pose import frame_of
 
-LEAP = 10.0
-"""Faster than this, in m/s, nobody moves: who tracks the hand has put it elsewhere."""
 NOTHING: Mapping[str, Effect] = MappingProxyType({})
 STARTING = 0.25
 """How long all force takes to come in, in s: nobody knows where the hand is when a run begins."""
@@ -88,7 +87,7 @@ class ScenarioDemand:
         for phase in phases:
             effects |= phase.effects
         effects |= {name: each for name, each in over.items() if name in effects or name not in self._own}
-        demand = self.renderer(effects, motion, state, share).demand
+        demand = self.renderer(effects, motion, state, share)
         holds = [phase.hold for phase in phases if phase.hold is not None and share > 0.0]
         brakes = self._brakes(holds[0], motion, state) if holds else self._let_go("no hold")
         return replace(demand, brakes=brakes)
@@ -151,5 +150,4 @@ def _speed(here: Floats, there: Floats | None, step: float) -> Floats:
 
 def _origin(pose: Pose, frame: str) -> Floats:
     """Where is the origin of a body frame?"""
-    where = (pose.frames or {})[frame]
-    return np.asarray(where[0] if isinstance(where, tuple) else where, dtype=np.float64)
+    return np.asarray(frame_of((pose.frames or {})[frame]).position, dtype=np.float64)

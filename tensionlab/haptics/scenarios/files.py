@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
-
 from tensionlab.errors import EffectError, RigError, ScenarioError
-from tensionlab.haptics.bridge.effects import effect_of, require_known
+from tensionlab.haptics.effects.described import effect_of, read
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
 from tensionlab.haptics.scenarios.scenario import Phase, Scenario
@@ -78,9 +75,9 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
     return Scenario(
         name=path.stem,
         rig=load_rig(path.with_suffix(".rig.toml") if rig is None else rig),
-        person=_read(PersonPlan, table["person"], "person"),
+        person=read("person", PersonPlan, table["person"]),
         phases=tuple(_phase(each) for each in table["phases"]),
-        **{key: _read(kind, table[key], key) for key, kind in KEYS.items() if key in table},
+        **{key: read(key, kind, table[key]) for key, kind in KEYS.items() if key in table},
     )
 
 
@@ -90,27 +87,12 @@ def _phase(table: Any) -> Phase:
         raise ScenarioError("phases: each is a table, and its effects are tables too")
     name = table.get("name", "?")
     effects = {each: effect_of(each, given) for each, given in table.get("effects", {}).items()}
-    hold = _read(Hold, table["hold"], f'phase "{name}": hold') if "hold" in table else None
+    hold = read(f'phase "{name}": hold', Hold, table["hold"]) if "hold" in table else None
     rest = {key: value for key, value in table.items() if key not in ("effects", "hold")}
     if unknown := set(rest) - {"name", "begin", "end"}:
         raise ScenarioError(f'phase "{name}": no key "{min(unknown)}"; there are name, begin, end, effects, hold')
-    given = {key: _read(kind, rest.get(key), f'phase "{name}": {key}') for key, kind in PHASE.items()}
+    given = {key: read(f'phase "{name}": {key}', kind, rest.get(key)) for key, kind in PHASE.items()}
     return Phase(**given, effects=effects, hold=hold)
 
 
 PHASE = {"name": str, "begin": float, "end": float}
-
-
-def _read(kind: Any, value: Any, where: str) -> Any:
-    require_known(where, kind, value)
-    try:
-        return _adapter(kind).validate_python(value)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        step = "".join(f"{each}: " for each in problem["loc"])
-        raise ScenarioError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
-
-
-@cache
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)

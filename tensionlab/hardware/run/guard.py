@@ -60,9 +60,7 @@ class GuardedAllocator:
     def _for(self, part: NDArray[np.bool_]) -> tuple[Allocator, Allocator]:
         key = part.tobytes()
         if key not in self._prepared:
-            limits = TensionLimits(
-                np.where(part, self._limits.lower, 0.0), np.where(part, self._limits.upper, 0.0)
-            )
+            limits = self._limits.only(part)
             chosen = Allocator(limits, self._solver, nearest=self._nearest)
             self._prepared[key] = chosen, Allocator(limits, EXACT_SOLVER, nearest=chosen.nearest)
         return self._prepared[key]

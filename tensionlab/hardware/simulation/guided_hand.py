@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tensionlab.demand import Floats, Pose
+from tensionlab.model.pose import frame_of
 
 QUICKNESS = 25.0
 """Natural frequency in rad/s: it is there within some 0.2 s, without overshoot."""
@@ -37,7 +38,7 @@ class GuidedHand:
         position = self._follow("", wanted.position, step)
         frames = {}
         for name, where in (wanted.frames or {}).items():
-            place, rotation = where if isinstance(where, tuple) else (where, None)
+            place, rotation = frame_of(where)
             frames[name] = (self._follow(name, np.asarray(place, dtype=np.float64), step), rotation)
         return Pose(position, wanted.rotation, frames)
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tensionlab.experiments.scenarios.collision import hold_of
 from tensionlab.experiments.scenarios.impacts import (
     MOST,
     STILL,
@@ -18,7 +19,6 @@ from tensionlab.experiments.scenarios.impacts import (
     outcome,
     report,
     scenario_of,
-    wall_of,
     with_strength,
 )
 from tensionlab.haptics.scenarios import load_scenario
@@ -69,7 +69,7 @@ def test_without_refusal_and_breakaway_the_same_head_feels_too_much():
 
 
 def test_impacts_are_drawn_as_said():
-    rng, wall = np.random.default_rng(1), wall_of(COLLISION)
+    rng, (_, wall) = np.random.default_rng(1), hold_of(COLLISION)
     drawn = [draw_impact(rng, wall) for _ in range(2000)]
     cosines = np.array([each.direction @ -wall.n for each in drawn])
     assert cosines.min() >= math.cos(math.radians(40.0))

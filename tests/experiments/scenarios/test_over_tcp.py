@@ -44,7 +44,7 @@ def played(scenario, seconds, file):
     """Play it; once more where the machine stood still for so long that the modules let go, as they should."""
     for tries in range(3):
         with served(scenario, file) as (links, mailbox), closing(connect(scenario.rig, links)) as group:
-            tracker = tracked_pose(scenario.rig, mailbox) if needs_tracker(scenario) else None
+            tracker = tracked_pose(scenario.rig, mailbox) if needs_tracker(scenario.rig) else None
             try:
                 return play(scenario, Modules(group, RealClock(), links, tracker), seconds=seconds)
             except LinkTimeout:

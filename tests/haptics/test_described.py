@@ -1,10 +1,10 @@
-"""Effects from messages: what a client may describe, and how it hears that it may not."""
+"""Effects from files and messages: what a client may describe, and how it hears that it may not."""
 
 import pytest
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.bridge.effects import effect_of
 from tensionlab.haptics.effects import EFFECTS, SOLIDS, Box, Plane, Sphere, Wall
+from tensionlab.haptics.effects.described import effect_of
 
 
 @pytest.mark.parametrize("kind", EFFECTS)

@@ -1,4 +1,4 @@
-"""Effects from messages: a kind, and parameters by their names."""
+"""Effects from files and messages: a kind, and parameters by their names."""
 
 from __future__ import annotations
 
@@ -35,13 +35,7 @@ def effect_of(name: str, given: Mapping[str, Any]) -> Effect:
     parameters = {key: value for key, value in given.items() if key != "kind"}
     if isinstance(solid := parameters.get("field"), Mapping):
         parameters["field"] = _solid(f"effect {name!r}: field", solid)
-    require_known(f"effect {name!r}", EFFECTS[kind], parameters)
-    try:
-        effect: Effect = adapter(kind).validate_python(parameters)
-    except ValidationError as error:
-        problem = error.errors()[0]
-        where = "".join(f"{step}: " for step in problem["loc"])
-        raise EffectError(f"effect {name!r}: {where}{problem['msg'].removeprefix('Value error, ')}") from None
+    effect: Effect = read(f"effect {name!r}", EFFECTS[kind], parameters)
     return effect
 
 
@@ -51,39 +45,45 @@ def _solid(where: str, given: Mapping[str, Any]) -> Any:
     if kind not in SOLIDS:
         raise EffectError(f"{where}: kind is {kind!r}; give one of {', '.join(SOLIDS)}")
     parameters = {key: value for key, value in given.items() if key != "kind"}
-    require_known(where, SOLIDS[kind], parameters)
-    try:
-        return TypeAdapter(SOLIDS[kind]).validate_python(parameters)
-    except ValidationError as error:
-        raise EffectError(f"{where}: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+    return read(where, SOLIDS[kind], parameters)
 
 
-@cache
-def adapter(kind: str) -> TypeAdapter[Any]:
-    """How are the parameters of a kind of effect read?"""
-    return TypeAdapter(EFFECTS[kind])
-
-
-def require_known(where: str, hint: Any, given: Any) -> None:
-    """Refuse keys that a class, or one that it holds, does not have: a table for each class.
+def read(where: str, hint: Any, given: Any) -> Any:
+    """What does a table, or a value, of a file or a message describe? ``hint`` is the type that it should be.
 
     Raises
     ------
     EffectError
-        Naming the key.
+        Beginning with ``where``, and naming the key.
     """
+    _require_known(where, hint, given)
+    try:
+        return _adapter(hint).validate_python(given)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        step = "".join(f"{each}: " for each in problem["loc"])
+        raise EffectError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
+
+
+@cache
+def _adapter(hint: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(hint)
+
+
+def _require_known(where: str, hint: Any, given: Any) -> None:
+    """Refuse keys that a class, or one that it holds, does not have: a table for each class."""
     if is_dataclass(hint) and isinstance(given, Mapping):
         hints = get_type_hints(hint)
         names = [each.name for each in fields(hint)]
         for key, value in given.items():
             if key not in names:
                 raise EffectError(f"{where}: no parameter {key!r}; there are {', '.join(names)}")
-            require_known(f"{where}: {key}", hints[key], value)
+            _require_known(f"{where}: {key}", hints[key], value)
     elif get_origin(hint) is tuple and isinstance(given, Sequence):
         for value in given:
-            require_known(where, get_args(hint)[0], value)
+            _require_known(where, get_args(hint)[0], value)
     elif get_origin(hint) is Mapping and isinstance(given, Mapping):
         for name, value in given.items():
-            require_known(f"{where}: {name}", get_args(hint)[1], value)
+            _require_known(f"{where}: {name}", get_args(hint)[1], value)
     elif len(inner := [each for each in get_args(hint) if is_dataclass(each)]) == 1:
-        require_known(where, inner[0], given)
+        _require_known(where, inner[0], given)
