@@ -76,9 +76,9 @@ def filled(readme: str, found: Results) -> str:
 def commit(run: Path, folder: Path) -> None:
     """Take the results of a run, without the evidence for each problem, into a folder of the repository."""
     found = results.read(run)
-    folder.mkdir(parents=True, exist_ok=True)
+    writing.make_folder(folder)
     results.write(folder / results.FILE, found.rows, found.manifest, evidence=False)
-    (folder / "manifest.json").write_text(json.dumps(found.manifest, indent=2) + "\n", encoding="utf-8")
+    writing.write_text(folder / "manifest.json", json.dumps(found.manifest, indent=2) + "\n")
 
 
 def main() -> None:
@@ -87,7 +87,7 @@ def main() -> None:
         if len(sys.argv) > 1:
             commit(Path(sys.argv[1]), COMMITTED)
         readme = Path("README.md")
-        readme.write_text(filled(readme.read_text(encoding="utf-8"), results.read(COMMITTED)), encoding="utf-8")
+        writing.write_text(readme, filled(readme.read_text(encoding="utf-8"), results.read(COMMITTED)))
     except (TensionlabError, OSError) as error:
         print(f"readme: {error}", file=sys.stderr)
         raise SystemExit(2) from None
