@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from tensionlab import writing
 from tensionlab.errors import ShapeError, TensionlabError
 from tensionlab.experiments.bench import results
 from tensionlab.experiments.bench.findings import findings
