@@ -1,7 +1,7 @@
 """Every verb that writes, on every kind of place that cannot be written.
 
-The verbs are found in the program itself: an option that writes and has no recipe here fails a test. Ordinary tests
-let a disk fill up between the check and the writing; TENSIONLAB_FAULTS=all also lets the folder vanish there.
+The verbs are found in the program itself: an option that writes and has no recipe here fails a test. Ordinary
+tests let a disk fill up between check and writing; with TENSIONLAB_FAULTS=all, folders vanish there as well.
 """
 
 import builtins
@@ -33,10 +33,6 @@ resource = pytest.importorskip("resource", reason="limits of a process stand for
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
 CUBE = RIGS / "cube-8.toml"
-BODIES = """<?xml version="1.0"?><bodies_system><links display_range="-1 3 -1 2 -0.1 0.1"><link_rigid num="1" name="p">
-<joint type="PLANAR_XY" q_initial="1.0 0.5"/><physical><mass>1.0</mass><com_location>0.0 0.0 0.0</com_location>
-<inertia ref="com"><Ixx>0.1</Ixx><Iyy>0.1</Iyy><Izz>0.1</Izz><Ixy>0.0</Ixy><Ixz>0.0</Ixz><Iyz>0.0</Iyz></inertia>
-</physical><parent><num>0</num><location>0.0 0.0 0.0</location></parent></link_rigid></links></bodies_system>"""
 SPACE = """
 name = "flat"
 counts = [3]
@@ -82,7 +78,19 @@ RECIPES = {
 """What makes each option write something, and the suffix of its file; none for a folder."""
 IN_PLACE = {".mcap", ".csv", ".zarr"}
 """What is written bit by bit under its own name, so that it outlives the process."""
-READS = {"rig", "rigs", "path", "poses", "program", "modules", "scenario", "sensor", "staircase", "caspr", "measured"}
+READS = {
+    "rig",
+    "rigs",
+    "path",
+    "poses",
+    "program",
+    "modules",
+    "scenario",
+    "sensor",
+    "staircase",
+    "caspr",
+    "measured",
+}
 """Parameters that are paths of what is read."""
 MADE = {("bench", "--out"), ("module config dump", "--folder"), ("workspace", "--out")}
 """Folders that are made where they are not."""
@@ -116,7 +124,9 @@ def test_every_option_that_writes_is_tried_here_and_every_path_is_known():
     unknown = {
         (verb, each.name)
         for verb, each, annotation in parameters()
-        if re.search(r"\bPath|ModulesFile|RigFile|RunFile", annotation) and not writes(each) and each.name not in READS
+        if re.search(r"\bPath|ModulesFile|RigFile|RunFile", annotation)
+        and not writes(each)
+        and each.name not in READS
     }
     assert not unknown, "an option that writes needs output_file or output_folder as its callback"
 
@@ -127,7 +137,6 @@ def prepared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("prepared")
     rig = load_rig(RIG)
     (folder / "space.toml").write_text(SPACE)
-    (folder / "bodies.xml").write_text(BODIES)
     names = "\n".join(f'"{module.name}" = "sim:"' for module in rig.modules[:1])
     (folder / "modules.toml").write_text(f"[modules]\n{names}\n")
     places = rig.home + np.random.default_rng(1).uniform([-0.3, 0.0, -0.3], [0.3, 1.2, 0.3], (8, 3))
@@ -145,15 +154,16 @@ def quick(monkeypatch):
     from tensionlab.model import caspr
 
     def measured(what, folder, call, progress):
-        writing.require_folder(folder)
+        writing.require_folder(folder, parents=True)
         writing.make_folder(folder)
         brief = replace(what, count=2, seconds=0.01, repeats=1, rounds=0)
         return bench.measure_all(brief, folder, call, progress)
 
     def served(modules, speed, stopped, watchers, *_):
         for each in modules:
-            each._settings = None  # as if it had changed
-            each._advance(0.01)
+            each.port.close()
+            if each._settings_file is not None:
+                writing.write_bytes(each._settings_file, b"what a module saves")
         for _ in range(3):
             for watch in watchers:
                 watch([each.module for each in modules])
@@ -199,7 +209,11 @@ def refusing(monkeypatch, folder, number):
 
     def guarded(function, writes):
         def call(path, *words, **options):
-            if isinstance(path, (str, os.PathLike)) and str(path).startswith(str(folder)) and writes(words, options):
+            if (
+                isinstance(path, (str, os.PathLike))
+                and str(path).startswith(str(folder))
+                and writes(words, options)
+            ):
                 raise OSError(number, os.strerror(number), str(path))
             return function(path, *words, **options)
 
@@ -214,7 +228,7 @@ def refusing(monkeypatch, folder, number):
 
 
 def invoke(run, key, target):
-    command, suffix = RECIPES[key]
+    command = RECIPES[key][0]
     code, out, err = run(*command.split(), key[1], target)
     lines = [line for line in err.splitlines() if line.startswith(("tensionlab:", "Error:"))]
     assert all(len(line) <= 300 for line in lines), lines
@@ -277,8 +291,8 @@ def test_what_fails_after_the_work_is_said_and_spoils_nothing(run, place, quick,
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def then(check):
-        def call(*words):
-            check(*words)
+        def call(*words, **options):
+            check(*words, **options)
             if fault == "vanishes":
                 shutil.rmtree(place, ignore_errors=True)
             else:
