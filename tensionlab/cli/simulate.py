@@ -159,8 +159,8 @@ def simulate(
             if name in chosen
         ]
         ports = opened.enter_context(ExitStack())
-        for each in served:
-            ports.callback(each.port.close)
+        for opening in served:
+            ports.callback(opening.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         watchers = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:

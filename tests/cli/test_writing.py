@@ -92,7 +92,7 @@ READS = {
     "measured",
 }
 """Parameters that are paths of what is read."""
-MADE = {("bench", "--out"), ("module config dump", "--folder"), ("workspace", "--out")}
+MADE = {("bench", "--out"), ("module config dump", "--folder")}
 """Folders that are made where they are not."""
 QUICK = [key for key in RECIPES if key != ("validate", "--out")]
 
