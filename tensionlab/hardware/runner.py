@@ -18,6 +18,7 @@ from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.run.clock import Clock, RealClock
 from tensionlab.hardware.run.cycle import Cycle
 from tensionlab.hardware.run.demands import require_demand
+from tensionlab.hardware.run.derating import Derating
 from tensionlab.hardware.run.guard import EXACT_SOLVER, GuardedAllocator, approach, require_within
 from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts
 from tensionlab.hardware.run.observe import Observation, observe
@@ -106,6 +107,7 @@ class Runner:
         self.log = log
         self._clock = RealClock() if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
+        self._derating = Derating(rig.limits, np.full(rig.m, np.inf), self._names)  # until the modules have told
         self._roll = Roll(modules, self.settings.ttl, self.settings.on_loss, self._lost)
         self._before = rig.limits.lower.copy()
         self._sent_at = np.full((SEQUENCES, rig.m), np.nan)  # when each set-point was sent, in s of the run
@@ -155,6 +157,7 @@ class Runner:
     def _begin(self) -> None:
         """Have all modules report, and arm them."""
         self.modules.prepare(self.rig, self.settings.telemetry_ms)
+        self._derating = Derating(self.rig.limits, np.array(self.modules.continuous), self._names)
         if self.log is not None:
             self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
@@ -190,23 +193,26 @@ class Runner:
         """Do one cycle; False if the demand is to stop."""
         began = time.perf_counter()
         seen = observe(self.modules)
-        self._roll.call(seen)
+        for index, text in self._derating.update(seen.thermal):
+            self._note("derated", text, self._names[index])
+        self.statistics.derated = self._derating.lowest
+        self._roll.call(seen, self._derating)
         state = self._state(now, seen)
         demand = require_demand(self._demand(state), self.rig, f"demand of cycle {state.cycle}")
         if demand.stop:
             return False
-        limits = self.rig.limits
+        limits = self._derating.limits
         free = state.active
         if demand.impedances:
             free = free & [name not in demand.impedances for name in self._names]
         if demand.wrench is None:
             wrench = state.structure @ np.where(free, limits.lower, 0.0)
-            allocation, replaced = self._taut(state.structure, wrench, free)
+            allocation, replaced = self._taut(state.structure, wrench, free, limits)
         else:
             wrench = np.asarray(demand.wrench)
             if demand.impedances:
                 wrench = wrench - state.structure @ self._pulls(demand, state)
-            allocation, replaced = self._allocator(state.structure, wrench, free)
+            allocation, replaced = self._allocator(state.structure, wrench, free, limits)
         require_within(allocation.tensions, limits, free, self._names)
         wanted = np.where(free, allocation.tensions, self._before)
         self._before = approach(self._before, wanted, min(self.modules.slews) / self.settings.rate)
@@ -235,7 +241,15 @@ class Runner:
             self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
         delays = now - self._sent_at[seen.taken % SEQUENCES, self._indices]
         return RigState(
-            self.statistics.cycles, now, pose, motion, structure, active=active, delays=delays, **seen._asdict()
+            self.statistics.cycles,
+            now,
+            pose,
+            motion,
+            structure,
+            active=active,
+            delays=delays,
+            upper_now=self._derating.limits.upper,
+            **seen._asdict(),
         )
 
     def _pulls(self, demand: Demand, state: RigState) -> Floats:
@@ -243,7 +257,7 @@ class Runner:
         pulls = np.zeros(self.rig.m)
         for index, name in enumerate(self._names):
             if name in demand.impedances and state.active[index]:
-                least, most = self.rig.limits.lower[index], self.rig.limits.upper[index]
+                least, most = self.rig.limits.lower[index], state.upper_now[index]
                 spring = demand.impedances[name]
                 pull = spring.tension(float(state.lengths[index]), float(state.speeds[index]))
                 pulls[index] = min(max(pull, least), most)

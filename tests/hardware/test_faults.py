@@ -18,6 +18,7 @@ from tensionlab.hardware.log import RunLog
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.records import manifest
+from tensionlab.solvers.contract import Status
 from tests.hardware.rehearsal import GENTLE, Rehearsal
 
 TTL, CYCLE = 0.25, 0.02
@@ -85,13 +86,37 @@ def test_a_fault_of_one_stops_all(rehearsal, part, fault):
     assert_let_go(rehearsal)
 
 
-def test_a_module_that_gets_too_hot_stops_all(rehearsal):
+@pytest.mark.parametrize("force", [2.2, 5.0])
+def test_a_module_that_gets_warm_is_asked_for_less_before_it_has_to_pull_less(rehearsal, force):
+    """The published rig's top module alone pulls up: nobody can relieve it."""
     rehearsal.trouble_at = 1e9
-    runner = rehearsal.runner(rehearsal.demand(np.array([0.0, 4.5, 0.0])))
-    with pytest.raises(ModuleFault, match='module "top" is too hot') as caught:
-        runner.run(20.0)
-    assert caught.value.code is Limit.THERMAL
-    assert 2.0 < rehearsal.world.time < 8.0
+    for client in rehearsal.group.clients:
+        client.set_parameter("thermal_time", 4.0)
+    runner = rehearsal.runner(rehearsal.demand(np.array([0.0, force, 0.0])))
+    statistics = runner.run(16.0)
+    assert statistics.ended == "after 16 s"
+    limits = np.array([state.limits for state in rehearsal.cycles])
+    assert not (limits == Limit.THERMAL).any()  # the host is always before the module
+    uppers = np.array([state.upper_now[3] for state in rehearsal.cycles])
+    assert np.abs(np.diff(uppers)).max() <= 0.11  # no jump that a hand would feel
+    assert uppers[-1] >= 2.85  # what its winding stands for ever, 3 N, less the margin
+    if force > 3.0:
+        assert statistics.derated["top"] < 3.6
+        assert runner.latest.allocation.status == Status.NEAREST
+    else:
+        assert runner.latest.allocation.status == Status.EXACT
+
+
+def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
+    """Its winding stands 0.3 A for ever here, 0.9 N, and the rig wants 1.5 N at least."""
+    rig = rehearsal.rig
+    taut = [tl.Module(each.name, each.anchor, 1.5, 6.0) for each in rig.modules]
+    rehearsal = Rehearsal(tl.Rig(rig.name, rig.kind, taut, rig.home), trouble_at=1e9)
+    for client in rehearsal.group.clients:
+        client.set_parameter("tension_lower", 0.5)
+        client.set_parameter("current_continuous", 0.3)
+    with pytest.raises(ModuleFault, match=r"is too hot: its winding stands 0\.90 N for ever, less than its lower"):
+        rehearsal.runner(rehearsal.demand(np.zeros(3))).run(300.0)
     rehearsal.trouble_at = rehearsal.world.time
     assert_let_go(rehearsal)
 

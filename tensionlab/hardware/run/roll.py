@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from tensionlab.demand import Demand, Floats, Integers
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
-from tensionlab.hardware.codes import Limit, State
+from tensionlab.hardware.codes import State
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import SetImpedance, Stop
+from tensionlab.hardware.run.derating import Derating
 from tensionlab.hardware.run.observe import Observation
 
 OnLoss = Literal["stop", "continue"]
@@ -46,7 +47,7 @@ class Roll:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
         self._clients, self._silence, self._on_loss, self._told = group.clients, silence, on_loss, told
 
-    def call(self, seen: Observation) -> None:
+    def call(self, seen: Observation, derating: Derating) -> None:
         """Look whether all are well, by what they said last and how long ago.
 
         Raises
@@ -58,7 +59,7 @@ class Roll:
             if self.active[index]:
                 try:
                     require_well(client, float(seen.ages[index]), self._silence)
-                    require_cool(client.name, int(seen.limits[index]))
+                    derating.require_taut(index, float(seen.thermal[index]))
                 except HardwareError as error:
                     self._lose(index, error)
 
@@ -115,14 +116,3 @@ def require_well(client: ModuleClient, age: float, silence: float) -> None:
         )
     if age > silence:
         raise LinkTimeout(f'module "{client.name}" at {client.link.url} has been silent for {age:.2f} s')
-
-
-def require_cool(name: str, limit: int) -> None:
-    """Refuse, by a `ModuleFault`, one that pulls less than it is told because its winding's budget is spent."""
-    if limit == Limit.THERMAL:
-        raise ModuleFault(
-            f'module "{name}" is too hot: the budget of its winding is spent, so it pulls less than it is told; '
-            "let it cool, or ask for less",
-            name,
-            Limit.THERMAL,
-        )
