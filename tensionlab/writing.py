@@ -56,7 +56,7 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
         other than a file that may be replaced.
     """
     if suffixes and Path(path).suffix.lower() not in suffixes:
-        raise WriteError(f"{path}: unsupported file format; the name must end in {' or '.join(suffixes)}")
+        raise WriteError(f"{path}: unsupported format; it must end in {' or '.join(suffixes)}")
     place = _place(path)
     try:
         _probe(place.parent)

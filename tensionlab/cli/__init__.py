@@ -1,8 +1,8 @@
 """The command ``tensionlab``: one verb per job.
 
 Exit status 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout
-that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C, except for verbs that are
-meant to be ended so and stop in good order (``run``, ``serve``, ``simulate``, ``module monitor``, ``module ping``): 0.
+that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C; verbs that are meant to
+be ended so (``run``, ``serve``, ``simulate``, ``module monitor``, ``module ping``) and stop in good order have 0.
 Everything slow to import is imported by the verb that needs it, so that ``--help`` stays quick.
 """
 

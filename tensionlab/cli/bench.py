@@ -96,7 +96,7 @@ def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
     for name, draw in figures.items():
         paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
         with suppress(ShapeError):  # nothing to draw, such as no trajectory
-            if all([keeper.write("", path, partial(_draw, draw, results)) for path in paths]):
+            if all(keeper.write("", path, partial(_draw, draw, results)) for path in paths):
                 drawn.append(name)
     keeper.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
 

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -26,7 +26,7 @@ NOBODY_READS = 141
 LENGTH = 300
 """Characters of a line on stderr, at most."""
 
-ClickException = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
+ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 SCREENS = {"click", "typer", "rich"}
 """What prints on stdout. All else that writes names its file."""
 
@@ -125,6 +125,6 @@ def _open_streams() -> None:
     for name in ("stdout", "stderr"):
         stream: TextIO | None = getattr(sys, name)
         if stream is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - until the end
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""What the verbs share: numbers from words, refusals, files to write, words from numbers, tables, JSON, progress."""
+"""What the verbs share: numbers from words, files to write, words from numbers, tables, JSON and progress."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ class Keeper:
             raise self._failed[0]
 
     def write(self, name: str, path: Path, write: Callable[[Path], object]) -> bool:
-        """Write a file, and return whether that went well. ``name`` is for the screen; if empty, it says nothing."""
+        """Write a file, and return whether that went well. Without a name, it is not shown where."""
         try:
             write(path)
         except WriteError as error:

@@ -108,4 +108,4 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
     WriteError
         If the file cannot be written; what was there before stays.
     """
-    writing.write_bytes(path, to_dataset(run).to_netcdf(engine="scipy"))
+    writing.write_bytes(path, bytes(to_dataset(run).to_netcdf(engine="scipy")))
