@@ -10,7 +10,7 @@ import zipfile
 from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from os import PathLike
-from typing import Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -283,9 +283,18 @@ def _array(content: bytes, where: str, error: type[TensionlabError]) -> Floats:
 
 def _suits(value: Any, hint: Any) -> bool:
     """Tell whether a value is of an annotated type, as far as tables have them."""
+    if hint is Any:
+        return True
+    if get_origin(hint) is Mapping:
+        _, inner = get_args(hint)
+        return isinstance(value, Mapping) and all(_suits(each, inner) for each in value.values())
     if get_origin(hint) is list:
         (inner,) = get_args(hint)
         return isinstance(value, list) and all(_suits(each, inner) for each in value)
+    if get_origin(hint) is tuple:
+        return isinstance(value, tuple) and all(_suits(each, get_args(hint)[0]) for each in value)
+    if get_origin(hint) is Literal:
+        return value in get_args(hint)
     if options := get_args(hint):
         return any(_suits(value, each) for each in options)
     if hint is float:

@@ -22,10 +22,12 @@ ALLOWED = {
     "measure": {"solvers", "_native"},
     "allocation": {"inputs", "measure", "solvers", "_native"},
     "demand": {"model"},
+    "locks": set(),
     "reading": set(),
     "tables": {"reading"},
     "records": set(),
     "workspace": {
+        "locks",
         "reading",
         "tables",
         "model",
@@ -36,7 +38,7 @@ ALLOWED = {
         "records",
         "_native",
     },
-    "hardware": {"reading", "tables", "model", "demand", "solvers", "measure", "allocation", "_native"},
+    "hardware": {"locks", "reading", "tables", "model", "demand", "solvers", "measure", "allocation", "_native"},
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
     "haptics": {"reading", "model", "demand", "allocation", "solvers", "_native"},
     "experiments": {
@@ -80,7 +82,7 @@ DOORS = {
     "clarabel": {"solvers/quadratic/backends.py"},
     "cvxpy": {"solvers/convex.py"},
     "cobs": {"hardware/frames.py"},
-    "filelock": {"hardware/claims.py"},
+    "filelock": {"locks.py"},
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},

@@ -69,6 +69,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
             platform=None if table.platform is None else Platform(**table.platform.model_dump()),
             description=table.description,
             source=table.source,
+            up=table.up,
         )
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
@@ -79,7 +80,7 @@ def rig_to_toml(rig: Rig) -> str:
     import tomli_w
 
     document: dict[str, Any] = {"name": rig.name, "kind": rig.kind}
-    for key in ("description", "source"):
+    for key in ("up", "description", "source"):
         if getattr(rig, key):
             document[key] = getattr(rig, key)
     document["home"] = rig.home.tolist()

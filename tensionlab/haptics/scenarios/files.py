@@ -30,8 +30,9 @@ KEYS = {
     "slew": float,
     "labels": dict[str, str],
     "stands": tuple[float, ...],
+    "up": str,
 }
-NEEDED = ("title", "about", "seconds")
+NEEDED = ("title", "about", "seconds", "up")
 
 
 def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = None) -> Scenario:
