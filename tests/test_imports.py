@@ -86,7 +86,7 @@ DOORS = {
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},
-    "pythonosc": {"haptics/bridge/osc.py", "haptics/bridge/osc_tracker.py"},
+    "pythonosc": {"haptics/bridge/osc_tracker.py"},
     "mcap": {"hardware/record/mcap_file.py"},
     "zstandard": {"hardware/record/mcap_file.py"},
     "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/record/dataset.py"},
