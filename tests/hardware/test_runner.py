@@ -51,7 +51,7 @@ def test_the_force_follows_a_hand_that_moves(rig):
     world, force, errors = World(rig, motion), np.array([0.0, 0.0, 1.5]), []
 
     def demand(state):
-        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity(state.time))])
+        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity(world.time))])
         return Demand(force)
 
     def velocity(time):
@@ -78,10 +78,17 @@ def test_a_platform_is_found_with_its_rotation():
         return Pose(rig.home + np.array([0.1, 0.05, -0.02]) * time, turn)
 
     world = World(limited, motion)
-    runner = run(world, limited, lambda state: Demand(), 1.0)
+    true = []
+
+    def demand(state):
+        true.append(world.pose)
+        return Demand()
+
+    runner = run(world, limited, demand, 1.0)
     pose = runner.latest.state.pose
-    np.testing.assert_allclose(pose.position, motion(0.98).position, atol=2e-3)
-    np.testing.assert_allclose(pose.rotation, motion(0.98).rotation, atol=5e-3)
+    np.testing.assert_allclose(pose.position, true[-1].position, atol=2e-3)
+    # Cables stretch by 0.13 mm, and those of this rig hardly resist a turn about the vertical.
+    np.testing.assert_allclose(pose.rotation, true[-1].rotation, atol=6e-3)
     np.testing.assert_allclose(runner.latest.state.twist[:3], [0.1, 0.05, -0.02], atol=0.02)
 
 
@@ -159,10 +166,23 @@ def test_it_knows_how_late_it_hears_what_it_asked_for(rig, latency):
         return Demand(np.array([0.0, np.sin(9.0 * state.time), 0.0]))
 
     Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(1.0)
-    assert np.isnan(delays[0]).all()
     settled = np.array(delays[20:])
     assert (settled > 2 * latency).all()
     assert (settled <= 2 * latency + 3.1 / 50.0).all()  # what is on its way moves on once a cycle
+
+
+def test_before_the_first_set_point_it_does_not_know_how_late_it_hears(rig):
+    """With a tracker, nothing is sent before the first cycle; from lengths, cables are reeled in first."""
+    delays = []
+    place = Pose(rig.home)
+
+    def demand(state):
+        delays.append(state.delays)
+        return Demand()
+
+    run(World(rig), rig, demand, tracker=lambda time: place)
+    assert np.isnan(delays[0]).all()
+    assert np.isfinite(delays[5]).all()
 
 
 def test_brakes_are_laid_on(rig):
