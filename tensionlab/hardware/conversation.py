@@ -91,7 +91,7 @@ class Conversation:
         self.on_message: Callable[[Heard[Message]], None] | None = None
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
-        self._set_point = random.randrange(256)
+        self._set_point = self._armed = random.randrange(256)
         self._answers: dict[int, Message] = {}
         self._refused: list[Acknowledge] = []
         self._strange = 0
@@ -139,6 +139,8 @@ class Conversation:
         """Send a command without waiting; returns its number. Sent again, it keeps the number it had."""
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, Arm) else self._next()
+            if isinstance(command, Arm):
+                self._armed = sequence
             with self._news:
                 self._answers.pop(sequence, None)
         self.link.send(command.frame(sequence).pack())
@@ -184,6 +186,14 @@ class Conversation:
                 self._take(content)
         except LinkError as error:
             self._broken = error
+
+    @property
+    def reports_since_arm(self) -> bool:
+        """Whether the latest telemetry was sent after the latest ARM, by the set-point that it reports."""
+        if self.telemetry is None:
+            return False
+        since = (self.telemetry.message.sequence - self._armed) % 256
+        return since <= (self._set_point - self._armed) % 256
 
     @property
     def bad_frames(self) -> int:

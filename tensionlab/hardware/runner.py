@@ -47,7 +47,7 @@ WARM_UP_S = 30.0
 HUNG_S = 0.5
 """A cycle that takes as long, in s, and no less than set-points live, has hung."""
 SETTLED_CYCLES = 3
-"""Lengths must fit a pose for so many cycles before the run begins."""
+"""Lengths must fit a pose, and speeds a motion, for so many cycles before the run begins."""
 SETTLE_S = 4.0
 """How long slack cables may take to be reeled in, in s."""
 REEL_IN_S = 0.5
@@ -217,12 +217,14 @@ class Runner:
             seen, _ = self._look()
             self._send(self.rig.limits.lower, Demand())
             tracker.search(at_one_time(seen.lengths, seen.speeds, seen.ages), self._roll.active)
-            settled = settled + 1 if tracker.fits else 0
+            taut = tracker.fits and tracker.moves_as_one(seen.speeds, self._roll.active)
+            settled = settled + 1 if taut else 0
             if self._clock.now() - began > SETTLE_S:
                 tracker.require_fit(
                     "all cables are taut, so calibrate the lengths (`tensionlab module calibrate lengths`), and "
                     "start near the rig's home"
                 )
+                break  # only the speeds do not fit: a hand that shakes, behind links that are late
         self._fitted_at = self._clock.now()
 
     def _render(self, seconds: float | None) -> str:

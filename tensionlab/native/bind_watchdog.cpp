@@ -1,9 +1,8 @@
 // The watchdog for Python.
-#include "watchdog.hpp"
-
 #include <nanobind/stl/string.h>
 
 #include "bindings.hpp"
+#include "watchdog.hpp"
 
 namespace tensionlab {
 

@@ -1,7 +1,7 @@
 // Ends the process when Python can do nothing any more: a native call keeps the interpreter, and does not return.
 //
-// A thread of its own counts down, tick by tick, and needs no interpreter for it. Ticks and not times are counted: a
-// process that was stopped, or got no time on a busy machine, has not missed any.
+// A thread of its own counts down, tick by tick, and needs no interpreter for it. Ticks and not times are counted:
+// a process that was stopped, or got no time on a busy machine, has not missed any.
 #pragma once
 
 #include <atomic>

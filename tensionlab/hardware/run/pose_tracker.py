@@ -18,6 +18,8 @@ EXTRAPOLATED_S = 0.1
 """Lengths are carried on by their speeds for so long at most, in s: a hand may have turned round by then."""
 FOUND = 1e-4
 """A step this short, in m and rad, ends the search: what is left is its square."""
+TAUT_M_S = 0.2
+"""Root mean square of the speed errors, in m/s, above which a slack cable is being reeled in."""
 FAR = 0.05
 """Root mean square of the length errors, in m, above which the lengths belong to no pose near the last one."""
 
@@ -57,6 +59,7 @@ class PoseTracker:
         self._rig = rig
         self.fits = False
         self._worst, self._off = 0, 0.0
+        self._structure: Floats = rig.structure_matrix(rig.home)
         self._native = self._at_home()
 
     def search(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Pose, Floats]:
@@ -72,15 +75,15 @@ class PoseTracker:
         Pose, (n, m) array
             And the structure matrix there. If these lengths do not fit (see `fits`), the pose that fits best.
         """
-        position, rotation, structure, squares, self._worst, self._off = self._native.follow(
+        position, rotation, self._structure, squares, self._worst, self._off = self._native.follow(
             lengths, known, steps, FOUND
         )
         self.fits = bool(squares <= FAR**2 * np.count_nonzero(known))
         if self._rig.n == self._rig.dimension:
-            return Pose(position), structure
+            return Pose(position), self._structure
         if self._rig.dimension == 2:
-            return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), structure
-        return Pose(position, rotation), structure
+            return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), self._structure
+        return Pose(position, rotation), self._structure
 
     def require_fit(self, advice: str) -> None:
         """Refuse, by a `HardwareError` with this advice, lengths that fit no pose near the last one."""
@@ -89,6 +92,11 @@ class PoseTracker:
                 f'cable lengths fit no pose: that of module "{self._rig.modules[self._worst].name}" is off by '
                 f"{1e3 * self._off:.0f} mm, or another's is; {advice}"
             )
+
+    def moves_as_one(self, speeds: Floats, known: NDArray[np.bool_]) -> bool:
+        """Return whether cables with these speeds of paying out can all be taut, at the latest pose."""
+        errors = np.where(known, speeds + self._structure.T @ self.velocity(speeds, known), 0.0)
+        return bool(errors @ errors <= TAUT_M_S**2 * np.count_nonzero(known))
 
     def _at_home(self) -> _native.PoseTracker:
         rig = self._rig

@@ -173,7 +173,8 @@ def require_following(client: ModuleClient) -> None:
         It has let go, refused a set-point, was stopped by somebody else or started anew; its link broke.
     """
     client.check()
-    if client.state not in (State.ARMED, State.RUNNING):
+    late = client.state is State.IDLE and not client.reports_since_arm  # what it was before; see `LoopChecks`
+    if client.state not in (State.ARMED, State.RUNNING) and not late:
         state = State.IDLE if client.state is None else client.state
         raise ModuleFault(
             f'module "{client.name}" is {state.name}: somebody else stopped it, or it started anew',

@@ -2,7 +2,7 @@
 
 Three ways out, one after another. The run's thread is interrupted, which ends whatever Python does there. Where
 that does not help, it is in a native call: the watchdog's own thread stops the modules and ends the process. Where
-no thread of Python gets a turn any more, a native one ends the process, and the modules let go as their links close.
+no thread of Python gets a turn any more, a native one ends the process: modules let go as their links close.
 """
 
 from __future__ import annotations
