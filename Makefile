@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak impacts what-if figures docs checksums clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak faults impacts what-if figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -44,6 +44,9 @@ stress: .venv/dev.stamp
 
 soak: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.soak --out out/soak
+
+faults: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.telemetry_faults
 
 impacts: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.scenarios.impacts

@@ -51,7 +51,7 @@ def asked(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
     Parameters
     ----------
     rig : Rig
-        In space. One whose platform has a mass has Z up.
+        In space. One whose platform has a mass must say which axis is up.
     force : (B, 3) array
         In N, exerted on the centre of mass, or on the reference point if that is not known.
     rotation : (B, 3, 3) array or None
@@ -62,8 +62,7 @@ def asked(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
     (B, n) array
         In N (and N·m, about the reference point).
     """
-    mass = 0.0 if rig.platform is None else rig.platform.mass
-    total: Floats = force + np.array([0.0, 0.0, mass * GRAVITY])
+    total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY * rig.upward
     if rig.n == 3:
         return total
     com = np.zeros(3) if rig.platform is None or rig.platform.com is None else np.asarray(rig.platform.com)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from tensionlab import writing
 from tensionlab.errors import ShapeError, TensionlabError
 from tensionlab.experiments.bench import results
 from tensionlab.experiments.bench.findings import findings
@@ -66,9 +67,9 @@ def commit_of(about: Mapping[str, Any]) -> str:
 def commit(run: Path, folder: Path) -> None:
     """Take the results of a run, without the evidence for each problem, into a folder of the repository."""
     found = results.read(run)
-    folder.mkdir(parents=True, exist_ok=True)
+    writing.make_folder(folder)
     results.write(folder / results.FILE, found.rows, found.manifest, evidence=False)
-    (folder / "manifest.json").write_text(json.dumps(found.manifest, indent=2) + "\n", encoding="utf-8")
+    writing.write_text(folder / "manifest.json", json.dumps(found.manifest, indent=2) + "\n")
 
 
 def main() -> None:
