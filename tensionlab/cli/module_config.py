@@ -131,19 +131,17 @@ def restore(
     What the file does not name stays as it is. All values are checked before the first is changed. One file serves
     several modules; in a folder, each has its NAME.toml.
     """
+    from tensionlab.errors import HardwareError
     from tensionlab.hardware.settings import change, file_of, parse
+    from tensionlab.reading import read_text
 
     links = targets(words, modules)
     files = {name: file_of(path, name) if path.is_dir() else path for name in links}
-    values = {name: parse(_read(file), str(file)) for name, file in files.items()}
+    values = {
+        name: parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
+        for name, file in files.items()
+    }
     _change(links, lambda client: change(client, values[client.name], str(files[client.name])), save)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise typer.BadParameter(f"{path} cannot be read: {error}") from None
 
 
 def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:

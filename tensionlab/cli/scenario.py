@@ -125,7 +125,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     links = module_links(scenario.rig, modules)
     mailbox = tracker = None
     if osc is not None:
-        mailbox = Mailbox()
+        mailbox = Mailbox(scenario.rig)
         opened.enter_context(OscDoor(mailbox, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
         tracker = tracked_pose(scenario.rig, mailbox)
     group = opened.enter_context(closing(connect(scenario.rig, links)))

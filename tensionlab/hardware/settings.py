@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from tensionlab.hardware.meanings import PARAMETER_MEANINGS
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.hardware.simulated import PARAMETERS, single
+from tensionlab.reading import brief, parse_toml
 
 CHOICES = frozenset({"timeout_brake", "motor_direction", "calibrated"})
 """Parameters that are one of their two bounds."""
@@ -96,13 +96,10 @@ def parse(text: str, origin: str) -> dict[str, float]:
     HardwareError
         Naming file and key.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise HardwareError(f"{origin}: not valid TOML: {error}; correct that line") from None
+    document = parse_toml(text, origin, HardwareError)
     for key in document:
         if key not in ("module", "parameters"):
-            raise HardwareError(f'{origin}: unknown key "{key}"; the file has [module] and [parameters]')
+            raise HardwareError(f'{origin}: unknown key "{key:.40}"; the file has [module] and [parameters]')
     values = document.get("parameters")
     if not isinstance(values, dict) or not values:
         raise HardwareError(f"{origin}: no parameters; write [parameters] and lines such as slew = 60")
@@ -115,10 +112,14 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
     for name, value in values.items():
         if name not in PARAMETERS:
             close = difflib.get_close_matches(name, PARAMETERS)
-            advice = f"is it {' or '.join(close)}?" if close else f"they have {', '.join(PARAMETERS)}"
-            raise HardwareError(f'{origin}: modules have no parameter "{name}"; {advice}')
+            advice = (
+                f"is it {' or '.join(close)}?"
+                if close
+                else "`tensionlab module config get MODULE` shows those that they have"
+            )
+            raise HardwareError(f'{origin}: modules have no parameter "{name:.40}"; {advice}')
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise HardwareError(f"{origin}: {name} is {value!r}; give a number")
+            raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")
         row, number = PARAMETERS[name], single(value)
         if not row.lower <= number <= row.upper:
             raise HardwareError(
