@@ -16,6 +16,7 @@ IN_PLACE = {
     "cli/ending.py",
     "hardware/claims.py",
     "experiments/validation/journal.py",
+    "workspace/ledger.py",
     "workspace/store.py",
 }
 WRITES = re.compile(
