@@ -144,10 +144,21 @@ def test_progress_and_live_tables_show_names_as_they_are(awkward, monkeypatch, c
     assert captured.get() == "[/x] :x:\n"
 
 
+def heeding_ctrl_c():
+    """Let a process be interrupted even where the tests run in the background, which are not."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_ctrl_c_ends_a_benchmark_with_one_line_and_its_measuring_process(tmp_path):
     """The terminal sends it to the whole group of processes in the foreground."""
     command = [sys.executable, "-m", "tensionlab", "bench", "--out", str(tmp_path / "new")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=heeding_ctrl_c,  # noqa: PLW1509 - no thread runs here
+    )
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     if not children.parent.exists():
         process.kill()
