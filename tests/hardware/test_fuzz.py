@@ -15,7 +15,8 @@ def test_damaged_streams_raise_nothing_and_no_wrong_frame_passes():
         assert tally.streams > 8000
         assert tally.pieces > 6000
         assert tally.wrong <= allowed(kind, tally), kind
-        assert (tally.whole > 2000) == (kind != "random bytes")
+        # Where eight bits flip, a delimiter is often among them, and takes both its neighbours along.
+        assert (tally.whole > 1500) == (kind != "random bytes")
 
 
 def test_the_bit_that_passed_protocol_1_does_not_pass():

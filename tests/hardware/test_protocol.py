@@ -88,13 +88,13 @@ def parameter(value):
 
 
 def info(**changes):
-
     numbers = {
         "tension_lower": 0.5,
         "tension_upper": 6.0,
         "newton_per_ampere": 3.0,
         "spool_radius": 0.02,
-    } | changes
+    }
+    numbers |= changes
     return Frame(Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers.values()))
 
 
