@@ -2,7 +2,7 @@
 
 Errors of one and two bits are always found, wherever they are, and those of three bits that neither make nor
 remove a zero: no frame may pass with one. All other damage passes with a chance of 2^-16, or less where it hits
-the checksum, eight of whose bits are fixed. `firmware/fuzz/flips.cpp` flips every one and every two bits of frames.
+the checksum, eight of whose bits are fixed. `firmware/fuzz/flips.cpp` flips all one and two bits of frames.
 """
 
 from __future__ import annotations
