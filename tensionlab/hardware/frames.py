@@ -7,15 +7,10 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
 from tensionlab.errors import MissingDependency, ProtocolError
-
-try:
-    from cobs import cobs
-except ImportError as missing:
-    raise MissingDependency(
-        'talking to modules needs the library cobs; pip install "tensionlab[hardware]" brings it'
-    ) from missing
 
 MAX_PAYLOAD = 56
 """Bytes of payload in a frame, at most."""
@@ -33,6 +28,18 @@ TOO_LONG = b"\1" * (MAX_PIECE + 1)
 """Stands for the begin of a piece that is too long already."""
 
 
+@cache
+def _cobs() -> Any:
+    """Import the codec where it is used: codes and logs are read without it."""
+    try:
+        from cobs import cobs
+    except ImportError as missing:
+        raise MissingDependency(
+            'talking to modules needs the library cobs; pip install "tensionlab[hardware]" brings it'
+        ) from missing
+    return cobs
+
+
 def crc16(content: bytes) -> int:
     """Return the CRC-16/IBM-3740 of bytes; that of ``b"123456789"`` is 0x29B1."""
     return crc_hqx(content, 0xFFFF)
@@ -46,6 +53,7 @@ def checksum(stuffed: bytes) -> bytes:
 
 def unstuff(stuffed: bytes) -> bytes | None:
     """Return the bytes that COBS made these of; None if it cannot have."""
+    cobs = _cobs()
     try:
         return bytes(cobs.decode(stuffed))
     except cobs.DecodeError:
@@ -79,7 +87,7 @@ class Frame:
 
     def pack(self) -> bytes:
         """Return the frame's bytes on the wire."""
-        code, *rest = cobs.encode(bytes([self.type, self.sequence]) + self.payload)
+        code, *rest = _cobs().encode(bytes([self.type, self.sequence]) + self.payload)
         stuffed = bytes([code | FIRST, *rest])
         return stuffed + checksum(stuffed) + DELIMITER
 
@@ -98,7 +106,7 @@ def unpack(piece: bytes) -> Frame | None:
 def pack_1(frame: Frame) -> bytes:
     """Return the bytes of a frame in protocol 1, which ended with one zero; here with a delimiter."""
     body = bytes([frame.type, frame.sequence]) + frame.payload
-    return bytes(cobs.encode(body + crc16(body).to_bytes(2, "little"))) + DELIMITER
+    return bytes(_cobs().encode(body + crc16(body).to_bytes(2, "little"))) + DELIMITER
 
 
 def unpack_1(piece: bytes) -> Frame | None:
