@@ -17,7 +17,7 @@ from tallied import Tallied, read
 import tensionlab as tl
 from tensionlab.errors import SweepError
 from tensionlab.workspace import Grid, run
-from tensionlab.workspace.store import LEDGER
+from tensionlab.workspace.ledger import LEDGER
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 POSES = Grid(np.linspace(-0.9, 0.9, 40), np.linspace(-0.4, 0.4, 5), np.linspace(-1.0, 1.0, 3))
