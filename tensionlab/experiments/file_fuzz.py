@@ -4,8 +4,8 @@ Every kind of file that the program reads is made as it should be, and then read
 what is in it, such as other types, huge numbers, keys that are missing, twice or unknown, nesting, control
 characters, so that many come far behind the parser; or of its bytes. What is read is used as the program would use
 it. Allowed are an answer and the house's own errors, in at most `LONGEST` characters. Anything else is a finding:
-other errors, warnings, a reading of more than `SLOWEST` seconds, more than `MEMORY` bytes. Each kind has a process of
-its own, which the system stops where it takes too much.
+other errors, warnings, a reading of more than `SLOWEST` seconds, more than `MEMORY` bytes. Each kind has a process
+of its own, which the system stops where it takes too much.
 """
 
 from __future__ import annotations

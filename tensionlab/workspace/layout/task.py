@@ -121,15 +121,11 @@ def _target(table: SpaceFile) -> Grid:
             )
     for key, (begin, end) in intervals.items():
         if not max(abs(begin), abs(end)) <= MAX_LENGTH:
-            raise RigError(
-                f'[target]: key "{key}" is {begin:g} to {end:g}; coordinates are within {MAX_LENGTH:g} m'
-            )
+            raise RigError(f'[target]: key "{key}" is {begin:g} to {end:g}; give m, within {MAX_LENGTH:g}')
     try:
         grid = box(**{key: tuple(ends) for key, ends in intervals.items()}, step=target.step)
     except ShapeError as error:
         raise RigError(f"[target]: {error}") from None
     if (count := math.prod(grid.shape)) > MAX_POSES:
-        raise RigError(
-            f'[target]: key "step" gives {count:,} positions; give a larger one, for {MAX_POSES:,} at most'
-        )
+        raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
     return grid
