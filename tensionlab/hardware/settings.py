@@ -16,8 +16,10 @@ A file may leave parameters out; those stay as they are.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -64,6 +66,14 @@ def dump(client: ModuleClient) -> str:
         comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_MEANINGS[name]}"
         lines.append(f"{name} = {plain(found.value)}".ljust(COLUMN) + comment)
     return "\n".join([*lines, ""])
+
+
+def file_of(folder: Path, module: str) -> Path:
+    """Return the file in a folder that keeps the parameters of a module: NAME.toml.
+
+    What a file name cannot have, such as a slash, is written as %2F, and a per cent sign as %25.
+    """
+    return folder / (re.sub(r'[%/\\:*?"<>|\x00-\x1f\x7f]', lambda each: f"%{ord(each[0]):02X}", module) + ".toml")
 
 
 def restore(client: ModuleClient, text: str, origin: str = "settings") -> list[Change]:

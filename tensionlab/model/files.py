@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
+from tensionlab import writing
 from tensionlab.errors import RigError
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
 from tensionlab.model.rig import Rig
@@ -31,7 +31,7 @@ def load_rig(path: str | PathLike[str]) -> Rig:
 
 def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
     """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept."""
-    Path(path).write_text(rig_to_toml(rig), encoding="utf-8")
+    writing.write_text(path, rig_to_toml(rig))
 
 
 def rig_from_toml(text: str, source: str) -> Rig:

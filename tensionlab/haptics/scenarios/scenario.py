@@ -107,7 +107,13 @@ class Scenario:
             )
         if not self.phases:
             raise ScenarioError(f'scenario "{self.name}" has no phases; give at least one')
-        if not (self.rate > 0.0 and 0.0 < self.seconds < math.inf):
+        for name, script in {"person": self.person.script, **self.person.bodies}.items():
+            if (given_axes := len(script.waypoints[0].position)) != rig.dimension:
+                raise ScenarioError(
+                    f'scenario "{self.name}": waypoints of "{name}" have {given_axes} coordinates; give '
+                    f"{rig.dimension}, as the rig has axes"
+                )
+        if not (0.0 < self.rate < math.inf and 0.0 < self.seconds < math.inf):
             raise ScenarioError(
                 f'scenario "{self.name}": seconds {self.seconds}, rate {self.rate}; give both above 0'
             )

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from tensionlab import writing
 from tensionlab.hardware.calibration.regression import Floats
 
 
 def write_table(path: str | Path, columns: Mapping[str, Floats | Sequence[float]]) -> None:
-    """Write columns of numbers, with as many digits as `tensionlab.tables.read_table` needs to find the same."""
-    with Path(path).open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows([f"{value:.10g}" for value in row] for row in zip(*columns.values(), strict=True))
+    """Write columns of numbers to a file, as `table_text` has them."""
+    writing.write_text(path, table_text(columns))
+
+
+def table_text(columns: Mapping[str, Floats | Sequence[float]]) -> str:
+    """Return columns of numbers as CSV, with as many digits as `tensionlab.tables.read_table` needs to find the same."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([f"{value:.10g}" for value in row] for row in zip(*columns.values(), strict=True))
+    return text.getvalue()

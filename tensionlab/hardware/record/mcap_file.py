@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from tensionlab import writing
 from tensionlab.errors import LogError, MissingDependency
 from tensionlab.reading import parse_json
 
@@ -47,7 +48,9 @@ class McapWriter:
             from mcap.writer import Writer
         except ImportError as error:
             raise MissingDependency(EXTRA) from error
-        self._file = _open_new(path)
+        if os.path.lexists(path) and not (path.is_file() and not path.stat().st_size):
+            raise LogError(f"{path}: there is something already; name a new file for the log")
+        self._file = writing.open_stream(path)
         self._writer = Writer(self._file)
         self._writer.start(profile=PROFILE, library="tensionlab")
         self._channels = {}
@@ -80,15 +83,6 @@ class McapWriter:
         """Close the file as it is, incomplete."""
         with suppress(OSError):
             self._file.close()
-
-
-def _open_new(path: Path) -> IO[bytes]:
-    try:
-        return path.open("xb")
-    except FileExistsError:
-        if path.is_dir() or path.stat().st_size:
-            raise LogError(f"{path}: there is something already; name a new file for the log") from None
-        return path.open("wb")
 
 
 class Record(NamedTuple):

@@ -70,7 +70,7 @@ def test_another_rig_may_take_its_place(bow):
         ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
         ("seconds = 5.0", 'seconds = "long"', "seconds: "),
         ('seen_from = "bow"', 'seen_from = "bw"', 'seen_from is "bw"'),
-        ("mass = 1.0", "mass = 0.0", "person: mass is 0.0"),
+        ("mass = 1.0", "mass = 0.0", "person: PersonPlan: mass is 0.0"),
         ("mass = 1.0", "mas = 1.0", "person: no parameter 'mas'"),
         ("time = 2.0", "tme = 2.0", "person: script: waypoints: no parameter 'tme'"),
         ("frequency = 0.4", "freq = 0.4", "person: bodies: bow: sway: no parameter 'freq'"),
