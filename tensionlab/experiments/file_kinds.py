@@ -8,7 +8,7 @@ import random
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +132,7 @@ def _read_space(place: Path) -> object:
     return task.space.placed, task.target.arrays()
 
 
+@cache
 def _scenario() -> dict[str, Any]:
     from tensionlab.haptics.scenarios.files import FOLDER
 
@@ -312,6 +313,7 @@ def _read_journal(place: Path) -> object:
     return Journal(place, {"rig": "r"}).measurements
 
 
+@cache
 def _log() -> dict[str, Any]:
     from tensionlab.hardware.record.columns import COLUMNS, TYPES, sizes
 
@@ -399,7 +401,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     """Return all kinds by name; what has to be written to make one is put into a folder."""
     from tensionlab.hardware.calibration.staircase import COLUMNS
 
-    rig = partial(tomllib.loads, rig_to_toml(RIG))
+    described = tomllib.loads(rig_to_toml(RIG))
     links = {"modules": {"floor-1": "socket://127.0.0.1:1", "floor-2": "/dev/rfcomm0"}}
     parameters = {"module": {"serial_number": 1}, "parameters": {"tension_lower": 0.5, "slew": 60.0, "ttl": 250.0}}
     staircase = [[*COLUMNS], *([0.1 * i, 0.1 * i, 0.3 * i, i, 1] for i in range(12))]
@@ -408,9 +410,9 @@ def kinds(folder: Path) -> dict[str, Kind]:
     forces = [["Fx", "Fy", "Fz"], [1.0, 0.0, 0.5], [1.0, 0.0, 0.5]]
     table = {"columns": {"x": [0.0, 0.1], "y": [0.0, 0.0], "z": [1.0, 1.0]}, "manifest": {"call": "x"}}
     found = [
-        Kind("rig", ".toml", 12, rig, toml, _read_rig),
+        Kind("rig", ".toml", 12, lambda: described, toml, _read_rig),
         Kind("space", ".toml", 10, _space, toml, _read_space),
-        Kind("scenario", ".toml", 12, _scenario, toml, _read_scenario),
+        Kind("scenario", ".toml", 6, _scenario, toml, _read_scenario),
         Kind("program", ".toml", 6, _program, toml, _read_program),
         Kind("modules", ".toml", 4, lambda: links, toml, _read_modules),
         Kind("parameters", ".toml", 4, lambda: parameters, toml, _read_parameters),
