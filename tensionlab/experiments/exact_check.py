@@ -146,7 +146,7 @@ def _root(square: Fraction) -> Fraction:
 
 
 def _solved(matrix: Matrix, right: Exact) -> Exact:
-    """x from ``matrix x = right``, by elimination; the matrix is positive definite."""
+    """X from ``matrix x = right``, by elimination; the matrix is positive definite."""
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
     for k, pivot in enumerate(rows):
         for row in rows[k + 1 :]:
