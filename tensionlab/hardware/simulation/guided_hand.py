@@ -13,6 +13,8 @@ QUICKNESS = 25.0
 """Natural frequency in rad/s: it is there within some 0.2 s, without overshoot."""
 FASTEST = 1.5
 """In m/s; modules let the cable in and out at 2 m/s."""
+MAX_ACCELERATION = 10.0
+"""In m/s²: at twice that, with a body that moves as well, modules still keep their cables taut."""
 LONGEST = 0.01
 """Time of one step of the integration, in s, at most."""
 
@@ -46,7 +48,10 @@ class GuidedHand:
         place, velocity = self._places.get(name, (wanted, np.zeros_like(wanted)))
         while seconds > 0.0:
             step = min(seconds, LONGEST)
-            velocity = velocity + step * (QUICKNESS**2 * (wanted - place) - 2.0 * QUICKNESS * velocity)
+            push = QUICKNESS**2 * (wanted - place) - 2.0 * QUICKNESS * velocity
+            velocity = velocity + step * push * min(
+                1.0, MAX_ACCELERATION / max(float(np.linalg.norm(push)), MAX_ACCELERATION)
+            )
             velocity = velocity * min(1.0, FASTEST / max(float(np.linalg.norm(velocity)), FASTEST))
             place = place + step * velocity
             seconds -= step
