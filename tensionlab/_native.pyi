@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 MAX_COMPONENTS: int
 MAX_CABLES: int
 MAX_SEGMENTS: int
+GRAZING: float
 
 def newton(
     structure: NDArray[float64],
@@ -16,6 +17,7 @@ def newton(
     weights: NDArray[float64],
     policy: int,
     rank_tolerance: float,
+    tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
 def closed_form(
     structure: NDArray[float64],
@@ -207,6 +209,11 @@ def choose_locks(
 def closest_pair(
     segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...
+
+class Watchdog:
+    def __init__(self, message: str) -> None: ...
+    def kick(self, seconds: float) -> None: ...
+    def close(self) -> None: ...
 
 class PoseTracker:
     def __init__(

@@ -69,7 +69,8 @@ def serve(
         list[str] | None, typer.Option(metavar="ORIGIN", help="A web page that may connect; also repeated.")
     ] = None,
     log: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", callback=output.output_file, help="Keep every cycle there.")
+        Path | None,
+        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
     ] = None,
 ) -> None:
     """Let a program drive a rig over a WebSocket: poses and effects in, the state out. BRIDGE.md has the messages.

@@ -26,6 +26,10 @@ from tensionlab.hardware.protocol import (
 
 TRIES = (0.2, 0.3, 0.45)
 """How long each try waits for an answer, in s."""
+RESTARTED_US = 1_000_000
+"""A clock of a module that has gone back by so much, in us, has started anew."""
+CLOCK_WRAP = 1 << 32
+"""Where the clocks of modules, in us, begin anew."""
 LISTEN = 0.1
 """The reader looks up so often, in s, when nothing comes."""
 
@@ -65,6 +69,10 @@ class Conversation:
     ----------
     telemetry : Heard or None
         The latest, and when it came.
+    stale_frames : int
+        Telemetry that was no newer than what was there: repeated, or overtaken on its way. It is left alone.
+    repeated : int
+        How much of that has come since the latest.
     state : State or None
         As the latest message had it.
     faults : Fault
@@ -77,12 +85,13 @@ class Conversation:
         self.name = name
         self.link = open_link(link) if isinstance(link, str) else link
         self.telemetry: Heard[Telemetry] | None = None
+        self.stale_frames = self.repeated = 0
         self.state: State | None = None
         self.faults = Fault(0)
         self.on_message: Callable[[Heard[Message]], None] | None = None
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
-        self._set_point = random.randrange(256)
+        self._set_point = self._armed = random.randrange(256)
         self._answers: dict[int, Message] = {}
         self._refused: list[Acknowledge] = []
         self._strange = 0
@@ -130,6 +139,8 @@ class Conversation:
         """Send a command without waiting; returns its number. Sent again, it keeps the number it had."""
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, Arm) else self._next()
+            if isinstance(command, Arm):
+                self._armed = sequence
             with self._news:
                 self._answers.pop(sequence, None)
         self.link.send(command.frame(sequence).pack())
@@ -175,6 +186,14 @@ class Conversation:
                 self._take(content)
         except LinkError as error:
             self._broken = error
+
+    @property
+    def reports_since_arm(self) -> bool:
+        """Whether the latest telemetry was sent after the latest ARM, by the set-point that it reports."""
+        if self.telemetry is None:
+            return False
+        since = (self.telemetry.message.sequence - self._armed) % 256
+        return since <= (self._set_point - self._armed) % 256
 
     @property
     def bad_frames(self) -> int:
@@ -234,8 +253,19 @@ class Conversation:
                     self._news.notify_all()
                 continue
             if isinstance(message, Telemetry):
+                if self.telemetry is not None and not is_newer(message, self.telemetry.message):
+                    self.stale_frames += 1
+                    self.repeated += 1
+                    continue
+                self.repeated = 0
                 self.telemetry = Heard(message, now)
             if isinstance(message, Telemetry | Event):
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:
                 self.on_message(Heard(message, now))
+
+
+def is_newer(message: Telemetry, before: Telemetry) -> bool:
+    """Return whether telemetry was sent after another one, or by a module that has started anew since."""
+    behind = (before.time_us - message.time_us) % CLOCK_WRAP
+    return behind > CLOCK_WRAP // 2 or behind >= RESTARTED_US

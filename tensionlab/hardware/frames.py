@@ -4,19 +4,26 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
 from tensionlab.errors import MissingDependency, ProtocolError
-
-try:
-    from cobs import cobs
-except ImportError as missing:
-    raise MissingDependency(
-        'talking to modules needs the library cobs; pip install "tensionlab[hardware]" brings it'
-    ) from missing
 
 MAX_PAYLOAD = 56
 MAX_FRAME = 2 + MAX_PAYLOAD + 2 + 2
 """Bytes on the wire: type, sequence number, payload, CRC, the code byte of COBS and the zero."""
+
+
+@cache
+def _cobs() -> Any:
+    """Import the codec where it is used: codes and logs are read without it."""
+    try:
+        from cobs import cobs
+    except ImportError as missing:
+        raise MissingDependency(
+            'talking to modules needs the library cobs; pip install "tensionlab[hardware]" brings it'
+        ) from missing
+    return cobs
 
 
 def crc16(content: bytes) -> int:
@@ -52,13 +59,14 @@ class Frame:
     def pack(self) -> bytes:
         """What is the frame on the wire?"""
         body = bytes([self.type, self.sequence]) + self.payload
-        return bytes(cobs.encode(body + crc16(body).to_bytes(2, "little"))) + b"\0"
+        return bytes(_cobs().encode(body + crc16(body).to_bytes(2, "little"))) + b"\0"
 
 
 def unpack(stuffed: bytes) -> Frame | None:
     """Which frame do the bytes between two zero bytes hold? None if they are damaged."""
     if not len(stuffed) < MAX_FRAME:
         return None
+    cobs = _cobs()
     try:
         body = bytes(cobs.decode(stuffed))
     except cobs.DecodeError:

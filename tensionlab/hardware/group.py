@@ -52,12 +52,15 @@ class ModuleGroup:
         What the modules said of themselves; empty before `prepare`.
     slews : tuple of float
         How fast each lets its tension change, in N/s; empty before `prepare`.
+    continuous : tuple of float
+        What each winding stands for ever, in N; empty before `prepare`.
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:
         self.clients = tuple(clients)
         self.infos: tuple[Info, ...] = ()
         self.slews: tuple[float, ...] = ()
+        self.continuous: tuple[float, ...] = ()
 
     def prepare(self, rig: Rig, telemetry_ms: int) -> None:
         """Make sure that these modules can do what the rig says, and have them report.
@@ -86,8 +89,11 @@ class ModuleGroup:
                 )
         self._all(Stop(), Acknowledge)  # one that timed out in an earlier run is still in it
         self._all(ConfigureTelemetry(telemetry_ms), Acknowledge)
-        slew = GetParameter(PARAMETERS["slew"].index)
-        self.slews = tuple(found.value for _, found in self._all(slew, ParameterValue))
+        self.slews = self._values("slew")
+        self.continuous = tuple(
+            current * info.newton_per_ampere
+            for current, info in zip(self._values("current_continuous"), self.infos, strict=True)
+        )
 
     def require_lengths(self) -> None:
         """Make sure that all know how long their cable is; a `HardwareError` names those that do not."""
@@ -143,6 +149,11 @@ class ModuleGroup:
             client for client in failed if isinstance(failed[client], ModuleFault) and client.state in BEYOND_STOP
         }
         return {client.name: error for client, error in failed.items() if client not in there}
+
+    def _values(self, parameter: str) -> tuple[float, ...]:
+        """Return a parameter of each."""
+        command = GetParameter(PARAMETERS[parameter].index)
+        return tuple(found.value for _, found in self._all(command, ParameterValue))
 
     def _all(self, command: Message, kind: type[AnswerType]) -> list[tuple[ModuleClient, AnswerType]]:
         """What does each answer? The first failure is raised."""

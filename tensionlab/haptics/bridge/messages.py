@@ -127,6 +127,7 @@ KINDS = {
     "fault": "a module has a fault",
     "limit": "something else than before holds a module back",
     "lost": "a module does not take part any more",
+    "derated": "a module's upper tension limit has changed, to keep its winding from getting too hot",
     "brake": "what a module's brake does, or what a scenario decides about brakes",
     "removed": "a client's effects failed; they are gone, and so is the client's command: why",
     "ignored": "something that came over OSC was ignored: why, or how much",
@@ -155,6 +156,7 @@ class Event(Message):
     effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
     stiffness: float | None = Field(None, description="stiff: what was asked for, in N/m")
     ceiling: float | None = Field(None, description="stiff, ceiling: what the host renders at most, in N/m")
+    upper: float | None = Field(None, description="derated: its upper tension limit now, in N")
     delay: float | None = Field(None, description="ceiling: how late the loop is, in s")
     cycles: float | None = Field(None, description="rate: cycles a second, really")
     gap: float | None = Field(None, description="rate: the longest time from one cycle to the next, in s")

@@ -7,13 +7,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import EffectError, RigError, ScenarioError
+from tensionlab.errors import EffectError, ScenarioError
 from tensionlab.haptics.effects.described import effect_of, read
 from tensionlab.haptics.effects.parameters import require_dimension
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
 from tensionlab.haptics.scenarios.scenario import Phase, Scenario
-from tensionlab.model.files import load_rig, parse_toml, read_text
+from tensionlab.model.files import load_rig
+from tensionlab.reading import read_toml
 from tensionlab.solvers.contract import Nearest
 
 FOLDER = Path(__file__).parent / "files"
@@ -30,8 +31,9 @@ KEYS = {
     "slew": float,
     "labels": dict[str, str],
     "stands": tuple[float, ...],
+    "up": str,
 }
-NEEDED = ("title", "about", "seconds")
+NEEDED = ("title", "about", "seconds", "up")
 
 
 def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = None) -> Scenario:
@@ -56,10 +58,7 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         if str(name) not in SCENARIOS:
             raise ScenarioError(f'no scenario "{name}"; there are {", ".join(SCENARIOS)}, or give a file (.toml)')
         path = FOLDER / f"{name}.toml"
-    try:
-        table = parse_toml(read_text(path, "a scenario file"), str(path))
-    except RigError as error:
-        raise ScenarioError(str(error)) from None
+    table = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:
         return _scenario(table, path, rig)
     except (ScenarioError, EffectError) as error:

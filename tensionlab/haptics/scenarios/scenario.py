@@ -67,6 +67,8 @@ class Scenario:
         What to call the held point and the bodies in pictures.
     stands : tuple of floats or None
         Between the feet of the person, for pictures; None: no person is drawn.
+    up : str or None
+        Axis of the world that points up, for which effects and scripts are meant. A rig with another is refused.
     """
 
     name: str
@@ -82,11 +84,18 @@ class Scenario:
     slew: float | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     stands: tuple[float, ...] | None = None
+    up: str | None = None
 
     def __post_init__(self) -> None:
         rig, given = self.rig, set(self.person.bodies)
         if rig.n != rig.dimension:
             raise ScenarioError(f'scenario "{self.name}": rig "{rig.name}" turns; give one of a point')
+        if self.up is not None and self.up != rig.up:
+            its = 'no key "up"' if rig.up is None else f'up = "{rig.up}"'
+            raise ScenarioError(
+                f'scenario "{self.name}" has up = "{self.up}", and rig "{rig.name}" {its}; give a rig whose file '
+                f'says up = "{self.up}", with its anchors in those axes'
+            )
         if given != set(rig.frames):
             raise ScenarioError(
                 f'scenario "{self.name}": the person has the bodies {sorted(given)}, but modules ride on '

@@ -11,7 +11,7 @@ import tensionlab as tl
 from tensionlab.demand import Pose
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import EVENT_SCHEMA, setup_of
-from tensionlab.hardware.record.columns import COLUMNS, TYPES, encode, schema
+from tensionlab.hardware.record.columns import COLUMNS, TYPES, decode, encode, schema
 from tensionlab.hardware.record.run import read_run
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.solvers.contract import Status
@@ -55,6 +55,15 @@ def test_what_was_written_is_read_to_the_last_bit(seven):
             np.testing.assert_array_equal(run.demanded[index], cycle.demand.wrench)
             assert np.isnan(run.impedances[index]).all()
             assert not run.brakes[index].any()
+
+
+def test_a_log_from_before_a_column_was_added_has_none_of_it():
+    rig = runs.seven()
+    rows = [json.loads(encode(cycle, rig)) for cycle in runs.cycles(rig, 3)]
+    old = [json.dumps({name: row[name] for name in row if name != "upper_now"}).encode() for row in rows]
+    found = decode(old, rig)
+    assert np.isnan(found["upper_now"]).all()
+    assert found["upper_now"].shape == (3, 7)
 
 
 def test_what_was_around_the_cycles_is_in_the_log_too(seven):
