@@ -1,8 +1,8 @@
 """Clients up to no good against `tensionlab serve`: does it stay up, within limits, and at its rate?
 
 ``python -m tensionlab.experiments.hostile_client`` (or ``make hostile``) sends 100,000 messages, drawn by
-hypothesis from the schema and around it, as JSON and over OSC, to a rig and to a scenario on simulated modules. Floods,
-padding and garbage come in between. Hostile phases take turns with calm ones, so that the rate of the loop is
+hypothesis from the schema and around it, as JSON and over OSC, to a rig and to a scenario on simulated modules.
+Floods, padding and garbage come in between. Hostile phases take turns with calm ones, so that the rate of the loop is
 compared on the same machine, as busy as it is then.
 """
 
@@ -195,6 +195,7 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
             a_round(speaker, url, port, rig, count // ROUNDS, draws + number, tally)
             print(f"{' '.join(what)}: round {number + 1} of {ROUNDS}, {dict(tally.sent)}", flush=True)
             if running.poll() is not None:
+                print("\n".join(complaints), file=sys.stderr)
                 tally.wrong.append(f"the server ended in round {number + 1}")
                 break
         speaker.close()
@@ -256,7 +257,7 @@ def report(name: str, tally: Tally) -> bool:
     print(f"{name}: sent {dict(tally.sent)}; answers {dict(tally.answers)}; closed {dict(tally.closed)}")
     print(f"  reasons: {dict(tally.reasons.most_common(12))}")
     for phase, rates in tally.rates.items():
-        found = statistics.median(rates)
+        found, calm_rate = statistics.median(rates), max(calm_rate, 1e-9)
         print(
             f"  {phase}: {found:.1f} cycles a second (median of {len(rates)} s), {found / calm_rate:.0%} of calm"
         )
