@@ -2,8 +2,8 @@
 
 ``python -m tensionlab.experiments.hostile_client`` (or ``make hostile``) sends 100,000 messages, drawn by
 hypothesis from the schema and around it, as JSON and over OSC, to a rig and to a scenario on simulated modules.
-Floods, padding and garbage come in between. Hostile phases take turns with calm ones, so that the rate of the loop is
-compared on the same machine, as busy as it is then.
+Floods, padding and garbage come in between. Hostile phases take turns with calm ones, so that the rate of the
+loop is compared on the same machine, as busy as it is then.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 
 RIG = "datasets/rigs/bartels2026-validation.toml"
-ROUNDS = 1
+ROUNDS = 4
 """Of a calm phase, JSON, OSC and floods."""
 CALM_S, FLOOD_S = 6.0, 3.0
 RATE = 50
@@ -59,6 +59,7 @@ class Tally:
     reasons: Counter[str] = field(default_factory=Counter)
     closed: Counter[str] = field(default_factory=Counter)
     rates: dict[str, list[float]] = field(default_factory=dict)
+    gaps: dict[str, float] = field(default_factory=dict)
     wrong: list[str] = field(default_factory=list)
     phase: str = "begin"
 
@@ -93,6 +94,7 @@ class Watcher:
                     continue
                 if phase == self._tally.phase:  # a whole second of it
                     self._tally.rates.setdefault(phase, []).append(event["cycles"])
+                    self._tally.gaps[phase] = max(event["gap"], self._tally.gaps.get(phase, 0.0))
                 phase = self._tally.phase
 
 
@@ -259,7 +261,8 @@ def report(name: str, tally: Tally) -> bool:
     for phase, rates in tally.rates.items():
         found, calm_rate = statistics.median(rates), max(calm_rate, 1e-9)
         print(
-            f"  {phase}: {found:.1f} cycles a second (median of {len(rates)} s), {found / calm_rate:.0%} of calm"
+            f"  {phase}: {found:.1f} cycles a second (median of {len(rates)} s), {found / calm_rate:.0%} of calm, "
+            f"longest gap {1e3 * tally.gaps[phase]:.0f} ms"
         )
         if phase in ("JSON", "OSC", "flood") and found < LEAST_RATE * calm_rate:
             tally.wrong.append(f"{phase}: the loop keeps {found / calm_rate:.0%} of its rate")
