@@ -102,7 +102,8 @@ class Speaker:
     """A client that commands, and comes back when it is sent away."""
 
     def __init__(self, url: str, tally: Tally) -> None:
-        self._url, self._tally, self._line, self._held = url, tally, None, ExitStack()
+        self._url, self._tally, self._held = url, tally, ExitStack()
+        self._line: Any = None  # a connection
 
     def say(self, text: str) -> None:
         """Send a message, and read until its answer."""
@@ -112,7 +113,7 @@ class Speaker:
         try:
             if self._line is None:
                 line = connect(f"{self._url}/command", compression=None)
-                self._line: Any = self._held.enter_context(line)
+                self._line = self._held.enter_context(line)
                 self._tally.answer(self._line.recv())
             self._line.send(text)
             while True:
