@@ -99,6 +99,7 @@ NATIVE = {
     "workspace/wrench_set.py",
     "haptics/brakes.py",
     "hardware/run/pose_tracker.py",
+    "hardware/run/watchdog.py",
     "hardware/simulated.py",
 }
 HEAVY = (
