@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak faults impacts what-if figures checksums clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak faults impacts what-if figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -33,6 +33,8 @@ bench-quick: .venv/dev.stamp
 
 bench-readme: bench
 	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
+	@$(BIN)/python datasets/checksums.py
+	@$(BIN)/python tools/generate_docs.py
 
 bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.workspace_bench
@@ -60,6 +62,10 @@ what-if: .venv/dev.stamp
 
 figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py
+
+# What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
+docs: .venv/dev.stamp
+	@$(BIN)/python tools/generate_docs.py
 
 checksums: .venv/bin/python
 	@$(BIN)/python datasets/checksums.py

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 MAX_COMPONENTS: int
 MAX_CABLES: int
 MAX_SEGMENTS: int
+GRAZING: float
 
 def newton(
     structure: NDArray[float64],
@@ -16,6 +17,7 @@ def newton(
     weights: NDArray[float64],
     policy: int,
     rank_tolerance: float,
+    tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
 def closed_form(
     structure: NDArray[float64],

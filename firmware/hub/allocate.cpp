@@ -10,7 +10,7 @@ using Solver = tensionlab::Newton<float, 1, kComponents, kCables>;
 
 constexpr float kOnes[kComponents] = {1.0f, 1.0f, 1.0f};
 constexpr float kZeros[kCables] = {};
-constexpr float kRankTolerance = 1e-4f;
+constexpr float kRankTolerance = 1e-4f, kTolerance = 1e-4f;
 
 }  // namespace
 
@@ -19,7 +19,7 @@ constexpr float kRankTolerance = 1e-4f;
 // some tens.
 extern "C" int allocate_tensions(int cables, const float* structure, const float* wrench, const float* lower,
                                  const float* upper, float* tensions) {
-  Solver solver(cables, kOnes, tensionlab::Policy::force, kRankTolerance);
+  Solver solver(cables, kOnes, tensionlab::Policy::force, kRankTolerance, kTolerance);
   solver.load(0, {structure, wrench, lower, upper, kZeros});
   do {
     solver.step();

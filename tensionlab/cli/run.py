@@ -53,7 +53,8 @@ def run(
         str, typer.Option(help="When a module drops out: stop all, or continue with the others.")
     ] = "stop",
     log: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", callback=output.output_file, help="Keep every cycle there.")
+        Path | None,
+        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print how it went as JSON; no live table.")] = False,
 ) -> None:

@@ -38,7 +38,11 @@ class Screen:
         from rich.live import Live
 
         self._live = Live(
-            get_renderable=lambda: live_table(runner), refresh_per_second=refresh, transient=True, screen=False
+            get_renderable=lambda: live_table(runner),
+            console=output.console(),
+            refresh_per_second=refresh,
+            transient=True,
+            screen=False,
         )
 
     def __enter__(self) -> Self:

@@ -1,21 +1,20 @@
-"""The tables in the firmware's documents, written from the firmware: `python -m tensionlab.hardware.documents`.
+"""Tables of the firmware's documents, made from the firmware; `make docs` writes them.
 
-Run it in the repository after a change to messages, parameters, plant or supervisor. A test fails while
-`firmware/README.md` or `firmware/PROTOCOL.md` says something else than the code.
+Run that after a change to messages, parameters, plant or supervisor. A test fails while a document says something
+else than the code.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-import sys
 from collections.abc import Iterable, Mapping
 from enum import IntEnum, IntFlag
 from inspect import get_annotations, getdoc
 from pathlib import Path
 from typing import get_type_hints
 
-from tensionlab.errors import HardwareError, TensionlabError
+from tensionlab.errors import HardwareError
 from tensionlab.hardware import codes
 from tensionlab.hardware.frames import crc16
 from tensionlab.hardware.meanings import EVENTS, MEANINGS, PARAMETER_MEANINGS
@@ -194,35 +193,3 @@ def sections() -> dict[str, dict[str, str]]:
             **{kind.__name__: words(kind) for kind in kinds},
         },
     }
-
-
-def filled(text: str, tables: Mapping[str, str], name: str) -> str:
-    """Write the tables of a document between their marks.
-
-    Raises
-    ------
-    HardwareError
-        If a mark is not there.
-    """
-    for key, content in tables.items():
-        start, end = f"<!-- {key}: start -->", f"<!-- {key}: end -->"
-        before, found, rest = text.partition(start)
-        _, closed, after = rest.partition(end)
-        if not (found and closed):
-            raise HardwareError(f"{name}: no section between the lines {start} and {end}")
-        text = f"{before}{start}\n\n{content}\n\n{end}{after}"
-    return text
-
-
-def main() -> None:
-    """Write the tables of the documents in the working directory anew."""
-    try:
-        for name, tables in sections().items():
-            path = FOLDER / name
-            path.write_text(filled(path.read_text(encoding="utf-8"), tables, name), encoding="utf-8")
-    except (OSError, TensionlabError) as error:
-        sys.exit(f"documents: {error}; run this in the repository's root")
-
-
-if __name__ == "__main__":
-    main()

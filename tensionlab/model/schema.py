@@ -64,6 +64,7 @@ class RigFile(Table):
     home: list[float] = Field(description="the nominal position, a list of coordinates in m")
     description: str = Field("", description="a text in quotes")
     source: str = Field("", description="a text in quotes")
+    up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
     limits: LimitsTable = Field(LimitsTable(), description="a [limits] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
     modules: list[ModuleTable] = Field(min_length=1, description="at least one [[modules]] table")

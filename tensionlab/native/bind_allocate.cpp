@@ -44,7 +44,8 @@ bool allocate_rows(const Batch& batch, const Settings& settings, std::size_t beg
       !rows_within(batch.wrench, n, begin, end, settings.largest)) {
     return false;
   }
-  newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, begin, end, answer);
+  newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, settings.tolerance, begin,
+                              end, answer);
   judge_for_this_processor()(batch, settings.judge(), begin, end, findings);
   return true;
 }

@@ -2,6 +2,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "judge_batch.hpp"
+#include "scale_search.hpp"
 
 namespace tensionlab {
 namespace {
@@ -43,6 +44,7 @@ bool all_within(const nb::ndarray<const double, nb::c_contig, nb::device::cpu>& 
 }  // namespace
 
 void bind_judge(nb::module_& module) {
+  module.attr("GRAZING") = kGrazing;
   module.def("judge", &judge_answers);
   module.def("all_within", &all_within);
 }

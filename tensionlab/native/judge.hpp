@@ -14,6 +14,7 @@
 #include "judge_batch.hpp"
 #include "lanes.hpp"
 #include "linear.hpp"
+#include "scale_search.hpp"
 
 namespace tensionlab {
 
@@ -163,7 +164,8 @@ class Judge {
       s.gap += along * (end - tensions[i]);
       s.rounding += size * larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
     }
-    s.rounding *= 16 * std::numeric_limits<double>::epsilon();
+    // A product of three numbers and sums of N and m of them, each rounded by half of epsilon at most, twice over.
+    s.rounding *= (N + m_ + 3) * std::numeric_limits<double>::epsilon();
     return s;
   }
 
@@ -294,27 +296,40 @@ class Judge {
     return sum;
   }
 
-  // s w is out of reach for every s > h(d) / d'w.
+  // No wrench that can be rendered is longer.
+  double size_of_rig(const Problem& problem) const {
+    double size = 0;
+    for (int i = 0; i < m_; ++i) {
+      const double most = larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
+      for (int k = 0; k < N; ++k) size += std::abs(problem.structure[k * m_ + i]) * most;
+    }
+    return size;
+  }
+
+  // s w is out of reach for every s above the bound of d, which is exact where d is no face that w grazes
+  // (scale_search.hpp). Weights say which error to prefer; a direction that is kept has none.
   bool longest(const Problem& problem, const double* tensions, const double* rendered, const double* error,
                double tolerance, double* d, Finding* finding) const {
     const Side s = side(problem, tensions, d);
     if (!s.separates()) return false;
-    if (s.support < smaller(0.0, s.wrench) - s.rounding) {
+    const double unit = 1 / std::sqrt(dot(d, d)), length = std::sqrt(dot(problem.wrench, problem.wrench));
+    const double allowed = direction_tolerance(tolerance_, length, size_of_rig(problem));
+    const ScaleLine<double> line{s.wrench * unit, s.support * unit};
+    if (ScaleLine<double>{line.along, line.reach + s.rounding * unit}.moved(allowed).excludes_all()) {
       double force[N] = {};
       return nearest_force(problem, tensions, error, tolerance, force);
     }
-    double along = 0, asked = 0, off = 0;
-    for (int k = 0; k < N; ++k) {
-      along += weights_[k] * rendered[k] * problem.wrench[k];
-      asked += weights_[k] * problem.wrench[k] * problem.wrench[k];
-    }
-    const double scale = asked > 0 ? along / asked : 0;
+    const auto most = line.moved_as_allowed(allowed, length);
+    if (!(most.along > 0)) return false;
+    const double scale = dot(rendered, problem.wrench) / (length * length);
+    double off = 0;
     for (int k = 0; k < N; ++k) {
       const double miss = rendered[k] - scale * problem.wrench[k];
-      off += weights_[k] * miss * miss;
+      off += miss * miss;
     }
-    const bool best = (s.support / s.wrench - scale) * std::sqrt(asked) <= tolerance;
-    if (!best || std::sqrt(off) > tolerance || scale < -tolerance) return false;
+    const double near = tolerance_ * larger(1.0, std::sqrt(dot(rendered, rendered)));
+    const double aside = most.reach > line.reach ? larger(near, allowed) : near;
+    if ((most.largest() - scale) * length > near || std::sqrt(off) > aside || scale * length < -near) return false;
     finding->scale = scale < 0 ? 0 : scale;
     return true;
   }

@@ -7,7 +7,7 @@
 //   force      proximal steps converge to the nearest reachable wrench and, among its tensions, to those closest
 //              to t0 (Chiche & Gilbert 2016);
 //   tension    the same on B W, B w, with B from the singular values of W;
-//   direction  the largest s for which s w can be rendered (scale_search.hpp).
+//   direction  the largest s for which s w can be rendered (scale_search.hpp), and all of w within tolerance.
 //
 // Sources: Qi & Sun (1993) for the semismooth method; Kunisch & Rendl (2003) for programs with bounds only.
 // No heap, no exceptions; Real may be float, L may be 1: the firmware compiles this file as it is.
@@ -30,10 +30,17 @@ class Newton {
  public:
   using Problem = Source<Real>;
 
-  // m cables; weight_roots: square roots of the n wrench weights. set_aside: a lane is done when its wrench proves
-  // out of reach, and somebody else seeks the nearest one.
-  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, bool set_aside = false)
-      : m_(m), policy_(policy), rank_tolerance_(rank_tolerance), set_aside_(set_aside), steps_(m) {
+  // m cables; weight_roots: square roots of the n wrench weights. tolerance: the error of a wrench that counts as
+  // rendered, where a direction asks for it. set_aside: a lane is done when its wrench proves out of reach, and
+  // somebody else seeks the nearest one.
+  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, Real tolerance,
+         bool set_aside = false)
+      : m_(m),
+        policy_(policy),
+        rank_tolerance_(rank_tolerance),
+        tolerance_(tolerance),
+        set_aside_(set_aside),
+        steps_(m) {
     for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
     for (int l = 0; l < L; ++l) park(l);
   }
@@ -61,7 +68,7 @@ class Newton {
     Control& control = control_[l];
     const bool late = ++control.iterations >= control.deadline;
     if (!late && read<Real>(steps_.found, l) == 0) return false;
-    return read<Real>(steps_.converged, l) != 0 || conclude(l, late);
+    return read<Real>(steps_.converged, l) != 0 ? !reopen(l) : conclude(l, late);
   }
 
   // Whether lane l is done with a direction that separates its wrench, and no more.
@@ -85,7 +92,8 @@ class Newton {
   // aside: w is out of reach, and that is all.
   enum class Stage { render, whitened, nearest, aside };
 
-  // Far beyond what any known problem takes; one that gets there keeps its best answer so far.
+  // Iterations of a stage, and of all: far beyond what any known problem takes; one that gets there keeps its best
+  // answer so far.
   static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
 
   // What may be missing of a wrench that is as good as rendered, against the parts it is made of.
@@ -115,6 +123,7 @@ class Newton {
       return true;
     }
     if (!control.astray) go_astray(l);
+    if (control.iterations >= kIterationLimit) return true;
     Real d[N];
     for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
     if (control.stage == Stage::render && late) {
@@ -123,17 +132,14 @@ class Newton {
     }
     const bool back = control.stage == Stage::whitened;
     if (back) unwhiten(l, d);
-    if (back && nearly_rendered(l)) return true;
+    if (back && nearly_rendered(l)) return !reopen(l);
     if (control.stage != Stage::nearest) {
-      const bool first =
-          control.search.scale == Real(1);  // a rough cut comes for nothing; later ones must be good
-      if (!late && first && policy_ == Policy::direction && cut(l, d)) return false;
+      // A rough cut comes for nothing; later ones must be good.
+      if (!late && policy_ == Policy::direction && control.search.fresh() && cut(l, d)) return false;
       approach(l, d);
       return false;
     }
-    if (policy_ == Policy::direction && !control.hopeless) {
-      return control.iterations >= kIterationLimit || !cut(l, d);
-    }
+    if (policy_ == Policy::direction && !control.hopeless) return !cut(l, d) && !reopen(l);
     if (!control.hopeless) keep(l, d);
     return true;
   }
@@ -143,15 +149,21 @@ class Newton {
     control.astray = control.plain = true;
     control.hopeless = false;
     control.given = control.problem;
-    control.search.begin();
+    control.search.begin(control.given, m_, tolerance_);
     for (int k = 0; k < N; ++k) control.separation[k] = 0;
+  }
+
+  // So many iterations for the stage that begins, and no more than there are in all.
+  void allow(int l, int iterations) {
+    const int end = control_[l].iterations + iterations;
+    control_[l].deadline = end < kIterationLimit ? end : kIterationLimit;
   }
 
   // Look for tensions that render the wrench of lane l.
   void render(int l) {
     Control& control = control_[l];
     control.stage = Stage::render;
-    control.deadline = control.iterations + kRenderLimit;
+    allow(l, kRenderLimit);
     steps_.render(l, control.problem);
   }
 
@@ -161,7 +173,7 @@ class Newton {
     whiten(l, y);
     aim(l);
     control.stage = Stage::whitened;
-    control.deadline = control.iterations + kNearestLimit;
+    allow(l, kNearestLimit);
     steps_.approach(l, control.problem, y);
   }
 
@@ -198,7 +210,7 @@ class Newton {
   void approach(int l, const Real* y) {
     Control& control = control_[l];
     control.stage = Stage::nearest;
-    control.deadline = control.iterations + kNearestLimit;
+    allow(l, kNearestLimit);
     Real start[N];
     copy<N>(y, start);
     if (policy_ == Policy::tension) whiten(l, start);
@@ -240,9 +252,29 @@ class Newton {
       return true;
     }
     if (outcome == ScaleSearch<Real, N>::Outcome::best) return false;
+    seek(l, d);
+    return true;
+  }
+
+  // The direction policy renders s w. Could it be more, within tolerance? Then look for that.
+  bool reopen(int l) {
+    Control& control = control_[l];
+    if (policy_ != Policy::direction || !control.astray || control.hopeless) return false;
+    if (!control.search.reopen(control.given, m_)) return false;
+    Real d[N];
+    copy<N>(control.search.proof, d);
+    seek(l, d);
+    return true;
+  }
+
+  // Look for tensions that render the s w of the search, or, within tolerance, come nearest to it.
+  void seek(int l, const Real* d) {
+    Control& control = control_[l];
+    control.plain = true;
+    control.problem = control.given;
+    if (control.search.near()) return approach(l, d);
     aim(l);
     render(l);
-    return true;
   }
 
   // d, in lane coordinates, is the best separating direction so far.
@@ -258,7 +290,7 @@ class Newton {
 
   int m_;
   Policy policy_;
-  Real rank_tolerance_;
+  Real rank_tolerance_, tolerance_;
   bool set_aside_;
   Real weight_roots_[N];
   DualStep<Real, L, N, M> steps_;

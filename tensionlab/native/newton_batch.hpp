@@ -15,7 +15,7 @@ struct NewtonAnswer {
   std::int64_t* iterations;
 };
 
-TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, std::size_t begin, std::size_t end,
-                  const NewtonAnswer&)
+TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, double tolerance, std::size_t begin,
+                  std::size_t end, const NewtonAnswer&)
 
 }  // namespace tensionlab

@@ -17,8 +17,9 @@ constexpr int kLanes = TENSIONLAB_LANES;
 template <int N>
 class NewtonBatch {
  public:
-  NewtonBatch(const Batch& batch, Policy policy, double rank_tolerance, const NewtonAnswer& answer)
-      : batch_(batch), policy_(policy), rank_tolerance_(rank_tolerance), answer_(answer) {
+  NewtonBatch(const Batch& batch, Policy policy, double rank_tolerance, double tolerance,
+              const NewtonAnswer& answer)
+      : batch_(batch), policy_(policy), rank_tolerance_(rank_tolerance), tolerance_(tolerance), answer_(answer) {
     plain_ = policy == Policy::force;
     for (int k = 0; k < N; ++k) {
       roots_[k] = std::sqrt(batch.weights[k]);
@@ -27,7 +28,7 @@ class NewtonBatch {
   }
 
   void solve(std::size_t begin, std::size_t end) {
-    Block block(batch_.m, roots_, policy_, rank_tolerance_, policy_ != Policy::direction);
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_, policy_ != Policy::direction);
     Face face(batch_.m);
     for (; begin < end; begin += kChunk) {
       refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
@@ -88,7 +89,7 @@ class NewtonBatch {
   }
 
   void make_sure() {
-    Block block(batch_.m, roots_, policy_, rank_tolerance_);
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_);
     refill<kLanes>(
         block, 0, doubts_, [&](int l, std::size_t j) { block.load(l, problem(doubtful_[j])); },
         [&](int l, std::size_t j) {
@@ -107,7 +108,7 @@ class NewtonBatch {
 
   const Batch& batch_;
   Policy policy_;
-  double rank_tolerance_;
+  double rank_tolerance_, tolerance_;
   const NewtonAnswer& answer_;
   double roots_[N];
   bool plain_;  // errors are measured in the coordinates as given
@@ -118,16 +119,16 @@ class NewtonBatch {
 };
 
 template <int N>
-void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
-                    const NewtonAnswer& answer) {
-  NewtonBatch<N>(batch, policy, rank_tolerance, answer).solve(begin, end);
+void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, std::size_t begin,
+                    std::size_t end, const NewtonAnswer& answer) {
+  NewtonBatch<N>(batch, policy, rank_tolerance, tolerance, answer).solve(begin, end);
 }
 
-void newton(const Batch& batch, Policy policy, double rank_tolerance, std::size_t begin, std::size_t end,
-            const NewtonAnswer& answer) {
+void newton(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, std::size_t begin,
+            std::size_t end, const NewtonAnswer& answer) {
   static constexpr decltype(&newton) kSolve[] = {newton_of_size<1>, newton_of_size<2>, newton_of_size<3>,
                                                  newton_of_size<4>, newton_of_size<5>, newton_of_size<6>};
-  kSolve[batch.n - 1](batch, policy, rank_tolerance, begin, end, answer);
+  kSolve[batch.n - 1](batch, policy, rank_tolerance, tolerance, begin, end, answer);
 }
 
 }  // namespace TENSIONLAB_BUILD

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensionlab import writing
 from tensionlab.errors import MissingDependency, ShapeError
 
 if TYPE_CHECKING:
@@ -80,4 +81,6 @@ def new_figure(path: str | Path, size: tuple[float, float], dpi: float | None = 
         figure.set_layout_engine("none")
         for axes in figure.axes:
             axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-        figure.savefig(path, metadata=metadata, dpi="figure" if dpi else None)
+        with writing.replacing(path) as file:
+            kind = Path(path).suffix.lower()[1:]
+            figure.savefig(file, format=kind, metadata=metadata, dpi="figure" if dpi else None)

@@ -16,6 +16,8 @@ from typing import ClassVar, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import _native
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -25,6 +27,10 @@ POLICIES: tuple[Nearest, ...] = get_args(Nearest)
 TOLERANCE = 1e-6
 """Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
 distance that remains, times max(1, norm of what is rendered)."""
+
+GRAZING = _native.GRAZING
+"""Cosine between a wrench and the normal of a face of the available wrench set below which the wrench grazes the face:
+there the direction policy counts ``s w`` as rendered where tensions come within `TOLERANCE` of it."""
 
 RANK_TOLERANCE = 1e-8
 """Singular values of a structure matrix below this share of its largest one count as zero."""

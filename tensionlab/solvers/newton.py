@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from tensionlab import _native
-from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem
 
 
 @dataclass(frozen=True)
@@ -44,5 +44,6 @@ class Newton:
             problem.weights,
             POLICIES.index(problem.nearest or "force"),
             RANK_TOLERANCE,
+            TOLERANCE,
         )
         return Answer(tensions, iterations, separation)

@@ -11,7 +11,7 @@ int main() {
   const tensionlab::Policy policies[] = {tensionlab::Policy::force, tensionlab::Policy::tension,
                                          tensionlab::Policy::direction};
   for (const auto policy : policies) {
-    Solver solver(3, weight_roots, policy, 1e-4F);
+    Solver solver(3, weight_roots, policy, 1e-4F, 1e-4F);
     for (int problem = 0; problem < 2; ++problem) {
       solver.load(0, {structure, problem == 0 ? reachable : unreachable, lower, upper, reference});
       do {

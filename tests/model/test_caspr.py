@@ -310,7 +310,7 @@ def test_files_that_cannot_be_read_are_named(write, tmp_path):
     bodies, cables = model(write)
     with pytest.raises(RigError, match=r"missing\.xml: no such file"):
         load_caspr(tmp_path / "missing.xml", cables)
-    with pytest.raises(RigError, match="cannot be read"):
+    with pytest.raises(RigError, match="is a folder; give an XML file"):
         load_caspr(tmp_path, cables)
     bodies.write_bytes(b'<?xml version="1.0" encoding="martian"?><bodies_system/>')
     with pytest.raises(RigError, match="not well-formed XML"):

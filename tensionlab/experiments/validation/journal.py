@@ -9,7 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import LogError
+from tensionlab import writing
+from tensionlab.errors import LogError, WriteError
 from tensionlab.experiments.validation.protocol import Measurement
 
 FORMAT = "tensionlab validation 1"
@@ -49,7 +50,9 @@ class Journal:
             else:
                 whole = json.dumps(head) + "\n"
             if whole != text:
-                path.write_text(whole, encoding="utf-8")
+                writing.write_text(path, whole)
+        except WriteError as error:
+            raise LogError(str(error)) from None
         except (OSError, UnicodeDecodeError) as error:
             raise LogError(f"{path}: cannot be used ({error}); name another folder") from None
 

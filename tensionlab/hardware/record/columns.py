@@ -198,7 +198,13 @@ def _impedances(impedances: Mapping[str, Impedance], rig: Rig) -> list[float]:
 
 
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
-    """Which columns do cycles in JSON make?"""
+    """Return the columns that cycles in JSON make.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, OverflowError, RecursionError
+        If one of them is no cycle of this rig.
+    """
     parsed = [json.loads(row) for row in rows]
     length = sizes(rig)
     found = {}
@@ -209,4 +215,8 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
             continue
         values = np.array([row[name] for row in parsed], dtype=TYPES[name])
         found[name] = values.reshape(len(rows), *shape)
+    if not (np.isfinite(found["time"]).all() and np.isfinite(found["late"]).all()):
+        raise ValueError("a cycle without a time")
+    if unknown := set(found["status"].tolist()) - {int(status) for status in Status}:
+        raise ValueError(f"status {min(unknown)}")
     return found

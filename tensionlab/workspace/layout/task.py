@@ -9,9 +9,9 @@ import numpy as np
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
-from tensionlab.model.files import parse_toml, read_text
 from tensionlab.model.module import Module
 from tensionlab.model.pose import Frame
+from tensionlab.reading import read_toml
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.result import LayoutSearch
 from tensionlab.workspace.layout.search import Told, search_layout
@@ -63,7 +63,7 @@ def load_task(path: str | PathLike[str]) -> LayoutTask:
     """
     from tensionlab.workspace.layout import schema
 
-    document = parse_toml(read_text(path, "a space file"), str(path))
+    document = read_toml(path, "a space file (*.toml)", RigError)
     try:
         table = schema.parse(document)
         return LayoutTask(

@@ -34,7 +34,7 @@ def frame(effects=None):
 
 
 def test_the_force_comes_and_goes_with_the_frames():
-    box = Mailbox()
+    box = Mailbox(RIG)
     inner = Shares(RIG)
     demand = BridgedDemand(box, inner)
     states = [cycle.state for cycle in cycles(RIG, 40)]
@@ -55,7 +55,7 @@ def test_the_force_comes_and_goes_with_the_frames():
 
 
 def test_the_hand_is_where_the_client_says_or_else_the_cables():
-    box = Mailbox()
+    box = Mailbox(RIG)
     free = FreeEffects(RIG, box)
     spring = {"spring": {"kind": "spring", "centre": [0.0, 0.41, 0.0], "stiffness": 3.0}}
     state = replace(next(cycles(RIG, 2)).state, pose=Pose(np.array([0.0, 0.36, 0.0])))

@@ -1,6 +1,7 @@
 """Scenarios in TOML: the five that come along, and what is said about others."""
 
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -62,11 +63,14 @@ def test_another_rig_may_take_its_place(bow):
     ("old", "new", "said"),
     [
         ("seconds = 5.0", "secnds = 5.0", 'no key "secnds"'),
+        ('up = "z"', "", 'key "up" is missing'),
+        ('up = "z"', 'up = "y"', 'has up = "y", and rig "bow" up = "z"'),
+        ('up = "z"', "up = 3", "up: "),
         ("seconds = 5.0", "", 'key "seconds" is missing'),
         ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
         ("seconds = 5.0", 'seconds = "long"', "seconds: "),
         ('seen_from = "bow"', 'seen_from = "bw"', 'seen_from is "bw"'),
-        ("mass = 1.0", "mass = 0.0", "person: mass is 0.0"),
+        ("mass = 1.0", "mass = 0.0", "person: PersonPlan: mass is 0.0"),
         ("mass = 1.0", "mas = 1.0", "person: no parameter 'mas'"),
         ("time = 2.0", "tme = 2.0", "person: script: waypoints: no parameter 'tme'"),
         ("frequency = 0.4", "freq = 0.4", "person: bodies: bow: sway: no parameter 'freq'"),
@@ -88,6 +92,16 @@ def test_what_is_wrong_is_said_with_file_and_key(bow, old, new, said):
         load_scenario(path)
     assert "bow.toml" in str(refused.value)
     assert said in str(refused.value)
+
+
+def test_a_rig_that_stands_otherwise_is_refused(tmp_path):
+    """A rig with Y up played in a scenario with Z up without a word, most of its forces out of reach."""
+    with pytest.raises(ScenarioError, match='has up = "z", and rig "bartels2026-validation" up = "y"'):
+        load_scenario("materials", rig="datasets/rigs/bartels2026-validation.toml")
+    text = Path("datasets/rigs/bartels2026-validation.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace('up = "y"\n', ""))
+    with pytest.raises(ScenarioError, match='rig "bartels2026-validation" no key "up"; give a rig'):
+        load_scenario("materials", rig=tmp_path / "mine.toml")
 
 
 def test_an_unknown_name_is_told_the_known_ones():
