@@ -70,7 +70,9 @@ def flaw(
     length = _root(_dot(d, d))
     if nearest == "direction":
         line = _dot(d, w) / length, reach / length
-        size = sum((abs(x) * max(abs(p), abs(q)) for row in W for x, p, q in zip(row, a, b, strict=True)), Fraction(0))
+        size = sum(
+            (abs(x) * max(abs(p), abs(q)) for row in W for x, p, q in zip(row, a, b, strict=True)), Fraction(0)
+        )
         allowed = Fraction(TOLERANCE) * max(Fraction(1), min(_root(_dot(w, w)), size))
         if not np.isnan(scale):
             return _direction_flaw(line, w, rendered, near, allowed)
