@@ -118,6 +118,7 @@ NATIVE = {
     "workspace/wrench_set.py",
     "haptics/brakes.py",
     "hardware/run/pose_tracker.py",
+    "hardware/run/watchdog.py",
     "hardware/simulated.py",
 }
 # Third parties that a file may import as it is imported itself. Optional libraries, and those that are slow to
