@@ -12,9 +12,10 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
-# Rooms that each room may enter, besides itself and `errors`.
+# Rooms that each room may enter, besides itself, `errors` and `arrays`.
 ALLOWED = {
     "errors": set(),
+    "arrays": set(),
     "model": set(),
     "solvers": {"_native"},
     "inputs": {"solvers", "_native"},

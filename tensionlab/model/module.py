@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import RigError
+from tensionlab.arrays import as_floats
+from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.kinematics import Floats
 
 WORLD = "world"
@@ -158,7 +159,10 @@ class Platform:
         if self.com is not None:
             object.__setattr__(self, "com", vector(self.com, "[platform]", "com"))
         if self.inertia is not None:
-            inertia = np.array(self.inertia, dtype=np.float64)
+            try:
+                inertia = as_floats("inertia", self.inertia).copy()
+            except ShapeError as error:
+                raise RigError(f'[platform]: key "inertia": {error}') from None
             square = inertia.ndim == 2 and inertia.shape[0] == inertia.shape[1]
             if not (square and np.isfinite(inertia).all() and np.array_equal(inertia, inertia.T)):
                 raise RigError('[platform]: key "inertia" must be a finite, square and symmetric matrix in kg·m²')
@@ -190,7 +194,7 @@ class Platform:
 def vector(values: ArrayLike, where: str, key: str) -> Floats:
     """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
     try:
-        point = np.array(values, dtype=np.float64)
+        point = as_floats(key, values).copy()
     except (TypeError, ValueError):
         raise RigError(f'{where}: key "{key}" is {values!r}; give a list of coordinates in m') from None
     if point.ndim != 1 or not np.isfinite(point).all():
