@@ -39,6 +39,7 @@ bench-workspace: .venv/dev.stamp
 
 stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
+	@$(BIN)/python -m tensionlab.experiments.verdicts
 
 soak: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.soak --out out/soak

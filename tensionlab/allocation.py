@@ -83,12 +83,12 @@ class Allocator:
 
     def _resolve(self, reference: ArrayLike | None) -> Floats:
         if reference is None:
-            return np.zeros(1)
+            return frozen(np.zeros(1))
         if isinstance(reference, str):
             if reference == "lower":
                 return self.lower
             if reference == "middle":
-                return (self.lower + self.upper) / 2
+                return frozen((self.lower + self.upper) / 2)
             raise ValueError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
         return frozen(finite("reference", reference, 0))
 
@@ -202,7 +202,7 @@ def allocate(
 def _weights(weights: ArrayLike | None) -> Floats:
     """Wrench weights, positive; one that stands for all where none are given."""
     if weights is None:
-        return np.ones(1)
+        return frozen(np.ones(1))
     values = finite("wrench_weights", weights, 1)
     if values.ndim != 1 or not (values > 0).all():
         raise ShapeError(

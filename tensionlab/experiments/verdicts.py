@@ -1,7 +1,7 @@
 """Does the exact solver always end, and is every verdict right? Hostile problems, checked in exact arithmetic.
 
-`check` verifies each verdict with fractions and times each problem; `watch` gives millions to a process of its own,
-for each instruction set, and stops it if one does not end.
+`check` verifies each verdict with fractions and times each problem; `watch` gives millions to a process of its
+own, for each instruction set, and stops it if one does not end.
 """
 
 from __future__ import annotations

@@ -86,7 +86,8 @@ class ScaleSearch {
     if (phase_ == Phase::exact) return cut_exactly(problem, m, d, line);
     if (phase_ == Phase::last) return Outcome::best;
     const Line most = line.moved(tolerance_);
-    const bool beyond = most.excludes(scale);
+    // What is beyond by rounding alone leaves no scale below.
+    const bool beyond = most.excludes(scale) && !(most.along > 0 && most.largest() >= scale);
     if (beyond && !(most.along > 0) && scale < 1) {
       // Too short already, and all that is longer has been excluded.
       mix(problem, d, line.along);

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensionlab.solvers.contract import GRAZING, TOLERANCE, Floats
+from tensionlab.solvers.contract import GRAZING, RANK_TOLERANCE, TOLERANCE, Floats
 
 RAMP = 0.1
 """Share of the tolerance that is not used at s = 0; all of it is at s = 1."""
+INSIDE = 1e-6
+"""A tension this far from its limits, as a share of the largest, is between them."""
 CUTS = 12
 """Most nearest wrenches that are sought; three or four are usual."""
 
@@ -75,11 +77,21 @@ class Ray:
             s = (reach + (1.0 - RAMP) * tolerance) / (along - RAMP * tolerance)
         return tensions
 
+    def _polished(self, tensions: Floats, scale: float) -> Floats:
+        """Let the cables between their limits render what they can of the error that the program has left."""
+        play = INSIDE * float(np.abs(self.upper).max())
+        free = (tensions - self.lower > play) & (self.upper - tensions > play)
+        error = scale * self.wrench - self.structure @ tensions
+        better = tensions.copy()
+        better[free] += np.linalg.pinv(self.structure[:, free], rcond=RANK_TOLERANCE) @ error
+        return better if ((self.lower <= better) & (better <= self.upper)).all() else tensions
+
     def _line(self, scale: float) -> tuple[Floats, float, float] | None:
         """Return the tensions nearest to ``s w``, and of the unit error d there d'w and the most of ``d·W t``."""
         tensions = self.nearest(scale)
         if tensions is None:
             return None
+        tensions = self._polished(tensions, scale)
         error = scale * self.wrench - self.structure @ tensions
         size = float(np.linalg.norm(error))
         unit = error / size if size > 0.0 else np.zeros_like(error)
