@@ -47,7 +47,7 @@ class Allocation:
         the policy if that is force or direction. The tensions are then those of a wrench so near, and no
         closer to the reference than theirs may be; by how much another wrench so near would change them is the
         error over the least singular value of the free cables' columns of W. A wrench within reach is rendered
-        to rounding, some 1e-14 of the wrenches that the cables pull with.
+        to rounding: 1e-12 of what the cables pull with, at most.
     scale : (...,) array
         1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere, and where no s
         from 0 to 1 keeps the direction. Where w is within 0.6 degrees of a face of what can be rendered, or the

@@ -145,7 +145,12 @@ def _exact(numbers: Floats) -> Exact:
 
 
 def _dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
-    return sum((p * q for p, q in zip(x, y, strict=True)), Fraction(0))
+    terms = [(p.numerator * q.numerator, p.denominator * q.denominator) for p, q in zip(x, y, strict=True)]
+    common = max((below for _, below in terms), default=1)
+    if any(common % below for _, below in terms):
+        return sum((Fraction(*term) for term in terms), Fraction(0))
+    # Denominators of floats are powers of two: one fraction is made at the end, not one for each term.
+    return Fraction(sum(above * (common // below) for above, below in terms), common)
 
 
 def _support(W: Matrix, d: Exact, lower: Exact, upper: Exact) -> Fraction:
