@@ -41,6 +41,7 @@ bench-workspace: .venv/dev.stamp
 
 stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
+	@$(BIN)/python -m tensionlab.experiments.verdicts
 
 file-fuzz: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.file_fuzz
