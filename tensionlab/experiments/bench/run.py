@@ -138,7 +138,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     TensionlabError
         If the process broke; what it said has gone to stderr.
     """
-    writing.require_folder(folder)
+    writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
     order = json.dumps({"plan": dataclasses.asdict(what), "folder": str(folder), "call": list(call)})
     command = [sys.executable, "-m", "tensionlab.experiments.bench", order]
