@@ -54,7 +54,7 @@ def test_a_file_of_ones_own_brings_its_rig(bow):
 def test_another_rig_may_take_its_place(bow):
     path, _ = bow
     with pytest.raises(ScenarioError, match="modules ride on"):
-        load_scenario(path, rig="datasets/rigs/bartels2026-validation.toml")
+        load_scenario(path, rig=FOLDER / "materials.rig.toml")
     with pytest.raises(RigError, match="no such file"):
         load_scenario(path, rig=path.with_name("nothing.toml"))
 
@@ -75,6 +75,17 @@ def test_another_rig_may_take_its_place(bow):
         ("time = 2.0", "tme = 2.0", "person: script: waypoints: no parameter 'tme'"),
         ("frequency = 0.4", "freq = 0.4", "person: bodies: bow: sway: no parameter 'freq'"),
         ("loosed = 3.2", "losed = 3.2", "no parameter 'losed'"),
+        (
+            'effects.string = { kind = "bow", loosed = 3.2 }',
+            "effects.string = 3",
+            "effect 'string' is 3; give a table",
+        ),
+        ("loosed = 3.2", "stiffness = 1e308", "Bow: stiffness is 1e+308"),
+        ('{ kind = "bow", loosed = 3.2 }', '{ kind = "spring", centre = [0, 0] }', "centre is (0.0, 0.0); give 3"),
+        ("reach = 0.80", "plane = { point = [0, 0] }", "hold: plane.point is (0.0, 0.0); give 3"),
+        ("reach = 0.80", "reach = inf", "reach is inf"),
+        ("mass = 1.0", "mass = inf", "mass is inf"),
+        ("amplitude = [0.002, 0.004, 0.004]", "amplitude = [0.002, 1e308, 0.004]", "amplitude is"),
         ('kind = "bow"', 'kind = "bw"', "effect 'string': kind is 'bw'"),
         ("reach = 0.80", "reach = 0.80, plane = {}", "a plane or a reach"),
         ("reach = 0.80", "reach = 0.80, stength = 1.0", "hold: no parameter 'stength'"),
