@@ -10,11 +10,13 @@ from tensionlab import writing
 from tensionlab.errors import WriteError
 
 PACKAGE = Path(writing.__file__).parent
-# What is written bit by bit in its own place, so that it outlives a killed process; locks; and nowhere.
+# What is written bit by bit in its own place, so that it outlives a killed process; locks; nowhere;
+# and files that are damaged on purpose.
 IN_PLACE = {
     "writing.py",
     "cli/ending.py",
     "hardware/claims.py",
+    "experiments/file_kinds.py",
     "experiments/validation/journal.py",
     "workspace/ledger.py",
     "workspace/store.py",

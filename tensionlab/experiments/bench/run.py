@@ -159,6 +159,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
                     kept = Path(said["folder"])
         except BaseException:
             process.kill()
+            process.wait()
             raise
     if process.returncode:
         raise TensionlabError(f"the measuring process ended with status {process.returncode}; it said why above")
