@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress soak impacts what-if figures checksums clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -33,6 +33,8 @@ bench-quick: .venv/dev.stamp
 
 bench-readme: bench
 	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
+	@$(BIN)/python datasets/checksums.py
+	@$(BIN)/python tools/generate_docs.py
 
 bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.workspace_bench
@@ -41,8 +43,17 @@ stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
 	@$(BIN)/python -m tensionlab.experiments.verdicts
 
+file-fuzz: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.file_fuzz
+
 soak: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.soak --out out/soak
+
+faults: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.telemetry_faults
+
+hostile: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.hostile_client
 
 impacts: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.scenarios.impacts
@@ -58,6 +69,10 @@ what-if: .venv/dev.stamp
 
 figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py
+
+# What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
+docs: .venv/dev.stamp
+	@$(BIN)/python tools/generate_docs.py
 
 checksums: .venv/bin/python
 	@$(BIN)/python datasets/checksums.py

@@ -1,8 +1,9 @@
-"""The data sets of this repository by name: `names` and `load`.
+"""Data sets that come with this package, by name: `names` and `load`.
 
 A name is the path of a file in ``datasets/`` without its suffix, such as ``vectors/grid18``; each folder has one
 kind of data, and its ``README.md`` is their card: origin, columns, units, licence, how to regenerate. The problem
-sets, under ``problems/``, are generated.
+sets, under ``problems/``, are generated. `folder` is where the files are: in a clone its ``datasets/``, in an
+installed package a copy of that.
 """
 
 from __future__ import annotations
@@ -13,8 +14,10 @@ from typing import Any, NamedTuple
 
 from tensionlab.errors import ShapeError
 
-SOURCE = Path(__file__).parents[1] / "datasets"
-"""In the source tree, which alone has them all."""
+CANDIDATES = (Path(__file__).parent / "datasets", Path(__file__).parents[1] / "datasets")
+"""Where the files may be: inside the installed package, or beside it in the source tree."""
+SUMS = "SHA256SUMS"
+"""A file that marks the folder as this package's: beside an installed package there may be others' `datasets`."""
 PROBLEMS = "problems"
 COUNT = 1000
 """Problems that a problem set has."""
@@ -28,14 +31,14 @@ class _Kind(NamedTuple):
 
 
 def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:
-    """Which data sets are there?
+    """List the names of all data sets.
 
     Parameters
     ----------
     kind : str or None
         Such as "recordings": only those of one folder.
     folder : path or None
-        Where the data sets are; None for those of the source tree that this package is in.
+        Where the data sets are; None for those that come with this package.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 
 
 def load(name: str, folder: str | Path | None = None) -> Any:
-    """What is in a data set?
+    """Read a data set.
 
     Parameters
     ----------
@@ -85,6 +88,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     RigError
         If a rig's or a space's file is.
     """
+    if not isinstance(name, str):
+        raise ShapeError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")
     known = names(folder=folder)
     if name not in known:
         import difflib
@@ -101,15 +106,27 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     return read(_found(folder) / kind / f"{stem}{suffix}")
 
 
-def _found(folder: str | Path | None) -> Path:
-    if folder is not None:
-        if not Path(folder).is_dir():
-            raise ShapeError(f"{folder}: no such folder; leave it out for the source tree's")
-        return Path(folder)
-    if not (SOURCE / "SHA256SUMS").is_file():  # beside an installed package there may be others' `datasets`
-        cure = "clone the repository and install from there (pip install -e .), or give a folder"
-        raise ShapeError(f"{SOURCE}: the data sets are not here, they come with the source: {cure}")
-    return SOURCE
+def folder() -> Path:
+    """Return the folder of the data sets that come with this package.
+
+    Raises
+    ------
+    ShapeError
+        If it is not there.
+    """
+    for candidate in CANDIDATES:
+        if (candidate / SUMS).is_file():
+            return candidate
+    raise ShapeError(f"{CANDIDATES[0]}: the data sets are not here; install tensionlab again, or give a folder")
+
+
+def _found(named: str | Path | None) -> Path:
+    """Return the folder that was named, or else this package's."""
+    if named is None:
+        return folder()
+    if not Path(named).is_dir():
+        raise ShapeError(f"{named}: no such folder; leave it out for the data sets that come with tensionlab")
+    return Path(named)
 
 
 def _rig(path: Path) -> Any:

@@ -64,6 +64,8 @@ class RigState:
         before the first.
     thermal : (m,) array
         Share of each winding's budget that is spent.
+    upper_now : (m,) array
+        Upper tension limits now, in N: the rig's, or less where a winding is warm.
     """
 
     cycle: int
@@ -83,6 +85,7 @@ class RigState:
     taken: Integers
     delays: Floats
     thermal: Floats
+    upper_now: Floats
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@
     ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
     ├── EffectError (ValueError)             a haptic effect that cannot be; names it and its parameter
     ├── ScenarioError (ValueError)           a scenario that cannot be played; names its file and key
+    ├── WriteError (OSError)                 a file that cannot be written; names it, and says what to do
     ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
     ├── Unreachable                          an allocation that is not exact; carries the evidence
     └── HardwareError                        what goes wrong with modules
@@ -60,6 +61,10 @@ class EffectError(TensionlabError, ValueError):
 
 class ScenarioError(TensionlabError, ValueError):
     """A scenario that cannot be played; names its file and key."""
+
+
+class WriteError(TensionlabError, OSError):
+    """A file that cannot be written; the message names it, and says why and what to do."""
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name

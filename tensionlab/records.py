@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from tensionlab import writing
 from tensionlab.errors import MissingDependency
 
 LIBRARIES = [
@@ -85,6 +86,8 @@ def write_parquet(
     ------
     MissingDependency
         If pyarrow is not installed.
+    WriteError
+        If the file cannot be written; what was there before stays.
     """
     try:
         import pyarrow as pa
@@ -95,7 +98,8 @@ def write_parquet(
         written = pa.table(dict(table))
     else:
         written = pa.Table.from_pylist([dict(row) for row in table])
-    pq.write_table(written.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), path)
+    with writing.replacing(path) as file:
+        pq.write_table(written.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), file)
 
 
 def _git_commit() -> str | None:

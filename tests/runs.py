@@ -82,6 +82,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             brakes=np.full(rig.m, -1 if first else BrakeState.OPEN),
             taken=np.full(rig.m, -1 if first else (sequence - 1) % 256),
             thermal=np.full(rig.m, index / (count + 1)),
+            upper_now=rig.limits.upper,
         )
         sent = np.where(active, found.tensions, np.nan)
         told = np.where(active, np.float32(found.tensions), 0.0)

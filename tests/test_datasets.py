@@ -106,16 +106,25 @@ def test_committed_recordings_say_that_they_are_simulated():
 def test_a_name_that_is_not_there_is_refused_with_the_one_that_is_close():
     with pytest.raises(ShapeError, match="did you mean 'vectors/grid18'"):
         tl.datasets.load("vectors/grid-18")
+    with pytest.raises(ShapeError, match="is text, such as 'vectors/grid18'; got 5"):
+        tl.datasets.load(5)
     with pytest.raises(ShapeError, match="no data sets are called 'recording'"):
         tl.datasets.names("recording")
 
 
-def test_without_a_clone_the_error_says_where_they_are(tmp_path, monkeypatch):
+def test_without_the_folder_the_error_says_where_they_should_be(tmp_path, monkeypatch):
     with pytest.raises(ShapeError, match="no such folder"):
         tl.datasets.load("vectors/grid18", tmp_path / "nowhere")
-    monkeypatch.setattr(tl.datasets, "SOURCE", tmp_path)  # an installed package, beside others
-    with pytest.raises(ShapeError, match="clone the repository"):
+    monkeypatch.setattr(tl.datasets, "CANDIDATES", (tmp_path,))  # not ours: no checksums
+    with pytest.raises(ShapeError, match="the data sets are not here; install tensionlab again"):
         tl.datasets.load("vectors/grid18")
+
+
+def test_a_copy_inside_the_package_is_found_like_the_source(tmp_path, monkeypatch):
+    monkeypatch.setattr(tl.datasets, "CANDIDATES", (tmp_path / "nowhere", DATASETS))
+    assert tl.datasets.folder() == DATASETS
+    monkeypatch.setattr(tl.datasets, "CANDIDATES", (DATASETS, tmp_path / "nowhere"))
+    assert tl.datasets.folder() == DATASETS
 
 
 def test_damaged_files_are_refused(tmp_path):

@@ -12,23 +12,40 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
-# Rooms that each room may enter, besides itself, `errors` and `arrays`.
+# Rooms that each room may enter, besides itself, `errors`, `arrays` and `writing`.
 ALLOWED = {
     "errors": set(),
     "arrays": set(),
-    "model": set(),
+    "writing": set(),
+    "model": {"reading", "tables"},
     "solvers": {"_native"},
     "inputs": {"solvers", "_native"},
     "measure": {"solvers", "_native"},
     "allocation": {"inputs", "measure", "solvers", "_native"},
     "demand": {"model"},
+    "locks": set(),
+    "reading": set(),
+    "tables": {"reading"},
     "records": set(),
-    "workspace": {"model", "inputs", "allocation", "measure", "solvers", "records", "_native"},
-    "hardware": {"model", "demand", "solvers", "measure", "allocation", "_native"},
+    "workspace": {
+        "locks",
+        "reading",
+        "tables",
+        "model",
+        "inputs",
+        "allocation",
+        "measure",
+        "solvers",
+        "records",
+        "_native",
+    },
+    "hardware": {"locks", "reading", "tables", "model", "demand", "solvers", "measure", "allocation", "_native"},
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
-    "haptics": {"model", "demand", "allocation", "solvers", "_native"},
+    "haptics": {"reading", "model", "demand", "allocation", "solvers", "_native"},
     "experiments": {
         "_native",
+        "reading",
+        "tables",
         "records",
         "model",
         "demand",
@@ -38,6 +55,7 @@ ALLOWED = {
         "workspace",
         "hardware",
         "haptics",
+        "datasets",  # where their files are
     },
     "plots": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "experiments"},
     "cli": {
@@ -51,6 +69,7 @@ ALLOWED = {
         "haptics",
         "experiments",
         "plots",
+        "reading",
         "records",
     },
     "datasets": {"model", "workspace", "experiments"},
@@ -64,11 +83,11 @@ DOORS = {
     "clarabel": {"solvers/quadratic/backends.py"},
     "cvxpy": {"solvers/convex.py"},
     "cobs": {"hardware/frames.py"},
-    "filelock": {"hardware/claims.py"},
+    "filelock": {"locks.py"},
     "highspy": {"experiments/highs.py"},
     "serial": {"hardware/link.py"},
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},
-    "pythonosc": {"haptics/bridge/osc.py", "haptics/bridge/osc_tracker.py"},
+    "pythonosc": {"haptics/bridge/osc_tracker.py"},
     "mcap": {"hardware/record/mcap_file.py"},
     "zstandard": {"hardware/record/mcap_file.py"},
     "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/record/dataset.py"},
@@ -100,8 +119,12 @@ NATIVE = {
     "workspace/wrench_set.py",
     "haptics/brakes.py",
     "hardware/run/pose_tracker.py",
+    "hardware/run/watchdog.py",
     "hardware/simulated.py",
 }
+# Third parties that a file may import as it is imported itself. Optional libraries, and those that are slow to
+# import, are imported where they are used: no room and no verb needs an extra until it does what the extra is for.
+EAGER = {"numpy", "pydantic", "pydantic_core", "typer"}
 HEAVY = (
     "cvxpy",
     "matplotlib",
@@ -140,6 +163,20 @@ def imported(tree: ast.Module) -> Iterator[str]:
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
+def at_import(body: list[ast.stmt]) -> Iterator[str]:
+    """Top-level names that are imported as a file is: not inside functions, nor for type checkers only."""
+    for node in body:
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield str(node.module).partition(".")[0]
+        elif isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            yield from at_import(node.orelse)
+        elif not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            for part in ("body", "orelse", "handlers", "finalbody"):
+                yield from at_import(getattr(node, part, []))
+
+
 def imports_of(name: str) -> list[str]:
     return list(imported(ast.parse((PACKAGE / name).read_text())))
 
@@ -150,7 +187,7 @@ def room(name: str) -> str:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rooms(name: str) -> None:
-    allowed = ALLOWED[room(name)] | {room(name), "errors", "arrays", "__version__"}
+    allowed = ALLOWED[room(name)] | {room(name), "errors", "arrays", "writing", "__version__"}
     for module in imports_of(name):
         package, _, rest = module.partition(".")
         if package == "tensionlab" and rest != "__version__":
@@ -164,6 +201,18 @@ def test_third_parties_have_one_door(name: str) -> None:
         assert doors is None or {name, room(name)} & doors, f"{name} imports {module}"
         if module.startswith("tensionlab._native"):
             assert name in NATIVE, f"{name} imports {module}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
+    third = set(at_import(ast.parse((PACKAGE / name).read_text()).body)) - sys.stdlib_module_names - {"tensionlab"}
+    assert third <= EAGER, f"{name} imports {third - EAGER}: import it in the function that uses it"
+
+
+def test_the_rules_see_what_is_imported_in_the_open() -> None:
+    text = "try:\n    from cobs import cobs\nexcept ImportError:\n    import serial\ndef f():\n    import mcap\n"
+    text += "if TYPE_CHECKING:\n    import zarr\nelse:\n    import rich.table\nclass A:\n    import xarray\n"
+    assert set(at_import(ast.parse(text).body)) == {"cobs", "serial", "rich", "xarray"}
 
 
 def test_the_rules_see_the_package() -> None:

@@ -1,6 +1,8 @@
 """The command ``tensionlab``: one verb per job.
 
-Exit status 0: done. 1: the answer is no. 2: bad input, with one line on stderr that says what to do.
+Exit status 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout
+that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C; verbs that are meant to
+be ended so (``run``, ``serve``, ``simulate``, ``module monitor``, ``module ping``) and stop in good order have 0.
 Everything slow to import is imported by the verb that needs it, so that ``--help`` stays quick.
 """
 
@@ -14,6 +16,7 @@ from typing import Annotated
 import typer
 
 from tensionlab import __version__
+from tensionlab.cli import ending
 from tensionlab.cli.allocate import allocate
 from tensionlab.cli.bench import bench
 from tensionlab.cli.compare import compare
@@ -30,7 +33,6 @@ from tensionlab.cli.simulate import simulate
 from tensionlab.cli.solvers import solvers
 from tensionlab.cli.validate import validate
 from tensionlab.cli.workspace import workspace
-from tensionlab.errors import TensionlabError
 
 NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
@@ -99,8 +101,10 @@ def join_numbers(words: Sequence[str]) -> list[str]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; leaves through `SystemExit`, as a program does."""
     words = sys.argv[1:] if arguments is None else arguments
-    try:
-        app(join_numbers(words), prog_name="tensionlab")
-    except TensionlabError as error:
-        print(f"tensionlab: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
+    raise SystemExit(ending.run(_invoke, join_numbers(words)))
+
+
+def _invoke(words: Sequence[str]) -> None:
+    """Carry out the verb; errors are let through, which the parser's own way of running it would not do."""
+    with typer.main.get_command(app).make_context("tensionlab", list(words)) as context:
+        context.command.invoke(context)

@@ -130,4 +130,4 @@ def _print(rig: Rig, position: Any, asked: list[float], result: Allocation, verd
     unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
     console.print(f"error {output.short(float(result.residual))} {unit}, {verdict}", soft_wrap=True)
     if reason := result.failures.get(0):
-        console.print(reason, soft_wrap=True, markup=False)
+        console.print(reason, soft_wrap=True)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from tensionlab.cli import output
+from tensionlab.errors import ShapeError, WriteError
+from tensionlab.writing import make_folder, write_text
 
 if TYPE_CHECKING:
     from tensionlab.experiments.bench.results import Results
@@ -32,7 +37,12 @@ call: typical time of one; for solvers of the house, in bold, its proof included
 
 def bench(
     out: Annotated[
-        Path, typer.Option(help="Folder for the results; made if it is not there.", show_default=False)
+        Path,
+        typer.Option(
+            callback=output.output_folder(parents=True),
+            help="Folder for the results; made if it is not there.",
+            show_default=False,
+        ),
     ],
     sets: Annotated[
         list[str] | None,
@@ -57,28 +67,43 @@ def bench(
     own, on one thread. Solvers of the house run through the interface; peers, at their defaults and tight, on
     the plain program: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
-    from tensionlab.experiments.bench.run import plan, run
+    from tensionlab.experiments.bench.results import read
+    from tensionlab.experiments.bench.run import measure, plan
 
     what = plan(output.words(sets), output.words(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
-        results = run(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    _write(results, out)
-    _print(results, out, json)
+        kept = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
+    results = read(kept)
+    with output.Keeper(quiet=json) as keeper:
+        _write(results, out, keeper)
+        _print(results, out, json)
+    if kept != out:
+        raise WriteError(f"{out}: cannot be written; the results are in {kept}")
 
 
-def _write(results: Results, out: Path) -> None:
-    """Write the report and its figures."""
+def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
+    """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
     from tensionlab.experiments.bench.report import report
 
-    figures = {"profile": plots.plot_profile, "accuracy": plots.plot_accuracy, "worst": plots.plot_worst}
-    if any(row.path_mm for row in results.rows):
-        figures["continuity"] = plots.plot_continuity
-    (out / "figures").mkdir(exist_ok=True)
+    figures = {
+        "profile": plots.plot_profile,
+        "accuracy": plots.plot_accuracy,
+        "worst": plots.plot_worst,
+        "continuity": plots.plot_continuity,
+    }
+    drawn = []
     for name, draw in figures.items():
-        for suffix in ("png", "pdf"):
-            draw(results, out / "figures" / f"{name}.{suffix}")
-    (out / "report.md").write_text(report(results), encoding="utf-8")
+        paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
+        with suppress(ShapeError):  # nothing to draw, such as no trajectory
+            if all(keeper.write("", path, partial(_draw, draw, results)) for path in paths):
+                drawn.append(name)
+    keeper.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
+
+
+def _draw(draw: Callable[[Results, Path], None], results: Results, path: Path) -> None:
+    make_folder(path.parent)
+    draw(results, path)
 
 
 def _print(results: Results, out: Path, json: bool) -> None:
@@ -97,11 +122,13 @@ def _print(results: Results, out: Path, json: bool) -> None:
             }
         )
         return
+    from rich.text import Text
+
     grid = output.table(f"{len(results.sets)} problem sets, {len(lines)} contestants", gap=1)
     for heading in COLUMNS:
         grid.add_column(heading, justify="left" if heading == "solver" else "right", no_wrap=True)
     for line in lines:
-        name = f"[bold]{line.label}[/bold]" if line.house else line.label
+        name = Text(line.label, "bold" if line.house else "")
         if line.note and line.sgm_s != line.sgm_s:
             grid.add_row(name, line.note, style="dim")
             continue
@@ -119,4 +146,3 @@ def _print(results: Results, out: Path, json: bool) -> None:
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")
-    console.print(f"report: {out / 'report.md'}", soft_wrap=True)

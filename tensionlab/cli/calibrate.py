@@ -92,7 +92,7 @@ def gain(
 @calibrate.command()
 def staircase(
     url: Url,
-    out: Annotated[Path, typer.Option(metavar="CSV", callback=output.output_file, help="Write it there.")],
+    out: Annotated[Path, typer.Option(metavar="CSV", callback=output.output_file(".csv"), help="Write it there.")],
 ) -> None:
     """Pull at a force sensor in steps, up and down, and keep what the module measures.
 
@@ -100,11 +100,14 @@ def staircase(
     `gain URL --sensor FILE --staircase CSV`.
     """
     from tensionlab.hardware.calibration.staircase import climb
+    from tensionlab.hardware.calibration.tables import table_text
 
     with _client(url) as client, output.progress("staircase") as progress:
         record = climb(client, progress)
-    record.save(out)
-    typer.echo(f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N: {out}")
+    with output.Keeper() as keeper:
+        keeper.write_text(
+            f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N", out, table_text(vars(record))
+        )
 
 
 def _client(url: str) -> ModuleClient:

@@ -63,7 +63,9 @@ def lengths(path: RigFile, modules: Modules, json: Json = False) -> None:
 def record(
     path: RigFile,
     modules: Modules,
-    out: Annotated[Path, typer.Option(metavar="CSV", callback=output.output_file, help="Write lengths there.")],
+    out: Annotated[
+        Path, typer.Option(metavar="CSV", callback=output.output_file(".csv"), help="Write lengths there.")
+    ],
     poses: Annotated[int, typer.Option(help="End after so many poses.", min=1)] = 30,
     seconds: Annotated[float, typer.Option(help="End after that time at the latest.", min=1.0)] = 300.0,
 ) -> None:
@@ -72,7 +74,7 @@ def record(
     Spread the poses over the whole workspace. The result is for `anchors`; columns x, y and z may be added to it.
     """
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
-    from tensionlab.hardware.calibration.tables import write_table
+    from tensionlab.hardware.calibration.tables import table_text
     from tensionlab.hardware.run.clock import RealClock
     from tensionlab.model.files import load_rig
 
@@ -81,8 +83,8 @@ def record(
         measured = record_lengths(
             group, rig, RealClock(), poses, seconds, lambda count: typer.echo(f"pose {count}", err=True)
         )
-    write_table(out, columns(rig, measured))
-    typer.echo(f"{len(measured)} poses: {out}")
+    with output.Keeper() as keeper:
+        keeper.write_text(f"{len(measured)} poses", out, table_text(columns(rig, measured)))
 
 
 def anchors(
@@ -98,7 +100,8 @@ def anchors(
         bool, typer.Option("--offsets", help="Each cable's length may be off by a constant; find it as well.")
     ] = False,
     out: Annotated[
-        Path | None, typer.Option(metavar="RIG", callback=output.output_file, help="Write the rig so found there.")
+        Path | None,
+        typer.Option(metavar="RIG", callback=output.output_file(".toml"), help="Write the rig so found there."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -111,7 +114,7 @@ def anchors(
     from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
     from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
     from tensionlab.hardware.calibration.lengths import load_lengths
-    from tensionlab.model.files import load_rig, save_rig
+    from tensionlab.model.files import load_rig, rig_to_toml
 
     rig = load_rig(path)
     values, poses = load_lengths(measured, rig)
@@ -123,15 +126,15 @@ def anchors(
         "after": found.sigma,
         "held_out": held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
     }
-    if out is not None:
-        how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
-        save_rig(calibrated_rig(rig, found, how), out)
-    if json:
-        output.print_json(calibrate_report.anchors_json(rig, found, misfits, out, known=known, offsets=offsets))
-    else:
-        calibrate_report.show_anchors(rig, found, misfits, known=known, offsets=offsets)
-        if out is not None:
-            typer.echo(f"\nrig: {out}")
+    how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
+    with output.Keeper(quiet=json) as keeper:
+        kept = out if out and keeper.write_text("rig", out, rig_to_toml(calibrated_rig(rig, found, how))) else None
+        if json:
+            output.print_json(
+                calibrate_report.anchors_json(rig, found, misfits, kept, known=known, offsets=offsets)
+            )
+        else:
+            calibrate_report.show_anchors(rig, found, misfits, known=known, offsets=offsets)
 
 
 @contextmanager

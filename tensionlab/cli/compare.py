@@ -13,7 +13,7 @@ from tensionlab.cli import output
 from tensionlab.cli.score_table import Column, print_scores
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.comparison import Row
+    from tensionlab.experiments.comparison import Comparison, Row
 
 COLUMNS: list[Column[Row]] = [
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
@@ -58,7 +58,8 @@ def compare(
         Path | None, typer.Option(callback=output.picture_file, help="Draw to this file (png, pdf, svg).")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(callback=output.output_file, help="Write the rows to this Parquet file.")
+        Path | None,
+        typer.Option(callback=output.output_file(".parquet"), help="Write the rows to this Parquet file."),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
@@ -87,27 +88,30 @@ def compare(
         )
     rows = [dataclasses.asdict(row) for row in result.rows]
     manifest = records.manifest(["tensionlab", *sys.argv[1:]])
-    if out:
-        records.write_parquet(out, rows, manifest)
-    if plot:
-        from tensionlab.plots import plot_comparison
+    with output.Keeper(quiet=json) as keeper:
+        if plot:
+            keeper.write("plot", plot, lambda path: _draw(result, path))
+        if out:
+            keeper.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
+        if json:
+            output.print_json(
+                {
+                    "rig": loaded.name,
+                    "position": result.position,
+                    "vectors": len(result.wrenches),
+                    "magnitude": magnitude,
+                    "rows": rows,
+                    "left_out": result.missing,
+                    "manifest": manifest,
+                }
+            )
+            return
+        title = f"{loaded.name}, {loaded.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
+        where = f"at {output.vector(result.position)} m"
+        print_scores(f"{title} {where}", result.rows, COLUMNS, result.missing, LEGEND)
 
-        plot_comparison(result, plot)
-    if json:
-        output.print_json(
-            {
-                "rig": loaded.name,
-                "position": result.position,
-                "vectors": len(result.wrenches),
-                "magnitude": magnitude,
-                "rows": rows,
-                "left_out": result.missing,
-                "manifest": manifest,
-            }
-        )
-        return
-    title = f"{loaded.name}, {loaded.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
-    print_scores(f"{title} at {output.vector(result.position)} m", result.rows, COLUMNS, result.missing, LEGEND)
-    for name, path in (("plot", plot), ("rows", out)):
-        if path:
-            output.console().print(f"{name}: {path}", soft_wrap=True)
+
+def _draw(result: Comparison, path: Path) -> None:
+    from tensionlab.plots import plot_comparison
+
+    plot_comparison(result, path)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab import writing
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ def search(
         Path | None,
         typer.Option(
             metavar="RIG",
-            callback=output.output_file,
+            callback=output.output_file(".toml"),
             help="Write the rig here; for several numbers of modules, one file each: RIG-4.toml, ...",
         ),
     ] = None,
@@ -45,35 +47,35 @@ def search(
     task = load_task(path)
     if seed is not None:
         task = task._replace(seed=seed)
+    counts = [count + len(task.space.fixed) for count in task.space.counts]
+    files = {} if out is None else _files(out, counts)
+    for file in files.values():
+        writing.require_writable(file)
     with output.progress("Layouts") as tell:
         found = task.run(tell)
-    written = {} if out is None else _write(found, out)
-    if json:
-        output.print_json(
-            {
-                "space": task.name,
-                "score": found.objective.describe(),
-                "layouts": [_plain(each, on_front=each in found.front) for each in found.layouts],
-                "written": [str(file) for file in written.values()],
-                "manifest": manifest(["tensionlab", *sys.argv[1:]], task.seed),
-            }
-        )
-        return
-    _print(found, task.name)
-    console = output.console()
-    for name, file in written.items():
-        console.print(f"{name}: {file}", soft_wrap=True, markup=False)
+    with output.Keeper(quiet=json) as keeper:
+        kept = [
+            str(files[each.rig.m])
+            for each in found.layouts
+            if files and keeper.write_text(each.rig.name, files[each.rig.m], each.to_toml())
+        ]
+        if json:
+            output.print_json(
+                {
+                    "space": task.name,
+                    "score": found.objective.describe(),
+                    "layouts": [_plain(each, on_front=each in found.front) for each in found.layouts],
+                    "written": kept,
+                    "manifest": manifest(["tensionlab", *sys.argv[1:]], task.seed),
+                }
+            )
+        else:
+            _print(found, task.name)
 
 
-def _write(found: LayoutSearch, out: Path) -> dict[str, Path]:
-    """Write each rig to a file of its own, by name of the rig."""
-    several = len(found.layouts) > 1
-    files = {}
-    for each in found.layouts:
-        file = out.with_stem(f"{out.stem}-{each.rig.m}") if several else out
-        file.write_text(each.to_toml(), encoding="utf-8")
-        files[each.rig.name] = file
-    return files
+def _files(out: Path, counts: Sequence[int]) -> dict[int, Path]:
+    """Return a file for each number of modules."""
+    return {count: out.with_stem(f"{out.stem}-{count}") if len(counts) > 1 else out for count in counts}
 
 
 def _plain(found: Layout, on_front: bool) -> dict[str, object]:
@@ -100,7 +102,7 @@ def _print(found: LayoutSearch, name: str) -> None:
     """Print what each number of modules buys, and where the modules of the best layout stand."""
     console = output.console()
     if len(found.layouts) > 1:
-        console.print(f"{name}: the score is {found.objective.describe()}", soft_wrap=True, markup=False)
+        console.print(f"{name}: the score is {found.objective.describe()}", soft_wrap=True)
         front = output.table()
         for heading in ("modules", "score", "worst\nmargin N", "beats fewer"):
             front.add_column(heading, justify="left" if heading == "beats fewer" else "right")
@@ -111,7 +113,7 @@ def _print(found: LayoutSearch, name: str) -> None:
         console.print()
     best = found.best
     title = f"{best.rig.name}: {best.score:.4g} is {found.objective.describe()}"
-    console.print(title, soft_wrap=True, markup=False)
+    console.print(title, soft_wrap=True)
     grid = output.table()
     for heading in ("module", "frame", "anchor\nm", "score lost\nwithout it"):
         grid.add_column(heading, justify="left" if heading in ("module", "frame") else "right", no_wrap=True)

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")]
-FORMATS = (".nc", ".parquet")
 EVENTS = 12
 """So many events are printed at most; JSON has all."""
 
@@ -68,7 +67,9 @@ def export(
     to: Annotated[
         Path,
         typer.Option(
-            callback=output.output_file, help="Write to this file: NetCDF (.nc) or Parquet.", show_default=False
+            callback=output.output_file(".nc", ".parquet"),
+            help="Write to this file: NetCDF (.nc) or Parquet.",
+            show_default=False,
         ),
     ],
 ) -> None:
@@ -76,10 +77,8 @@ def export(
     from tensionlab import records
     from tensionlab.hardware.record.dataset import flat_columns, write_netcdf
 
-    if to.suffix not in FORMATS:
-        raise typer.BadParameter(f"--to {to}: it must end in {' or '.join(FORMATS)}")
     run = _read(path)
-    if to.suffix == ".nc":
+    if to.suffix.lower() == ".nc":
         write_netcdf(run, to)
     else:
         records.write_parquet(to, flat_columns(run), run.manifest)
@@ -111,7 +110,8 @@ def replay(
         typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(callback=output.output_file, help="Write the rows to this Parquet file.")
+        Path | None,
+        typer.Option(callback=output.output_file(".parquet"), help="Write the rows to this Parquet file."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -130,24 +130,23 @@ def replay(
         found = replays.replay(run, names, progress)
     rows = [dataclasses.asdict(row) for row in found.rows]
     manifest = {**records.manifest(["tensionlab", *sys.argv[1:]]), "run": run.manifest}
-    if out:
-        records.write_parquet(out, rows, manifest)
-    if json:
-        output.print_json(
-            {
-                "rig": run.rig.name,
-                "cycles": found.cycles,
-                "rows": rows,
-                "left_out": found.missing,
-                "manifest": manifest,
-            }
-        )
-        return
-    title = f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}"
-    own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
-    print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
-    if out:
-        typer.echo(f"rows: {out}")
+    with output.Keeper(quiet=json) as keeper:
+        if out:
+            keeper.write("rows", out, lambda file: records.write_parquet(file, rows, manifest))
+        if json:
+            output.print_json(
+                {
+                    "rig": run.rig.name,
+                    "cycles": found.cycles,
+                    "rows": rows,
+                    "left_out": found.missing,
+                    "manifest": manifest,
+                }
+            )
+            return
+        title = f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}"
+        own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
+        print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
 
 
 def _read(path: Path) -> Run:
@@ -160,7 +159,7 @@ def _read(path: Path) -> Run:
 def _print_info(found: RunReport) -> None:
     console = output.console()
     policy = f", nearest in {found.nearest}" if found.nearest else ""
-    console.print(f"{found.rig}, {found.solver}{policy}", style="bold", markup=False)
+    console.print(f"{found.rig}, {found.solver}{policy}", style="bold")
     console.print(
         f"{found.cycles} cycles in {found.duration:.2f} s, {found.rate:g} a second wanted, {found.missed} missed"
     )
@@ -175,7 +174,7 @@ def _print_info(found: RunReport) -> None:
         written = ", ".join(output.duration(value) for value in times)
         console.print(f"{name}: {written} (median, 99 %, largest), {meaning}")
     if found.complete:
-        console.print(f"ended: {found.ended or 'the log does not say why'}", markup=False)
+        console.print(f"ended: {found.ended or 'the log does not say why'}")
     else:
         console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
     console.print()
@@ -184,7 +183,7 @@ def _print_info(found: RunReport) -> None:
         console.print()
         for event in found.events[:EVENTS]:
             who = f" {event.module}:" if event.module else ""
-            console.print(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}", markup=False, soft_wrap=True)
+            console.print(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}", soft_wrap=True)
         if len(found.events) > EVENTS:
             console.print(f"and {len(found.events) - EVENTS} more events; --json has all", style="dim")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ import typer
 
 from tensionlab.cli import output
 from tensionlab.cli.reach import Json, ModulesFile, Words, complain, on_all, targets
+from tensionlab.writing import make_folder, write_text
 
 if TYPE_CHECKING:
     from tensionlab.hardware.module import ModuleClient
@@ -85,26 +87,33 @@ def dump(
     words: Words = None,
     modules: ModulesFile = None,
     folder: Annotated[
-        Path | None, typer.Option(help="Write NAME.toml there for each module; must exist.", file_okay=False)
+        Path | None,
+        typer.Option(
+            callback=output.output_folder(), help="Write NAME.toml there for each module; made if it is not there."
+        ),
     ] = None,
 ) -> None:
     """Print all parameters of a module as a file (TOML); those of several go to a folder."""
     from tensionlab.hardware.settings import dump as text_of
+    from tensionlab.hardware.settings import file_of
 
     links = targets(words, modules)
     if folder is None and len(links) > 1:
         raise typer.BadParameter("more than one module; give --folder DIRECTORY, for a file of each")
-    if folder is not None:
-        if modules is None:
-            raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
-        output.output_file(folder / "x")
+    if folder is not None and modules is None:
+        raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
     texts, failed = on_all(links, text_of)
-    for name, text in texts.items():
-        if folder is None:
+    if folder is None:
+        for text in texts.values():
             typer.echo(text, nl=False)
-        else:
-            (folder / f"{name}.toml").write_text(text, encoding="utf-8")
-            typer.echo(folder / f"{name}.toml")
+    else:
+        make_folder(folder)
+        with output.Keeper() as keeper:
+            for name, text in texts.items():
+                file = file_of(folder, name)
+                if keeper.write("", file, partial(write_text, text=text)):
+                    typer.echo(file)
+            complain(failed)
     complain(failed)
 
 
@@ -122,19 +131,17 @@ def restore(
     What the file does not name stays as it is. All values are checked before the first is changed. One file serves
     several modules; in a folder, each has its NAME.toml.
     """
-    from tensionlab.hardware.settings import change, parse
+    from tensionlab.errors import HardwareError
+    from tensionlab.hardware.settings import change, file_of, parse
+    from tensionlab.reading import read_text
 
     links = targets(words, modules)
-    files = {name: path / f"{name}.toml" if path.is_dir() else path for name in links}
-    values = {name: parse(_read(file), str(file)) for name, file in files.items()}
+    files = {name: file_of(path, name) if path.is_dir() else path for name in links}
+    values = {
+        name: parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
+        for name, file in files.items()
+    }
     _change(links, lambda client: change(client, values[client.name], str(files[client.name])), save)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise typer.BadParameter(f"{path} cannot be read: {error}") from None
 
 
 def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:

@@ -1,4 +1,4 @@
-"""What the verbs share: numbers from words, refusals, words from numbers, tables, JSON and progress."""
+"""What the verbs share: numbers from words, files to write, words from numbers, tables, JSON and progress."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import typer
+
+from tensionlab import writing
+from tensionlab.errors import WriteError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -65,32 +68,109 @@ def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> Non
         raise typer.BadParameter(str(error)) from None
 
 
-def output_file(path: Path | None) -> Path | None:
-    """Whether a file can be written there; asked before the work, as a callback of the option.
+def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
+    """Return a callback for an option that names a file to write, which is checked before the work.
 
-    Raises
-    ------
-    BadParameter
-        If the folder does not exist.
+    Parameters
+    ----------
+    suffixes : str
+        Those that the file may have, in lower case.
     """
-    if path is not None and not path.absolute().parent.is_dir():
-        raise typer.BadParameter(f"no folder {path.absolute().parent}; make it first")
-    return path
+
+    def check(path: Path | None) -> Path | None:
+        if path is not None:
+            with _as_bad_parameter():
+                writing.require_writable(path, suffixes)
+        return path
+
+    return check
+
+
+def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
+    """Return a callback for an option that names a folder to write to; as `output_file`."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is not None:
+            with _as_bad_parameter():
+                if path.suffix.lower() != suffix and suffix:
+                    raise WriteError(f"{path}: the name must end in {suffix}")
+                writing.require_folder(path, parents=parents)
+        return path
+
+    return check
 
 
 def picture_file(path: Path | None) -> Path | None:
-    """Whether a picture can be written there; asked before the work, as a callback of the option.
-
-    Raises
-    ------
-    BadParameter
-        If the folder does not exist, or the suffix is that of no picture.
-    """
+    """Check that a picture can be written there; as the callback of `output_file`."""
+    if path is None:
+        return None
     from tensionlab.plots import METADATA
 
-    if path is not None and path.suffix.lower() not in METADATA:
-        raise typer.BadParameter(f"{path} is no picture; it must end in {', '.join(METADATA)}")
-    return output_file(path)
+    return output_file(*METADATA)(path)
+
+
+@contextlib.contextmanager
+def _as_bad_parameter() -> Iterator[None]:
+    """Have the parser say which option it was."""
+    try:
+        yield
+    except WriteError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+class Keeper:
+    """Writes results to files; says where they are, and what could not be written, when they have been shown.
+
+    A context manager: its block shows the results.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether not to print where files are, because stdout is JSON.
+    """
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self._quiet = quiet
+        self._lines: list[str] = []
+        self._failed: list[WriteError] = []
+
+    def __enter__(self) -> Self:
+        """Write, and show meanwhile."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Say where files are.
+
+        Raises
+        ------
+        WriteError
+            For the first that could not be written.
+        """
+        if kind in (None, typer.Exit) and not self._quiet:
+            for line in self._lines:
+                typer.echo(line)
+        if self._failed:
+            raise self._failed[0]
+
+    def write(self, name: str, path: Path, write: Callable[[Path], object]) -> bool:
+        """Write a file, and return whether that went well. Without a name, it is not shown where."""
+        try:
+            write(path)
+        except WriteError as error:
+            self._failed.append(error)
+            return False
+        if name:
+            self._lines.append(f"{name}: {path}")
+        return True
+
+    def write_text(self, name: str, path: Path, text: str) -> bool:
+        """Write a text like `write`; what cannot be written is printed, so that it is not lost."""
+        if self.write(name, path, lambda place: writing.write_text(place, text)):
+            return True
+        if not self._quiet:
+            self._lines.append(text)
+            self._failed[-1] = WriteError(f"{self._failed[-1]}; it is printed on stdout instead")
+        return False
 
 
 def short(value: float) -> str:
@@ -128,11 +208,20 @@ def components(rig: Rig) -> list[str]:
     return [f"F{axis} (N)" for axis in axes] + [f"M{axis} (N·m)" for axis in torques]
 
 
-def console() -> Console:
-    """Where tables are printed: as wide as the terminal, or 120 columns in a pipe or file."""
+def console(*, stderr: bool = False) -> Console:
+    """Return where tables are printed: as wide as the terminal, or 120 columns in a pipe or file.
+
+    Names are printed as they are: no brackets in them are markup, no colons emoji.
+    """
     from rich.console import Console
 
-    return Console(width=None if sys.stdout.isatty() else WIDTH, highlight=False)
+    class Screen(Console):
+        def on_broken_pipe(self) -> None:
+            """Let `tensionlab.cli.ending` see it."""
+            raise  # noqa: PLE0704 - rich calls this where it has caught the error
+
+    width = None if sys.stdout.isatty() or stderr else WIDTH
+    return Screen(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
 
 
 def table(title: str = "", gap: int = 2) -> Table:
@@ -178,9 +267,14 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
     callable
         To be told the share that is done, from 0 to 1.
     """
-    from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda done: bar.update(task, completed=done)

@@ -88,7 +88,10 @@ def show(
 def export(
     name: Annotated[str, typer.Option("--set", help="Name of a set.", show_default=False)],
     out: Annotated[
-        Path, typer.Option(callback=output.output_file, help="The Parquet file to write.", show_default=False)
+        Path,
+        typer.Option(
+            callback=output.output_file(".parquet"), help="The Parquet file to write.", show_default=False
+        ),
     ],
     count: Count = 1000,
     seed: Seed = 0,

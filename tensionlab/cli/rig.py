@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab import writing
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
+    from tensionlab.experiments.checks import Finding
+    from tensionlab.model.kinematics import Floats
     from tensionlab.model.rig import Rig
 
 rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
@@ -23,37 +27,48 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of the ta
 @rig.command()
 def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     """Show the modules of a rig: anchors, cables at home, limits. Body frames stay at rest."""
-    loaded = _load(path, plot)
+    from tensionlab.model.files import load_rig
+
+    loaded = load_rig(path)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
-    if json:
-        output.print_json(
+    with output.Keeper(quiet=json) as keeper:
+        if plot:
+            keeper.write("plot", plot, lambda picture: _draw(loaded, picture))
+        if json:
+            output.print_json(_plain(loaded, lengths))
+        else:
+            _show(loaded, lengths)
+
+
+def _plain(loaded: Rig, lengths: Floats) -> dict[str, object]:
+    return {
+        "rig": loaded.name,
+        "kind": loaded.kind,
+        "components": loaded.n,
+        "home": loaded.home,
+        "frames": loaded.frames,
+        "modules": [
             {
-                "rig": loaded.name,
-                "kind": loaded.kind,
-                "components": loaded.n,
-                "home": loaded.home,
-                "frames": loaded.frames,
-                "modules": [
-                    {
-                        "name": module.name,
-                        "frame": module.frame,
-                        "anchor": module.anchor,
-                        "attachment": module.attachment,
-                        "length_at_home": length,
-                        "lower": module.lower,
-                        "upper": module.upper,
-                        "brake": module.brake,
-                    }
-                    for module, length in zip(loaded.modules, lengths, strict=True)
-                ],
+                "name": module.name,
+                "frame": module.frame,
+                "anchor": module.anchor,
+                "attachment": module.attachment,
+                "length_at_home": length,
+                "lower": module.lower,
+                "upper": module.upper,
+                "brake": module.brake,
             }
-        )
-        return
+            for module, length in zip(loaded.modules, lengths, strict=True)
+        ],
+    }
+
+
+def _show(loaded: Rig, lengths: Floats) -> None:
     console = output.console()
     if loaded.description:
-        console.print(loaded.description, markup=False)
+        console.print(loaded.description)
     if loaded.source:
-        console.print(f"Source: {loaded.source}", markup=False)
+        console.print(f"Source: {loaded.source}")
     console.print()
     where = f"home {output.vector(loaded.home)} m"
     grid = output.table(f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} components, {where}")
@@ -80,8 +95,6 @@ def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
             "–" if module.brake is None else f"{module.brake:g}",
         )
     console.print(grid)
-    if plot:
-        console.print(f"plot: {plot}", soft_wrap=True)
 
 
 @rig.command()
@@ -91,34 +104,41 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     Body frames stay at rest, at the origin of the world.
     """
     from tensionlab.experiments.checks import check_rig
+    from tensionlab.model.files import load_rig
 
-    loaded = _load(path, plot)
+    loaded = load_rig(path)
     findings = check_rig(loaded)
     passed = all(finding.passed is not False for finding in findings)
-    if json:
-        output.print_json(
-            {
-                "rig": loaded.name,
-                "passed": passed,
-                "checks": [
-                    {"check": finding.name, "passed": finding.passed, "finding": finding.text}
-                    for finding in findings
-                ],
-            }
-        )
-    else:
-        console = output.console()
-        frames = ", with its body frames at rest" if loaded.frames else ""
-        grid = output.table(f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}")
-        for heading in ("", "check", "finding"):
-            grid.add_column(heading, no_wrap=heading != "finding")
-        words = {True: "[green]yes[/green]", False: "[red]no[/red]", None: "note"}
-        for finding in findings:
-            grid.add_row(words[finding.passed], finding.name, finding.text)
-        console.print(grid)
+    with output.Keeper(quiet=json) as keeper:
         if plot:
-            console.print(f"plot: {plot}", soft_wrap=True)
+            keeper.write("plot", plot, lambda picture: _draw(loaded, picture))
+        if json:
+            output.print_json(
+                {
+                    "rig": loaded.name,
+                    "passed": passed,
+                    "checks": [
+                        {"check": finding.name, "passed": finding.passed, "finding": finding.text}
+                        for finding in findings
+                    ],
+                }
+            )
+        else:
+            _show_findings(loaded, findings, passed)
     raise typer.Exit(0 if passed else 1)
+
+
+def _show_findings(loaded: Rig, findings: Sequence[Finding], passed: bool) -> None:
+    from rich.text import Text
+
+    frames = ", with its body frames at rest" if loaded.frames else ""
+    grid = output.table(f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}")
+    for heading in ("", "check", "finding"):
+        grid.add_column(heading, no_wrap=heading != "finding")
+    words = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("note")}
+    for finding in findings:
+        grid.add_row(words[finding.passed], finding.name, finding.text)
+    output.console().print(grid)
 
 
 @rig.command("import")
@@ -133,7 +153,9 @@ def import_(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="RIG", callback=output.output_file, help="Write the rig file here, not to stdout."),
+        typer.Option(
+            metavar="RIG", callback=output.output_file(".toml"), help="Write the rig file here, not to stdout."
+        ),
     ] = None,
 ) -> None:
     """Make a rig file of a model of CASPR, the cable-robot library; one body that moves in a plane or in space."""
@@ -146,8 +168,8 @@ def import_(
         return
     save_rig(imported, out)
     console = output.console()
-    console.print(imported.description, markup=False)
-    console.print(f"rig: {out}, {imported.kind}, {imported.m} cables", soft_wrap=True, markup=False)
+    console.print(imported.description)
+    console.print(f"rig: {out}, {imported.kind}, {imported.m} cables", soft_wrap=True)
 
 
 @rig.command()
@@ -156,7 +178,10 @@ def export(
     mjcf: Annotated[
         Path,
         typer.Option(
-            metavar="FILE", callback=output.output_file, help="Write a MuJoCo model here.", show_default=False
+            metavar="FILE.xml",
+            callback=output.output_file(".xml"),
+            help="Write a MuJoCo model here.",
+            show_default=False,
         ),
     ],
 ) -> None:
@@ -165,17 +190,11 @@ def export(
     from tensionlab.model.mjcf import rig_to_mjcf
 
     loaded = load_rig(path)
-    mjcf.write_text(rig_to_mjcf(loaded), encoding="utf-8")
-    output.console().print(f"model: {mjcf}, {loaded.m} tendons", soft_wrap=True, markup=False)
+    writing.write_text(mjcf, rig_to_mjcf(loaded))
+    output.console().print(f"model: {mjcf}, {loaded.m} tendons", soft_wrap=True)
 
 
-def _load(path: Path, plot: Path | None) -> Rig:
-    """Read a rig, and draw it if asked to."""
-    from tensionlab.model.files import load_rig
+def _draw(loaded: Rig, path: Path) -> None:
+    from tensionlab.plots import plot_rig
 
-    loaded = load_rig(path)
-    if plot:
-        from tensionlab.plots import plot_rig
-
-        plot_rig(loaded, plot)
-    return loaded
+    plot_rig(loaded, path)

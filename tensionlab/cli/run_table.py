@@ -38,7 +38,11 @@ class Screen:
         from rich.live import Live
 
         self._live = Live(
-            get_renderable=lambda: live_table(runner), refresh_per_second=refresh, transient=True, screen=False
+            get_renderable=lambda: live_table(runner),
+            console=output.console(),
+            refresh_per_second=refresh,
+            transient=True,
+            screen=False,
         )
 
     def __enter__(self) -> Self:
@@ -99,6 +103,8 @@ def summary_table(runner: Runner) -> Table:
     for client in runner.modules.clients:
         if client.bad_frames:
             table.add_row(f"damaged frames of {client.name}", str(client.bad_frames))
+    for name, upper in statistics.derated.items():
+        table.add_row(f"derated: {name}", f"down to {upper:.2f} N, so that it did not get too hot")
     for name, why in statistics.lost.items():
         table.add_row(f"lost: {name}", why)
     return table

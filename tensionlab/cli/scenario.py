@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab import writing
 from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
+from tensionlab.cli.ending import INTERRUPTED, say
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated, positive
 
 if TYPE_CHECKING:
     from tensionlab.experiments.scenarios import feel, play
@@ -27,7 +29,9 @@ def scenario(
     ],
     modules: Modules = None,
     solver: Solver = "newton",
-    seconds: Annotated[float | None, typer.Option(help="How much of it; all if left out.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(callback=positive, help="How much of it; all if left out.")
+    ] = None,
     osc: Annotated[
         int | None,
         typer.Option(
@@ -38,7 +42,8 @@ def scenario(
         ),
     ] = None,
     log: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", callback=output.output_file, help="Keep every cycle there.")
+        Path | None,
+        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
     ] = None,
     plot: Annotated[
         Path | None,
@@ -67,27 +72,31 @@ def scenario(
     check_solver(played_one.rig, solver, played_one.nearest)
     if seconds is not None and not 0.0 < seconds <= played_one.seconds:
         raise typer.BadParameter(f"--seconds is above 0 and at most {played_one.seconds:g}; got {seconds:g}")
-    picture = plot or output.picture_file(Path(f"scenario-{played_one.name}.png"))
-    assert picture is not None
+    picture = plot or Path(f"scenario-{played_one.name}.png")
+    writing.require_writable(picture)
     with ExitStack() as opened, output.progress(played_one.title) as progress:
         reached = _reached(played_one, modules, osc, opened)
         try:
             call = ["tensionlab", *sys.argv[1:]]
             played = play(played_one, reached, solver, seconds, log, call, progress)
         except HardwareError as error:
-            typer.echo(f"tensionlab: {error}", err=True)
+            say(str(error))
             raise typer.Exit(1) from None
-    whole = seconds is None or seconds == played_one.seconds
+    interrupted = played.statistics.ended.startswith("signal") and not played.statistics.emergency
+    whole = seconds in (None, played_one.seconds) and not interrupted
     rows = expected(played) if whole else ()
     found = directions(played.run)
-    plot_scenario(played, rows, picture)
-    if json:
-        output.print_json(_as_json(played, rows, found, picture))
-    else:
-        _show(played, rows, found)
-        if not whole:
-            typer.echo("What it should feel like is judged when it is played as a whole.")
-        typer.echo(f"Picture: {picture}")
+    with output.Keeper(quiet=json) as keeper:
+        keeper.write("Picture", picture, lambda path: plot_scenario(played, rows, path))
+        if json:
+            output.print_json(_as_json(played, rows, found, picture))
+        else:
+            _show(played, rows, found)
+            if not whole:
+                typer.echo("What it should feel like is judged when it is played as a whole.")
+    if interrupted:
+        say(f"interrupted after {len(played.run)} cycles; its modules have been stopped")
+        raise typer.Exit(INTERRUPTED)
     wrong = not all(row.met for row in rows) or found.reasons["unexplained"] > 0
     if wrong or played.statistics.unconfirmed or played.statistics.lost or played.statistics.emergency:
         raise typer.Exit(1)
@@ -118,7 +127,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     links = module_links(scenario.rig, modules)
     mailbox = tracker = None
     if osc is not None:
-        mailbox = Mailbox()
+        mailbox = Mailbox(scenario.rig)
         opened.enter_context(OscDoor(mailbox, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
         tracker = tracked_pose(scenario.rig, mailbox)
     group = opened.enter_context(closing(connect(scenario.rig, links)))

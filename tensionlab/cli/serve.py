@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
 
 if TYPE_CHECKING:
     from tensionlab.haptics.scenarios import Scenario
     from tensionlab.hardware import Runner, RunSettings
     from tensionlab.model.rig import Rig
 
+TOKEN = "TENSIONLAB_BRIDGE_TOKEN"
+"""Variable of the environment that may hold what clients must know."""
 QUICK = 300.0
 """How fast tensions may change, in N/s: the most that modules take. At the 60 N/s with which they come, a hand
 that is pressed against a wall of 300 N/m shakes, even where the module renders it."""
@@ -38,22 +41,40 @@ def serve(
     solver: Solver = "newton",
     rate: Annotated[
         float | None,
-        typer.Option(help="Cycles a second.  [default: 50, or the scenario's]", show_default=False),
+        typer.Option(
+            callback=positive, help="Cycles a second.  [default: 50, or the scenario's]", show_default=False
+        ),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(help="How long; until Ctrl-C if left out.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(callback=positive, help="How long; until Ctrl-C if left out.")
+    ] = None,
     host: Annotated[
-        str, typer.Option(help="Where to listen; beyond this machine with --token only.")
+        str, typer.Option(help=f"Where to listen; beyond this machine with a token only: {TOKEN} or --token-file.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Of the WebSocket; 0 takes a free one.", min=0, max=65535)] = 8765,
     osc: Annotated[
         int | None, typer.Option(metavar="PORT", help="Listen for OSC there as well.", min=0, max=65535)
     ] = None,
-    token: Annotated[str | None, typer.Option(help="What clients must know.")] = None,
+    osc_host: Annotated[
+        str,
+        typer.Option(
+            help="Where to listen for OSC, whatever --host is. OSC knows no token: whoever reaches it sets forces."
+        ),
+    ] = "127.0.0.1",
+    token_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help=f"What clients must know is in this file, or in the environment as {TOKEN}: not in the command "
+            "line, which others on this machine can read.",
+        ),
+    ] = None,
     page: Annotated[
         list[str] | None, typer.Option(metavar="ORIGIN", help="A web page that may connect; also repeated.")
     ] = None,
     log: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", callback=output.output_file, help="Keep every cycle there.")
+        Path | None,
+        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
     ] = None,
 ) -> None:
     """Let a program drive a rig over a WebSocket: poses and effects in, the state out. BRIDGE.md has the messages.
@@ -61,13 +82,13 @@ def serve(
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
     from tensionlab.cli.run_table import summary_table
-    from tensionlab.experiments.scenarios.play import fast_enough, needs_tracker
-    from tensionlab.haptics.bridge.mailbox import Mailbox
+    from tensionlab.experiments.scenarios.play import fast_enough, module_limits, needs_tracker
+    from tensionlab.haptics.bridge.mailbox import HAND, Mailbox
     from tensionlab.haptics.bridge.messages import Welcome
     from tensionlab.haptics.bridge.news import News
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.server import Bridge
-    from tensionlab.haptics.bridge.source import HAND, BridgedDemand, FreeEffects, Inner, tracked_pose
+    from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
     from tensionlab.haptics.effects.compose import FADE, PATIENCE
     from tensionlab.haptics.scenarios import ScenarioDemand
     from tensionlab.hardware import Runner
@@ -75,7 +96,7 @@ def serve(
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
 
     loaded, played_one = _loaded(rig, scenario)
-    settings, mailbox = _settings(played_one, rate), Mailbox()
+    settings, mailbox = _settings(played_one, rate), Mailbox(loaded)
     check_solver(loaded, solver, settings.nearest)
     follow = tracked_pose(loaded, mailbox)
     welcome = Welcome(
@@ -88,7 +109,7 @@ def serve(
     )
     limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
     news = News(loaded, limits, brakes, lambda: mailbox.count)
-    bridge = Bridge(mailbox, welcome, news.state, host, port, token, tuple(page or ()))
+    bridge = Bridge(mailbox, welcome, news.state, host, port, _token(token_file), tuple(page or ()))
     news.tell = bridge.tell
     inner: Inner = (
         FreeEffects(loaded, mailbox) if played_one is None else ScenarioDemand(played_one, news.note, repeat=True)
@@ -97,12 +118,18 @@ def serve(
         stack.enter_context(bridge)
         typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
         if osc is not None:
-            door = stack.enter_context(OscDoor(mailbox, host, osc, lambda why: typer.echo(why, err=True)))
+
+            def ignored(why: str) -> None:
+                typer.echo(why, err=True)
+                news.note("ignored", why)
+
+            door = stack.enter_context(OscDoor(mailbox, osc_host, osc, ignored))
             typer.echo(f"OSC at UDP port {door.port}")
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
         stack.enter_context(fast_enough(group, QUICK if played_one is None else played_one.slew))
-        demand = BridgedDemand(mailbox, inner, news.take)
+        inner.renderer.limits = module_limits(loaded, group)
+        demand = BridgedDemand(mailbox, inner, news.take, news.note)
         tracker = follow if played_one is not None or needs_tracker(loaded) else None
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
@@ -127,21 +154,34 @@ def _loaded(rig: Path | None, scenario: str | None) -> tuple[Rig, Scenario | Non
     return load_rig(rig), None
 
 
+def _token(file: Path | None) -> str | None:
+    """Return what clients must know: from a file or, without one, from the environment."""
+    if file is None:
+        return os.environ.get(TOKEN) or None
+    try:
+        token = file.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise typer.BadParameter(f"--token-file {file} cannot be read: {error}") from None
+    if not token:
+        raise typer.BadParameter(f"--token-file {file} is empty; put into it what clients must know")
+    return token
+
+
 def _settings(played_one: Scenario | None, rate: float | None) -> RunSettings:
     from tensionlab.hardware import RunSettings
 
     if played_one is None:
         return RunSettings() if rate is None else RunSettings(rate=rate)
-    return RunSettings(rate=rate or played_one.rate, nearest=played_one.nearest)
+    return RunSettings(rate=played_one.rate if rate is None else rate, nearest=played_one.nearest)
 
 
 def _run(runner: Runner, seconds: float | None) -> bool:
     """Run until it ends; whether something went wrong, which is said."""
-    from tensionlab.errors import HardwareError
+    from tensionlab.errors import TensionlabError
 
     try:
         runner.run(seconds)
-    except HardwareError as error:
+    except TensionlabError as error:  # also an effect of a scenario's own that fails
         typer.echo(f"tensionlab: {error}", err=True)
         return True
     return False

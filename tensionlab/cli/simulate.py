@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab import writing
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
@@ -33,7 +34,8 @@ def simulate(
     ] = 0,
     pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
     modules: Annotated[
-        Path | None, typer.Option(callback=output.output_file, help="Write the modules file there as well.")
+        Path | None,
+        typer.Option(callback=output.output_file(".toml"), help="Write the modules file there as well."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all noise and accidents.", min=0)] = 0,
     latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.")] = 0.0,
@@ -57,7 +59,9 @@ def simulate(
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option(callback=output.output_file, help="Write there (CSV) what the cables really pull with."),
+        typer.Option(
+            callback=output.output_file(".csv"), help="Write there (CSV) what the cables really pull with."
+        ),
     ] = None,
     scenario: Annotated[
         str | None,
@@ -90,7 +94,7 @@ def simulate(
     config_file: Annotated[
         Path | None,
         typer.Option(
-            callback=output.output_file,
+            callback=output.output_file(),
             help="Settings, read at the start and written when the module saves. In a rig, -1, -2, ... is put "
             "before the suffix.",
         ),
@@ -154,6 +158,9 @@ def simulate(
             for index, (name, (module, settings_file)) in enumerate(simulated.items())
             if name in chosen
         ]
+        ports = opened.enter_context(ExitStack())
+        for opening in served:
+            ports.callback(opening.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         watchers = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
@@ -163,8 +170,8 @@ def simulate(
         if record is not None:
             watchers.append(opened.enter_context(Recording(record, chosen)).take)
         if modules is not None:
-            modules.write_text(text, encoding="utf-8")
-
+            writing.write_text(modules, text)
+        ports.pop_all()  # from here on, they are closed by serve
         ended = []
         for each in (signal.SIGINT, signal.SIGTERM):
             signal.signal(each, lambda number, _: ended.append(number))

@@ -50,6 +50,8 @@ def solvers(
             ", ".join(entry["nearest"]) or "–",
             entry["objective"],
         )
+    from rich.text import Text
+
     console = output.console()
     console.print(grid)
     console.print()
@@ -58,7 +60,7 @@ def solvers(
         families.setdefault(entry["solver"].partition(":")[0], entry["source"])
     for family, source in families.items():
         if source:
-            console.print(f"[bold]{family}[/bold]: {source}")
-    console.print('\nA missing one: pip install "tensionlab\\[solvers]" brings every QP backend.', style="dim")
+            console.print(Text.assemble((family, "bold"), f": {source}"))
+    console.print('\nA missing one: pip install "tensionlab[solvers]" brings every QP backend.', style="dim")
     for fault in broken.values():
-        console.print(f"Left out: {fault}", style="red", markup=False, soft_wrap=True)
+        console.print(f"Left out: {fault}", style="red", soft_wrap=True)

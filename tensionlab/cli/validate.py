@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.ending import INTERRUPTED, say
 from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
 
 if TYPE_CHECKING:
@@ -50,7 +51,13 @@ def validate(
         float, typer.Option(help="How long each force is held, in s; the first 0.3 s are not averaged.")
     ] = 1.0,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for measurements and report.", show_default=False)
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            callback=output.output_folder(),
+            help="Folder for measurements and report.",
+            show_default=False,
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
@@ -62,7 +69,6 @@ def validate(
     from contextlib import ExitStack
 
     from tensionlab.errors import HardwareError, LogError
-    from tensionlab.experiments.validation.report import HEADINGS, remarks, rows
     from tensionlab.experiments.validation.results import result_of
     from tensionlab.experiments.validation.sitting import validate as measure
 
@@ -70,7 +76,6 @@ def validate(
         raise typer.BadParameter("--out is missing; name a folder for measurements and report")
     plan = _plan(rig, modules, sensor, solver, preset, seed, hold)
     total = len(plan.protocol.forces)
-    output.output_file(out)
     if modules is None:
         note_simulated()
     with ExitStack() as opened, output.progress(f"{total} forces") as progress:
@@ -80,19 +85,27 @@ def validate(
         except LogError:
             raise  # the folder is not the right one
         except HardwareError as error:
-            typer.echo(f"tensionlab: {error}", err=True)
+            say(str(error))
             raise typer.Exit(1) from None
     if len(measurements) < total:
-        typer.echo(
-            f"{len(measurements)} of {total} forces are measured; the same command goes on with the others",
-            err=True,
+        say(
+            f"interrupted: {len(measurements)} of {total} forces are measured; the same command goes on with the "
+            "others"
         )
-        raise typer.Exit(1)
+        raise typer.Exit(INTERRUPTED)
     result = result_of(setup, measurements)
-    report = _written(result, plan, sensor, out)
-    if json:
-        output.print_json(report)
-        return
+    with output.Keeper(quiet=True) as keeper:
+        report = _written(result, plan, sensor, out, keeper)
+        if json:
+            output.print_json(report)
+        else:
+            _show(result, plan)
+
+
+def _show(result: Result, plan: Plan) -> None:
+    """Print measured beside published values."""
+    from tensionlab.experiments.validation.report import HEADINGS, remarks, rows
+
     table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces")
     for heading in HEADINGS:
         table.add_column(heading, justify="left" if not heading else "right")
@@ -152,8 +165,8 @@ def _reached(plan: Plan, modules: str, sensor: str, opened: ExitStack) -> tuple[
     return opened.enter_context(closing(connect(plan.rig, links))), felt
 
 
-def _written(result: Result, plan: Plan, sensor: str, out: Path) -> dict[str, object]:
-    """Write report and table; what the report says."""
+def _written(result: Result, plan: Plan, sensor: str, out: Path, keeper: output.Keeper) -> dict[str, object]:
+    """Write report, table and recording, and return what the report says."""
     import json
 
     from tensionlab.experiments.recordings import write
@@ -163,9 +176,9 @@ def _written(result: Result, plan: Plan, sensor: str, out: Path) -> dict[str, ob
 
     origin = manifest(["tensionlab", *sys.argv[1:]], plan.seed if plan.preset else None)
     report = as_json(result, origin)
-    (out / "report.json").write_text(json.dumps(output.plain(report), indent=2) + "\n", encoding="utf-8")
-    (out / "report.md").write_text(as_markdown(result), encoding="utf-8")
-    (out / "table.tex").write_text(as_latex(result), encoding="utf-8")
+    keeper.write_text("report", out / "report.json", json.dumps(output.plain(report), indent=2) + "\n")
+    keeper.write_text("report", out / "report.md", as_markdown(result))
+    keeper.write_text("table", out / "table.tex", as_latex(result))
     name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
-    write(out / name, recording_of(result, plan.rig, sensor, origin))
+    keeper.write("recording", out / name, lambda path: write(path, recording_of(result, plan.rig, sensor, origin)))
     return report

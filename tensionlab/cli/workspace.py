@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli import output
+from tensionlab.writing import unwritable
 
 if TYPE_CHECKING:
     import xarray
@@ -66,7 +67,12 @@ def workspace(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Write to this folder, DIR.zarr; a sweep that was killed goes on.", show_default=False),
+        typer.Option(
+            metavar="DIR.zarr",
+            callback=output.output_folder(".zarr"),
+            help="Write to this folder; a sweep that was killed goes on.",
+            show_default=False,
+        ),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Evaluate on a Dask cluster, tcp://HOST:PORT.", show_default=False)
@@ -99,26 +105,30 @@ def workspace(
     frames = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     asked = output.words(measures)
     asked = MEASURES if asked is None else asked
-    data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
-    if plot is not None:
-        _draw(data, plot, view, asked[0] if measures else DRAWN)
+    try:
+        data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
+    except OSError as error:  # as Zarr has it, without the name of a file
+        if out is None:
+            raise
+        raise unwritable(out, error) from None
     found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in asked]
-    if json:
-        output.print_json(
-            {
-                "poses": found[0][2].poses,
-                "out": None if out is None else str(out),
-                "rows": [
-                    {"rig": rig, "measure": name, "unit": data[name].units, **dataclasses.asdict(summary)}
-                    for rig, name, summary in found
-                ],
-                "manifest": json_text.loads(data.manifest),
-            }
-        )
-        return
-    _print(found, where, out)
-    if plot:
-        output.console().print(f"plot: {plot}", soft_wrap=True)
+    with output.Keeper(quiet=json) as keeper:
+        if plot is not None:
+            keeper.write("plot", plot, lambda path: _draw(data, path, view, asked[0] if measures else DRAWN))
+        if json:
+            output.print_json(
+                {
+                    "poses": found[0][2].poses,
+                    "out": None if out is None else str(out),
+                    "rows": [
+                        {"rig": rig, "measure": name, "unit": data[name].units, **dataclasses.asdict(summary)}
+                        for rig, name, summary in found
+                    ],
+                    "manifest": json_text.loads(data.manifest),
+                }
+            )
+        else:
+            _print(found, where, out)
 
 
 def _draw(data: xarray.Dataset, path: Path, view: View, measure: str) -> None:

@@ -85,4 +85,5 @@ def _room_rig(name: str, floor: list[tuple[float, float]], ceiling: list[tuple[f
         Module(name=str(number), anchor=np.array(place), lower=lower, upper=upper)
         for number, place in enumerate(places, 1)
     ]
-    return Rig(name=name, kind="point", modules=tuple(modules), home=np.array([0.0, ROOM[1] / 2, 0.0]))
+    home = np.array([0.0, ROOM[1] / 2, 0.0])
+    return Rig(name=name, kind="point", modules=tuple(modules), home=home, up="y")

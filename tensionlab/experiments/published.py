@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 from tensionlab.errors import ShapeError
+from tensionlab.reading import read_toml
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,12 @@ def read(path: str | Path) -> Published:
     ShapeError
         If there are none; says what is missing or unknown.
     """
+    tables = read_toml(path, "published values (*.toml)", ShapeError)
     try:
-        tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         parts = {
             part: {name: Value(**entry) for name, entry in tables[part].items()}
             for part in ("protocol", "results")
         }
         return Published(source=tables["source"], **parts)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ShapeError(f"{path}: no published values ({type(error).__name__}: {error})") from None

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
+from tensionlab import datasets
 from tensionlab.errors import RigError
 from tensionlab.experiments.random_rigs import unit
 from tensionlab.model.files import load_rig
@@ -13,9 +12,6 @@ from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Floats
 from tensionlab.workspace import capacity_margin
 
-_INSTALLED, _SOURCE = (house / "datasets" / "rigs" for house in Path(__file__).parents[1:3])
-RIGS = _INSTALLED if _INSTALLED.is_dir() else _SOURCE
-"""Inside the installed package, or in its source tree."""
 GRAVITY = 9.81
 """m/s²."""
 
@@ -39,17 +35,14 @@ DRAWS = 200
 
 
 def find_rig(name: str) -> Rig:
-    """Which rig has this name in `datasets/rigs`?
+    """Read a rig that comes with the package, by its name in `datasets/rigs`.
 
     Raises
     ------
-    RigError
-        If the file is not there.
+    ShapeError, RigError
+        If the data sets are not there, or the rig is not among them.
     """
-    file = RIGS / f"{name}.toml"
-    if not file.is_file():
-        raise RigError(f"{file}: no such file; problem sets of real rigs need it, so install tensionlab again")
-    return load_rig(file)
+    return load_rig(datasets.folder() / "rigs" / f"{name}.toml")
 
 
 def asked(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
@@ -58,7 +51,7 @@ def asked(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
     Parameters
     ----------
     rig : Rig
-        In space. One whose platform has a mass has Z up.
+        In space. One whose platform has a mass must say which axis is up.
     force : (B, 3) array
         In N, exerted on the centre of mass, or on the reference point if that is not known.
     rotation : (B, 3, 3) array or None
@@ -69,8 +62,7 @@ def asked(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
     (B, n) array
         In N (and N·m, about the reference point).
     """
-    mass = 0.0 if rig.platform is None else rig.platform.mass
-    total: Floats = force + np.array([0.0, 0.0, mass * GRAVITY])
+    total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY * rig.upward
     if rig.n == 3:
         return total
     com = np.zeros(3) if rig.platform is None or rig.platform.com is None else np.asarray(rig.platform.com)

@@ -5,7 +5,6 @@ One Parquet table, a row for each force. `datasets/recordings/README.md` has its
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,12 +15,14 @@ from numpy.typing import NDArray
 
 from tensionlab import records
 from tensionlab.errors import ShapeError
+from tensionlab.reading import brief
 from tensionlab.solvers.contract import Floats, Integers, Status
+from tensionlab.tables import read_parquet
 
 AXES = "xyz"
 FORCES = ("desired", "rendered", "measured")
-PLAIN = ("spread", "status", "replaced", "samples", "hindered")
-"""One value for each force."""
+PLAIN = {"spread": float, "status": str, "replaced": bool, "samples": int, "hindered": str}
+"""One value for each force, and of which type it is."""
 ABOUT = {
     "simulated": bool,
     "rig": str,
@@ -78,15 +79,7 @@ class Recording:
     manifest: dict[str, Any]
 
     def __post_init__(self) -> None:
-        about = self.manifest.get("recording")
-        if not isinstance(about, Mapping):
-            raise ShapeError('the manifest of a recording has no entry "recording"')
-        for name, kind in ABOUT.items():
-            value = about.get(name)
-            if not isinstance(value, kind) and not (kind is float and isinstance(value, int)):
-                raise ShapeError(f'the manifest of a recording needs recording["{name}"], a {kind.__name__}')
-        if about["alignment"] not in about["rotations"]:
-            raise ShapeError(f'the recording has no rotation "{about["alignment"]}", which was applied')
+        about = _about(self.manifest)
         count, modules = len(self.desired), len(about["modules"])
         shapes: dict[str, tuple[int, ...]] = {"tensions": (count, modules)}
         shapes |= dict.fromkeys(FORCES, (count, 3)) | dict.fromkeys(PLAIN, (count,))
@@ -138,25 +131,46 @@ def read(path: str | Path) -> Recording:
     ShapeError
         If there is none; says which column or entry is missing.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    table = read_parquet(path, "a recording of forces (*.parquet)", ShapeError)
     try:
-        table = pq.read_table(path)
-        manifest = json.loads((table.schema.metadata or {})[b"tensionlab"])
-        parts = _parts(manifest["recording"]["modules"])
-        arrays = {
-            name: np.column_stack([table[f"{name}.{part}"].to_numpy() for part in each])
-            for name, each in parts.items()
-        }
-        plain = {name: np.array(table[name].to_pylist()) for name in PLAIN}
-        plain["status"] = np.array([Status[name] for name in plain["status"]], dtype=np.int64)
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise ShapeError(f"{path}: no recording of forces ({type(error).__name__}: {error})") from None
-    try:
-        return Recording(**arrays, **plain, manifest=manifest)
+        about = _about(table.manifest)
     except ShapeError as error:
         raise ShapeError(f"{path}: {error}") from None
+    arrays: dict[str, Any] = {
+        name: np.column_stack([table.numbers(f"{name}.{part}", ShapeError) for part in each])
+        for name, each in _parts(about["modules"]).items()
+    }
+    arrays |= {name: np.array(table.values(name, kind, ShapeError), dtype=kind) for name, kind in PLAIN.items()}
+    if unknown := set(arrays["status"]) - set(Status.__members__):
+        raise ShapeError(f"{path}: status is {brief(min(unknown))}; there are {', '.join(Status.__members__)}")
+    arrays["status"] = np.array([Status[name] for name in arrays["status"]], dtype=np.int64)
+    try:
+        return Recording(**arrays, manifest=table.manifest)
+    except ShapeError as error:
+        raise ShapeError(f"{path}: {error}") from None
+
+
+def _about(manifest: Mapping[str, Any]) -> Mapping[str, Any]:
+    """What a manifest says of a recording, checked."""
+    about = manifest.get("recording")
+    if not isinstance(about, Mapping):
+        raise ShapeError('the manifest of a recording has no entry "recording"')
+    for name, kind in ABOUT.items():
+        value = about.get(name)
+        if not isinstance(value, kind) and not (kind is float and isinstance(value, int)):
+            raise ShapeError(f'the manifest of a recording needs recording["{name}"], a {kind.__name__}')
+    if not all(isinstance(each, str) for each in about["modules"]):
+        raise ShapeError("the manifest of a recording names modules by something that is no text")
+    for name, rotation in about["rotations"].items():
+        try:
+            sound = np.isfinite(matrix := np.array(rotation, dtype=np.float64)).all() and matrix.shape == (3, 3)
+        except (TypeError, ValueError):
+            sound = False
+        if not sound:
+            raise ShapeError(f'the recording\'s rotation "{name:.40}" is no matrix of 3 x 3 numbers')
+    if about["alignment"] not in about["rotations"]:
+        raise ShapeError(f'the recording has no rotation "{about["alignment"]:.40}", which was applied')
+    return about
 
 
 def _parts(modules: list[str]) -> dict[str, list[str]]:

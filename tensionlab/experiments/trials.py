@@ -6,7 +6,6 @@ One Parquet table. `datasets/what-if/README.md` has its columns.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 from tensionlab import records
 from tensionlab.errors import ShapeError
+from tensionlab.tables import read_parquet
 
 
 @dataclass(frozen=True)
@@ -91,12 +91,5 @@ def read(path: str | Path) -> Trials:
     ShapeError
         If there are none.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        table = pq.read_table(path)
-        manifest = json.loads((table.schema.metadata or {})[b"tensionlab"])
-        return Trials(tuple(Trial(**row) for row in table.to_pylist()), manifest)
-    except (OSError, pa.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise ShapeError(f"{path}: no trials ({type(error).__name__}: {error})") from None
+    table = read_parquet(path, "a table of trials (*.parquet)", ShapeError)
+    return Trials(tuple(table.rows(Trial, ShapeError)), table.manifest)

@@ -11,6 +11,7 @@ from tensionlab import records
 from tensionlab.errors import ShapeError
 from tensionlab.model.directions import grid18
 from tensionlab.solvers.contract import Floats
+from tensionlab.tables import read_parquet
 
 FILE = Path("datasets") / "vectors" / "grid18.parquet"
 
@@ -36,14 +37,8 @@ def read(path: str | Path) -> Floats:
     ShapeError
         If there are none.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        table = pq.read_table(path, columns=list("xyz"))
-        return np.column_stack([table[axis].to_numpy() for axis in "xyz"])
-    except (OSError, pa.ArrowException, KeyError) as error:
-        raise ShapeError(f"{path}: no vectors ({type(error).__name__}: {error})") from None
+    table = read_parquet(path, "a table of vectors (*.parquet)", ShapeError)
+    return np.column_stack([table.numbers(axis, ShapeError) for axis in "xyz"])
 
 
 def main() -> None:

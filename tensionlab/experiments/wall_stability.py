@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.haptics.effects.parameters import require_positive
+from tensionlab.haptics.effects.parameters import Damping, PositiveMass, require_parameters
 from tensionlab.haptics.stability import stiffness_bound
 
 Floats = NDArray[np.float64]
@@ -28,12 +28,12 @@ class Hand:
     are simulated together may be pushed with different forces, (...).
     """
 
-    mass: float = 0.3
-    damping: float = 2.0
+    mass: PositiveMass = 0.3
+    damping: Damping = 2.0
     push: float | Floats = 2.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "mass", "damping")
+        require_parameters(self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,10 @@ from tensionlab.allocation import Allocator
 from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.haptics.effects import Friction, ModuleLimits, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
-from tensionlab.haptics.effects.on_module import Divided, divide
+from tensionlab.haptics.effects.on_module import Divided, EffectFailed, divide
 from tensionlab.haptics.passivity import PassivityController, most_damping
 from tensionlab.haptics.stability import stiffness_cap
-from tensionlab.haptics.stages import Stages
+from tensionlab.haptics.stages import MAX_FORCE_N, Stages, at_most
 from tensionlab.model.rig import Rig
 
 HAND_DAMPING = 2.0
@@ -68,6 +68,9 @@ class Group(NamedTuple):
 class Renderer:
     """Makes demands of effects, one a cycle, and keeps what they remember.
 
+    No more is asked for than all cables together could pull. What a cycle that fails would have remembered is not
+    kept: without the effect that failed, the next one goes on from the force of the one before, by the slew.
+
     Parameters
     ----------
     rig : Rig
@@ -75,6 +78,8 @@ class Renderer:
 
     Attributes
     ----------
+    limits : ModuleLimits
+        What all modules render; those of the firmware as it comes, and the rig's tensions, unless they are set.
     delay : float
         How late the loop is, in s: the worst of the last 100 cycles.
     ceiling : float
@@ -86,7 +91,8 @@ class Renderer:
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
         self._names = [module.name for module in rig.modules]
-        self._limits = ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()))
+        self.limits = ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()))
+        self._most = min(float(rig.limits.upper.sum()), MAX_FORCE_N)
         self._delays: deque[float] = deque(maxlen=REMEMBERED)
         self._controller: PassivityController | None = None
         self._kept: dict[bool, Group] = {}
@@ -109,6 +115,11 @@ class Renderer:
         state : RigState
         share : float
             Of everything, from 0 to 1. At 0 the cables are held taut.
+
+        Raises
+        ------
+        EffectFailed
+            Naming the effect that could not be rendered.
         """
         self._watch(state, motion.step)
         able = state.active & (self._rig.n == self._rig.dimension)
@@ -122,6 +133,7 @@ class Renderer:
             impedances |= divided.impedances
             self.cut |= {name: each for name, each in zip(chosen, divided.cut, strict=True) if each}
             able = able & [index not in divided.impedances for index in range(self._rig.m)]
+        force = at_most(force, self._most)
         balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
         if share <= 0.0:
             return Demand()
@@ -144,11 +156,14 @@ class Renderer:
         d = self._rig.dimension
         names = tuple((name, type(each)) for name, each in effects.items())
         directions = state.structure[:d].T
-        cables = OnCables(tuple(effects.values()), state.lengths, directions, able, self._limits, self.ceiling)
-        stages = Stages(cables, self._controller if watched else None)
+        cables = OnCables(tuple(effects.values()), state.lengths, directions, able, self.limits, self.ceiling)
+        stages = Stages(cables, self._controller if watched else None, most=self._most)
         before = self._kept.get(watched)
         memory = None if before is None else _matched(before, names)
-        done = stages.render(motion, memory)
+        try:
+            done = stages.render(motion, memory)
+        except EffectFailed as failed:
+            raise EffectFailed(names[int(failed.effect)][0], failed.why) from failed.__cause__
         divided: Divided = done.memory.effect
         # Only what the effects remember goes on; who does what is decided anew in each cycle.
         self._kept[watched] = Group(names, done.memory._replace(effect=divided.memory))
@@ -187,12 +202,12 @@ class Renderer:
     def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
         """A share of what a module is to render, and what others need; a vibrating cable stays taut."""
         amplitude = share * cable.amplitude
-        least = self._limits.lower + amplitude if amplitude else 0.0
+        least = self.limits.lower + amplitude if amplitude else 0.0
         return Impedance(
             cable.rest,
             share * cable.stiffness,
             share * cable.damping,
-            max(share * cable.feed_forward + balance, least),
+            min(max(share * cable.feed_forward + balance, least), self.limits.upper),
             amplitude,
             cable.frequency,
         )

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered, length_of
-from tensionlab.haptics.effects.parameters import require_positive
+from tensionlab.haptics.effects.parameters import PositiveForce, Range, require_parameters
 from tensionlab.haptics.passivity import Observed, PassivityController
+
+MAX_FORCE_N = 1000.0
+"""Largest force that is asked of any rig, in N."""
 
 
 def low_passed(new: Floats, before: Floats | None, cutoff: float, step: float) -> Floats:
@@ -55,6 +58,11 @@ def slewed(wanted: Floats, before: Floats, most: float, sudden: bool | NDArray[n
     return before + share[..., None] * change
 
 
+def at_most(force: Floats, most: float) -> Floats:
+    """Return forces (..., d) in N, those longer than ``most`` N shortened to it."""
+    return force * np.minimum(1.0, most / np.maximum(length_of(force), most))[..., None]
+
+
 class Staged(NamedTuple):
     """What do the stages remember? The velocity and the force of the step before, and what theirs do."""
 
@@ -78,15 +86,18 @@ class Stages:
     slew : float
         Most change of the force, in N/s; 200 is a default of this project. A force that is meant to leap does, a
         recoil say; the modules have their own limit, 60 N/s a cable as they come.
+    most : float
+        Largest force, in N. Without it, one that no rig renders would take as long to go as it took to come.
     """
 
     effect: Effect
     controller: PassivityController | None = None
-    cutoff: float = 60.0
-    slew: float = 200.0
+    cutoff: Annotated[float, Range("Hz", 0.0, 1e12, positive=True)] = 60.0
+    slew: Annotated[float, Range("N/s", 0.0, 1e12, positive=True)] = 200.0
+    most: PositiveForce = MAX_FORCE_N
 
     def __post_init__(self) -> None:
-        require_positive(self, "cutoff", "slew")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Render the effect, look after its energy, and let the force go there; it begins with none."""
@@ -94,7 +105,7 @@ class Stages:
         velocity = low_passed(motion.velocity, staged.velocity, self.cutoff, motion.step)
         motion = replace(motion, velocity=velocity)
         done = self.effect.render(motion, staged.effect)
-        slow = slewed(done.force, staged.force, self.slew * motion.step, done.sudden)
+        slow = slewed(at_most(done.force, self.most), staged.force, self.slew * motion.step, done.sudden)
         force, observed = slow, None
         if self.controller is not None:
             # After the slew: the observer has to know what is really asked for, and its damper must not wait.

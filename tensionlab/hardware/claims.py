@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from tensionlab.errors import LinkError, MissingDependency
+from tensionlab.errors import LinkError
+from tensionlab.locks import acquire
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -137,19 +138,9 @@ def _address(host: str) -> str:
 def _locked(path: Path, patience: float) -> BaseFileLock | None:
     """The lock of a link, taken; None if somebody else has it for longer than that, in s."""
     try:
-        from filelock import FileLock, Timeout
-    except ImportError as missing:
-        raise MissingDependency(
-            'claiming modules needs filelock; pip install "tensionlab[hardware]" brings it'
-        ) from missing
-    lock = FileLock(path, thread_local=False, poll_interval=0.01)
-    try:
-        lock.acquire(timeout=patience)
-    except Timeout:
-        return None
+        return acquire(path, patience, "hardware")
     except OSError as error:
         raise LinkError(f"{path}: cannot be locked: {error.strerror}; see that you may write there") from None
-    return lock
 
 
 def _path(url: str) -> Path:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
-from tensionlab.hardware.codes import Code, Fault, State
+from tensionlab.hardware import protocol_1
+from tensionlab.hardware.codes import Code, Fault, State, Type
 from tensionlab.hardware.frames import Decoder
 from tensionlab.hardware.link import Link, open_link
 from tensionlab.hardware.protocol import (
@@ -18,6 +19,7 @@ from tensionlab.hardware.protocol import (
     Event,
     Log,
     Message,
+    OtherProtocolError,
     SetImpedance,
     SetTension,
     Telemetry,
@@ -26,8 +28,14 @@ from tensionlab.hardware.protocol import (
 
 TRIES = (0.2, 0.3, 0.45)
 """How long each try waits for an answer, in s."""
+RESTARTED_US = 1_000_000
+"""A clock of a module that has gone back by so much, in us, has started anew."""
+CLOCK_WRAP = 1 << 32
+"""Where the clocks of modules, in us, begin anew."""
 LISTEN = 0.1
 """The reader looks up so often, in s, when nothing comes."""
+ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)
+"""What makes no sense among these is an error of who waits for it."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
 Said_co = TypeVar("Said_co", bound=Message, covariant=True)
@@ -65,6 +73,10 @@ class Conversation:
     ----------
     telemetry : Heard or None
         The latest, and when it came.
+    stale_frames : int
+        Telemetry that was no newer than what was there: repeated, or overtaken on its way. It is left alone.
+    repeated : int
+        How much of that has come since the latest.
     state : State or None
         As the latest message had it.
     faults : Fault
@@ -77,14 +89,16 @@ class Conversation:
         self.name = name
         self.link = open_link(link) if isinstance(link, str) else link
         self.telemetry: Heard[Telemetry] | None = None
+        self.stale_frames = self.repeated = 0
         self.state: State | None = None
         self.faults = Fault(0)
         self.on_message: Callable[[Heard[Message]], None] | None = None
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
-        self._set_point = random.randrange(256)
-        self._answers: dict[int, Message] = {}
-        self._refused: list[Acknowledge] = []
+        self._set_point = self._armed = random.randrange(256)
+        self._listener: protocol_1.Listener | None = None
+        self._answers: dict[int, Message | ProtocolError] = {}
+        self._refused: Acknowledge | None = None  # a set-point: the latest
         self._strange = 0
         self._broken: LinkError | None = None
         self._news = threading.Condition()
@@ -110,6 +124,8 @@ class Conversation:
             The module refuses; the code says why.
         LinkTimeout, LinkError
             It does not answer; the link broke.
+        ProtocolError
+            The module speaks another protocol, or its answer makes no sense.
         """
         self.ask(command, Acknowledge, tries)
 
@@ -119,10 +135,11 @@ class Conversation:
         for timeout in tries:
             sequence = self.post(command, sequence)
             end = self.link.clock() + timeout
-            while (found := self.answer(command, sequence)) is None and (left := end - self.link.clock()) > 0:
-                if not self._wait(sequence, left):
+            while (found := self.answer(command, sequence, answer)) is None:
+                left = end - self.link.clock()
+                if left <= 0 or not self._wait(sequence, left):
                     break
-            if isinstance(found, answer):
+            if found is not None:
                 return found
         raise self.unanswered(command, len(tries))
 
@@ -130,18 +147,29 @@ class Conversation:
         """Send a command without waiting; returns its number. Sent again, it keeps the number it had."""
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, Arm) else self._next()
+            if isinstance(command, Arm):
+                self._armed = sequence
             with self._news:
                 self._answers.pop(sequence, None)
-        self.link.send(command.frame(sequence).pack())
+            self.link.send(command.frame(sequence).pack())
+            return sequence
+        # Nobody answered: because the module speaks protocol 1?
+        self._listener = self._listener or protocol_1.Listener()
+        frame = command.frame(sequence)
+        self.link.send(frame.pack() + protocol_1.repetition(frame))
         return sequence
 
-    def answer(self, command: Message, sequence: int) -> Message | None:
-        """What has come in answer to a command? None if nothing yet; errors as those of `tell`."""
+    def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:
+        """Return what has come in answer to a command, None if nothing yet; errors as those of `tell`."""
         if self._broken is not None:
             raise self._broken
         with self._news:
             found = self._answers.pop(sequence, None)
-        if found is None or (isinstance(found, Acknowledge) and found.command is not command.type):
+        if isinstance(found, OtherProtocolError):
+            raise ProtocolError(f'module "{self.name}" {found}')
+        if isinstance(found, ProtocolError):
+            raise ProtocolError(f'module "{self.name}" answered what makes no sense: {found}')
+        if isinstance(found, Acknowledge) and found.command is not command.type:
             return None
         if isinstance(found, Acknowledge) and found.code is not Code.OK:
             raise ModuleFault(
@@ -150,7 +178,7 @@ class Conversation:
                 self.name,
                 found.code,
             )
-        return found
+        return found if isinstance(found, kind) else None
 
     def unanswered(self, command: Message, tries: int) -> LinkTimeout:
         """Make the error of a command that was sent so many times."""
@@ -175,6 +203,14 @@ class Conversation:
                 self._take(content)
         except LinkError as error:
             self._broken = error
+
+    @property
+    def reports_since_arm(self) -> bool:
+        """Whether the latest telemetry was sent after the latest ARM, by the set-point that it reports."""
+        if self.telemetry is None:
+            return False
+        since = (self.telemetry.message.sequence - self._armed) % 256
+        return since <= (self._set_point - self._armed) % 256
 
     @property
     def bad_frames(self) -> int:
@@ -217,25 +253,44 @@ class Conversation:
         if not content:
             return
         now = self.link.clock()
+        if self._listener is not None:
+            with self._news:
+                self._answers |= self._listener.feed(content)
+                self._news.notify_all()
         for frame in self._decoder.feed(content):
             try:
                 message = read(frame)
-            except ProtocolError:
+            except ProtocolError as error:
                 self._strange += 1
+                if frame.type in ANSWERS:
+                    with self._news:
+                        self._answers[frame.sequence] = error
+                        self._news.notify_all()
                 continue
             if not isinstance(message, Telemetry | Event | Log):
                 with self._news:
                     if isinstance(message, Acknowledge):
                         self.state = message.state
                         if message.command in (SetTension.type, SetImpedance.type):
-                            self._refused.append(message)
+                            self._refused = message
                             continue
                     self._answers[frame.sequence] = message
                     self._news.notify_all()
                 continue
             if isinstance(message, Telemetry):
+                if self.telemetry is not None and not is_newer(message, self.telemetry.message):
+                    self.stale_frames += 1
+                    self.repeated += 1
+                    continue
+                self.repeated = 0
                 self.telemetry = Heard(message, now)
             if isinstance(message, Telemetry | Event):
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:
                 self.on_message(Heard(message, now))
+
+
+def is_newer(message: Telemetry, before: Telemetry) -> bool:
+    """Return whether telemetry was sent after another one, or by a module that has started anew since."""
+    behind = (before.time_us - message.time_us) % CLOCK_WRAP
+    return behind > CLOCK_WRAP // 2 or behind >= RESTARTED_US

@@ -1,23 +1,22 @@
-"""The tables in the firmware's documents, written from the firmware: `python -m tensionlab.hardware.documents`.
+"""Tables of the firmware's documents, made from the firmware; `make docs` writes them.
 
-Run it in the repository after a change to messages, parameters, plant or supervisor. A test fails while
-`firmware/README.md` or `firmware/PROTOCOL.md` says something else than the code.
+Run that after a change to messages, parameters, plant or supervisor. A test fails while a document says something
+else than the code.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-import sys
 from collections.abc import Iterable, Mapping
 from enum import IntEnum, IntFlag
 from inspect import get_annotations, getdoc
 from pathlib import Path
 from typing import get_type_hints
 
-from tensionlab.errors import HardwareError, TensionlabError
+from tensionlab.errors import HardwareError
 from tensionlab.hardware import codes
-from tensionlab.hardware.frames import crc16
+from tensionlab.hardware.frames import CHECKSUM, DELIMITER, checksum, crc16
 from tensionlab.hardware.meanings import EVENTS, MEANINGS, PARAMETER_MEANINGS
 from tensionlab.hardware.protocol import MESSAGES, Message, SetTension
 from tensionlab.hardware.simulated import PARAMETERS, PLANT, TRANSITIONS
@@ -75,15 +74,18 @@ def example() -> str:
     command, sequence = SetTension(session=0x1234, tension=3.0, ttl_ms=250), 7
     frame = command.frame(sequence)
     body = bytes([frame.type, frame.sequence]) + frame.payload
-    crc = crc16(body)
+    packed = frame.pack()
+    stuffed = packed[: -CHECKSUM - len(DELIMITER)]
+    crc = crc16(stuffed)
     rows = [
         ("type, sequence number", spaced(body[:2])),
         ("session 0x1234", spaced(body[2:4])),
         ("tension 3.0", spaced(body[4:8])),
         ("brake 0", spaced(body[8:9])),
         ("ttl_ms 250", spaced(body[9:])),
-        (f"CRC of these, 0x{crc:04X}", spaced(crc.to_bytes(2, "little"))),
-        ("stuffed, and the zero", spaced(frame.pack())),
+        ("stuffed, upper bits set", spaced(stuffed)),
+        (f"CRC 0x{crc:04X}: {crc >> 9:07b} {crc >> 2 & 0x7F:07b} {crc & 3:02b}", spaced(checksum(stuffed))),
+        ("on the wire", spaced(packed)),
     ]
     return table(("Part", "Bytes"), rows)
 
@@ -139,7 +141,7 @@ def drawing() -> str:
 def figures() -> str:
     """What did `firmware/check.py --write` measure?"""
     measured = json.loads((FOLDER / "figures.json").read_text())
-    arm, hub, esp32 = measured["arm"], measured["hub"], measured["esp32"]
+    arm, hub, esp32, flips = (measured[name] for name in ("arm", "hub", "esp32", "flips"))
     rows = (
         ("Core, Cortex-M4F, -Os: text", f"{arm['text_bytes']} bytes; below 16384 is required"),
         (
@@ -156,6 +158,10 @@ def figures() -> str:
         (
             "Exact solver, ESP32",
             f"{esp32['hub_instructions']} instructions; calls {', '.join(esp32['hub_calls'])}",
+        ),
+        (
+            "One and two bits flipped, frames of all lengths",
+            f"{flips['flips']:,} flips, {flips['passed']} passed; in protocol 1, {flips['passed_protocol_1']} did",
         ),
         ("Fuzzing under sanitizers", f"{measured['fuzzing']['chunks']:,} chunks of bytes, no finding"),
     )
@@ -194,35 +200,3 @@ def sections() -> dict[str, dict[str, str]]:
             **{kind.__name__: words(kind) for kind in kinds},
         },
     }
-
-
-def filled(text: str, tables: Mapping[str, str], name: str) -> str:
-    """Write the tables of a document between their marks.
-
-    Raises
-    ------
-    HardwareError
-        If a mark is not there.
-    """
-    for key, content in tables.items():
-        start, end = f"<!-- {key}: start -->", f"<!-- {key}: end -->"
-        before, found, rest = text.partition(start)
-        _, closed, after = rest.partition(end)
-        if not (found and closed):
-            raise HardwareError(f"{name}: no section between the lines {start} and {end}")
-        text = f"{before}{start}\n\n{content}\n\n{end}{after}"
-    return text
-
-
-def main() -> None:
-    """Write the tables of the documents in the working directory anew."""
-    try:
-        for name, tables in sections().items():
-            path = FOLDER / name
-            path.write_text(filled(path.read_text(encoding="utf-8"), tables, name), encoding="utf-8")
-    except (OSError, TensionlabError) as error:
-        sys.exit(f"documents: {error}; run this in the repository's root")
-
-
-if __name__ == "__main__":
-    main()

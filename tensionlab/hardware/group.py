@@ -52,12 +52,15 @@ class ModuleGroup:
         What the modules said of themselves; empty before `prepare`.
     slews : tuple of float
         How fast each lets its tension change, in N/s; empty before `prepare`.
+    continuous : tuple of float
+        What each winding stands for ever, in N; empty before `prepare`.
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:
         self.clients = tuple(clients)
         self.infos: tuple[Info, ...] = ()
         self.slews: tuple[float, ...] = ()
+        self.continuous: tuple[float, ...] = ()
 
     def prepare(self, rig: Rig, telemetry_ms: int) -> None:
         """Make sure that these modules can do what the rig says, and have them report.
@@ -86,8 +89,11 @@ class ModuleGroup:
                 )
         self._all(Stop(), Acknowledge)  # one that timed out in an earlier run is still in it
         self._all(ConfigureTelemetry(telemetry_ms), Acknowledge)
-        slew = GetParameter(PARAMETERS["slew"].index)
-        self.slews = tuple(found.value for _, found in self._all(slew, ParameterValue))
+        self.slews = self._values("slew")
+        self.continuous = tuple(
+            current * info.newton_per_ampere
+            for current, info in zip(self._values("current_continuous"), self.infos, strict=True)
+        )
 
     def require_lengths(self) -> None:
         """Make sure that all know how long their cable is; a `HardwareError` names those that do not."""
@@ -113,7 +119,7 @@ class ModuleGroup:
             client.begin_session()
             commands[client] = Arm(client.session)
         taut = dict(zip(self.clients, tensions, strict=True))
-        _, failed = self._together(commands, taut)
+        _, failed = self._together(commands, Acknowledge, taut)
         for client in self.clients:
             client.forget_refusals()  # of set-points that were there before the module was armed
         for error in failed.values():
@@ -138,28 +144,35 @@ class ModuleGroup:
             list(threads.map(close, self.clients))
 
     def _let_go(self, command: Message) -> dict[str, HardwareError]:
-        _, failed = self._together(dict.fromkeys(self.clients, command), {})
+        _, failed = self._together(dict.fromkeys(self.clients, command), Acknowledge, {})
         there = {
             client for client in failed if isinstance(failed[client], ModuleFault) and client.state in BEYOND_STOP
         }
         return {client.name: error for client, error in failed.items() if client not in there}
 
+    def _values(self, parameter: str) -> tuple[float, ...]:
+        """Return a parameter of each."""
+        command = GetParameter(PARAMETERS[parameter].index)
+        return tuple(found.value for _, found in self._all(command, ParameterValue))
+
     def _all(self, command: Message, kind: type[AnswerType]) -> list[tuple[ModuleClient, AnswerType]]:
         """What does each answer? The first failure is raised."""
-        answers, failed = self._together(dict.fromkeys(self.clients, command), {})
+        answers, failed = self._together(dict.fromkeys(self.clients, command), kind, {})
         for error in failed.values():
             raise error
-        found = [(client, answers[client]) for client in self.clients]
-        return [(client, answer) for client, answer in found if isinstance(answer, kind)]
+        return [(client, answers[client]) for client in self.clients]
 
     def _together(
-        self, commands: Mapping[ModuleClient, Message], taut: Mapping[ModuleClient, float]
-    ) -> tuple[dict[ModuleClient, Message], dict[ModuleClient, HardwareError]]:
+        self,
+        commands: Mapping[ModuleClient, Message],
+        kind: type[AnswerType],
+        taut: Mapping[ModuleClient, float],
+    ) -> tuple[dict[ModuleClient, AnswerType], dict[ModuleClient, HardwareError]]:
         """Have commands carried out by all modules at the same time: answers, and why there is none.
 
         Meanwhile, modules in ``taut`` are sent that tension, so that none times out while another is waited for.
         """
-        answers: dict[ModuleClient, Message] = {}
+        answers: dict[ModuleClient, AnswerType] = {}
         failed: dict[ModuleClient, HardwareError] = {}
         waiting: dict[ModuleClient, int] = {}
         left = set(commands)
@@ -173,7 +186,7 @@ class ModuleGroup:
                 for client in left:
                     client.listen()
                     with _kept(failed, client):
-                        if (found := client.answer(commands[client], waiting[client])) is not None:
+                        if (found := client.answer(commands[client], waiting[client], kind)) is not None:
                             answers[client] = found
                             del waiting[client]
                 if time.monotonic() >= alive:

@@ -14,7 +14,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from tensionlab.allocation import Allocator
-from tensionlab.errors import LogError
+from tensionlab.errors import LogError, WriteError
 from tensionlab.hardware.protocol import Info
 from tensionlab.hardware.record import columns
 from tensionlab.hardware.record.mcap_file import McapWriter
@@ -144,20 +144,28 @@ class RunLog:
         self._summary: Mapping[str, Any] = {}
         self._begin_ns: int | None = None
         self._cycle, self._time = -1, 0.0
-        try:
-            self._file = McapWriter(self.path, {"cycle": columns.schema(rig), "event": EVENT_SCHEMA})
-        except OSError as error:
-            raise _unwritable(self.path, error) from None
-        try:
-            self._file.attachment("rig.toml", "application/toml", rig_to_toml(rig).encode())
-            self._file.metadata("manifest", manifest)
-            self._file.metadata("setup", asdict(setup))
-            self._file.flush()
-        except OSError as error:
-            self._file.abandon()
-            raise _unwritable(self.path, error) from None
+        self._file = self._opened(manifest, setup)
         self._thread = threading.Thread(target=self._run, name=f"log {self.path.name}", daemon=True)
         self._thread.start()
+
+    def _opened(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
+        """Begin the file with what is known before the run; leave none behind where that fails."""
+        try:
+            file = McapWriter(self.path, {"cycle": columns.schema(self._rig), "event": EVENT_SCHEMA})
+            try:
+                file.attachment("rig.toml", "application/toml", rig_to_toml(self._rig).encode())
+                file.metadata("manifest", manifest)
+                file.metadata("setup", asdict(setup))
+                file.flush()
+            except BaseException:
+                file.abandon()
+                self.path.unlink(missing_ok=True)
+                raise
+        except WriteError as error:
+            raise LogError(str(error)) from None
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
+        return file
 
     def write(self, cycle: Cycle) -> None:
         """Keep a cycle. Its arrays must not change any more.

@@ -12,11 +12,12 @@ Names are those of the rig's modules; the links are what pyserial's ``serial_for
 
 from __future__ import annotations
 
-import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
 from tensionlab.errors import HardwareError
+from tensionlab.reading import brief, read_toml
 
 
 def modules_to_toml(links: Mapping[str, str]) -> str:
@@ -34,22 +35,17 @@ def load_modules(path: str | Path) -> dict[str, str]:
     HardwareError
         Naming the file and the key: what is wrong and what to do.
     """
-    try:
-        document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise HardwareError(f"{path}: cannot be read ({error}); give a modules file (*.toml)") from None
-    except tomllib.TOMLDecodeError as error:
-        raise HardwareError(f"{path}: not valid TOML: {error}; correct that line") from None
+    document = read_toml(path, "a modules file (*.toml)", HardwareError)
     for key in document:
         if key != "modules":
-            raise HardwareError(f'{path}: unknown key "{key}"; the file has one table, [modules]')
+            raise HardwareError(f'{path}: unknown key "{key:.40}"; the file has one table, [modules]')
     links = document.get("modules")
     if not isinstance(links, dict) or not links:
         raise HardwareError(f'{path}: no modules; write [modules] and lines such as name = "/dev/rfcomm0"')
     for name, link in links.items():
         if not isinstance(link, str) or not link:
-            raise HardwareError(f'{path}: modules: "{name}" is {link!r}; give its link as text, such as "COM5"')
-    repeated = {link for link in links.values() if list(links.values()).count(link) > 1}
+            raise HardwareError(f'{path}: modules: "{name:.40}" is {brief(link)}; give a link as text, as "COM5"')
+    repeated = [link for link, count in Counter(links.values()).items() if count > 1]
     if repeated:
-        raise HardwareError(f"{path}: modules: {', '.join(sorted(repeated))} is there twice; give each its own")
+        raise HardwareError(f"{path}: modules: {repeated[0]:.60} is there twice; give each its own")
     return dict(links)

@@ -16,9 +16,10 @@ A file may leave parameters out; those stay as they are.
 from __future__ import annotations
 
 import difflib
-import tomllib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from tensionlab.hardware.meanings import PARAMETER_MEANINGS
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.hardware.simulated import PARAMETERS, single
+from tensionlab.reading import brief, parse_toml
 
 CHOICES = frozenset({"timeout_brake", "motor_direction", "calibrated"})
 """Parameters that are one of their two bounds."""
@@ -66,6 +68,14 @@ def dump(client: ModuleClient) -> str:
     return "\n".join([*lines, ""])
 
 
+def file_of(folder: Path, module: str) -> Path:
+    """Return the file in a folder that keeps the parameters of a module: NAME.toml.
+
+    What a file name cannot have, such as a slash, is written as %2F, and a per cent sign as %25.
+    """
+    return folder / (re.sub(r'[%/\\:*?"<>|\x00-\x1f\x7f]', lambda each: f"%{ord(each[0]):02X}", module) + ".toml")
+
+
 def restore(client: ModuleClient, text: str, origin: str = "settings") -> list[Change]:
     """Which parameters did a file change? As `parse` and `change` say."""
     return change(client, parse(text, origin), origin)
@@ -86,13 +96,10 @@ def parse(text: str, origin: str) -> dict[str, float]:
     HardwareError
         Naming file and key.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise HardwareError(f"{origin}: not valid TOML: {error}; correct that line") from None
+    document = parse_toml(text, origin, HardwareError)
     for key in document:
         if key not in ("module", "parameters"):
-            raise HardwareError(f'{origin}: unknown key "{key}"; the file has [module] and [parameters]')
+            raise HardwareError(f'{origin}: unknown key "{key:.40}"; the file has [module] and [parameters]')
     values = document.get("parameters")
     if not isinstance(values, dict) or not values:
         raise HardwareError(f"{origin}: no parameters; write [parameters] and lines such as slew = 60")
@@ -105,10 +112,14 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
     for name, value in values.items():
         if name not in PARAMETERS:
             close = difflib.get_close_matches(name, PARAMETERS)
-            advice = f"is it {' or '.join(close)}?" if close else f"they have {', '.join(PARAMETERS)}"
-            raise HardwareError(f'{origin}: modules have no parameter "{name}"; {advice}')
+            advice = (
+                f"is it {' or '.join(close)}?"
+                if close
+                else "`tensionlab module config get MODULE` shows those that they have"
+            )
+            raise HardwareError(f'{origin}: modules have no parameter "{name:.40}"; {advice}')
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise HardwareError(f"{origin}: {name} is {value!r}; give a number")
+            raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")
         row, number = PARAMETERS[name], single(value)
         if not row.lower <= number <= row.upper:
             raise HardwareError(

@@ -110,6 +110,7 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
         home=(parent + point)[axes] + initial[: kind.dimension],
         platform=_platform(physical, com, joint),
         description=_describe(links[0], chosen, joint, bool(initial[kind.dimension :].any())),
+        up={"xyz": "z", "xz": "y", "yz": "y"}.get(joint.axes),  # its z, if that is an axis of the rig
         source=f"CASPR (github.com/darwinlau/CASPR), {Path(bodies).name} and {Path(cables).name}",
     )
 

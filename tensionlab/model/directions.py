@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from tensionlab.errors import ShapeError
 from tensionlab.model.kinematics import Floats
+from tensionlab.reading import brief, read_text
+from tensionlab.tables import MAX_FILE_BYTES, csv_rows
 
 CIRCLE_COUNT = 72
 """Directions of the planar default: one every 5 degrees."""
@@ -101,25 +102,24 @@ def read_csv(path: str | Path) -> Floats:
     ShapeError
         If the file cannot be read or a row is not a direction; names file and row, counted from 1.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ShapeError(f"{path}: cannot read the directions: {error}") from error
+    text = read_text(path, "a list of directions (*.csv)", ShapeError, MAX_FILE_BYTES)
     rows: list[list[float]] = []
-    for number, cells in enumerate(csv.reader(text.splitlines()), start=1):
-        if not any(cell.strip() for cell in cells):
+    for number, cells in csv_rows(text, str(path), ShapeError):
+        if not any(cells):
             continue
         try:
             row = [float(cell) for cell in cells]
         except ValueError:
             if number == 1 and not any(character.isdigit() for cell in cells for character in cell):
                 continue
-            raise ShapeError(f"{path}, row {number}: {','.join(cells)!r} is not a row of numbers") from None
+            raise ShapeError(f"{path}, row {number}: {brief(','.join(cells))} is not a row of numbers") from None
         columns = len(rows[0]) if rows else len(row)
         if columns not in (2, 3) or len(row) != columns:
             raise ShapeError(f"{path}, row {number}: {len(row)} columns; every row needs the same 3 (or 2)")
         if not np.all(np.isfinite(row)) or not any(row):
-            raise ShapeError(f"{path}, row {number}: {row} has no direction; write finite numbers, not all 0")
+            raise ShapeError(
+                f"{path}, row {number}: {brief(row)} has no direction; give finite numbers, not all 0"
+            )
         rows.append(row)
     if not rows:
         raise ShapeError(f"{path}: no directions; write one row x,y,z for each")

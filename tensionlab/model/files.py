@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
+from tensionlab import writing
 from tensionlab.errors import RigError
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
 from tensionlab.model.rig import Rig
+from tensionlab.reading import parse_toml, read_text
 
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
 """Keys of a module that the table ``[limits]`` can give for all."""
@@ -26,44 +26,12 @@ def load_rig(path: str | PathLike[str]) -> Rig:
     RigError
         Naming the file, the module and the key: what is wrong and what to do.
     """
-    return rig_from_toml(read_text(path, "a rig file"), source=str(path))
-
-
-def read_text(path: str | PathLike[str], what: str) -> str:
-    """What does a TOML file of some sort, such as "a rig file", say?
-
-    Raises
-    ------
-    RigError
-        Naming the file, if it cannot be read.
-    """
-    try:
-        return Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise RigError(f"{path}: no such file; give the path of {what} (*.toml)") from None
-    except UnicodeDecodeError:
-        raise RigError(f"{path}: not UTF-8 text; save it as UTF-8, or give {what} (*.toml)") from None
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read ({error.strerror}); give {what} (*.toml)") from None
-
-
-def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """Which keys and values does a TOML text hold? ``source`` names the text in errors.
-
-    Raises
-    ------
-    RigError
-        If it is not valid TOML.
-    """
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise RigError(f"{source}: not valid TOML: {error}; correct that line") from None
+    return rig_from_toml(read_text(path, "a rig file (*.toml)", RigError), source=str(path))
 
 
 def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
     """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept."""
-    Path(path).write_text(rig_to_toml(rig), encoding="utf-8")
+    writing.write_text(path, rig_to_toml(rig))
 
 
 def rig_from_toml(text: str, source: str) -> Rig:
@@ -76,7 +44,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
     """
     from tensionlab.model import schema
 
-    document = parse_toml(text, source)
+    document = parse_toml(text, source, RigError)
     try:
         table = schema.parse(document)
         shared = table.limits.model_dump(exclude_none=True)
@@ -90,7 +58,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
                 if key not in keys:
                     elsewhere = "" if key == "attachment" else ", or a default in the table [limits]"
                     give = schema.ModuleTable.model_fields[key].description
-                    here = f'module {number} ("{own.name}")'
+                    here = f'module {number} ("{own.name:.40}")'
                     raise RigError(f'{here}: key "{key}" is missing; give {give}{elsewhere}')
             modules.append(Module(**keys))
         return Rig(
@@ -101,6 +69,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
             platform=None if table.platform is None else Platform(**table.platform.model_dump()),
             description=table.description,
             source=table.source,
+            up=table.up,
         )
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
@@ -111,7 +80,7 @@ def rig_to_toml(rig: Rig) -> str:
     import tomli_w
 
     document: dict[str, Any] = {"name": rig.name, "kind": rig.kind}
-    for key in ("description", "source"):
+    for key in ("up", "description", "source"):
         if getattr(rig, key):
             document[key] = getattr(rig, key)
     document["home"] = rig.home.tolist()

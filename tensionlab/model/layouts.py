@@ -109,4 +109,4 @@ def _corners(size: Sequence[float]) -> dict[str, Floats]:
 def _rig(name: str, places: dict[str, Floats], home: ArrayLike, limits: tuple[float, float]) -> Rig:
     lower, upper = limits
     modules = tuple(Module(name=key, anchor=anchor, lower=lower, upper=upper) for key, anchor in places.items())
-    return Rig(name=name, kind="point", modules=modules, home=as_floats("home", home))
+    return Rig(name=name, kind="point", modules=modules, home=as_floats("home", home), up="y")

@@ -15,6 +15,9 @@ from tensionlab.model.rig import Rig
 MASS = 1.0
 """Of what the cables hold where the rig has no platform, in kg."""
 
+GRAVITY = 9.81
+"""In m/s²."""
+
 JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
 """The sliding joints of each kind of rig; a platform is free."""
 
@@ -29,8 +32,8 @@ def rig_to_mjcf(rig: Rig) -> str:
       and a free joint in space. It starts at home, and the coordinates of its joints are those of the world.
     - Body frames are mocap bodies, ``frame <name>``, at the origin until you move them.
 
-    There is no gravity, because a rig does not say which way is down: set it in ``<option>``. Where the rig knows
-    no mass, it is 1 kg; where it knows no inertia, it is that of a solid ball through the attachments.
+    Gravity is 9.81 m/s² against ``Rig.up``; none where the rig does not say which axis that is. Where it knows no
+    mass, it is 1 kg; where it knows no inertia, it is that of a solid ball through the attachments.
 
     Source: Todorov, Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012, and the reference of
     its XML.
@@ -42,11 +45,12 @@ def rig_to_mjcf(rig: Rig) -> str:
     """
     size = 0.005 * float(np.ptp(np.concatenate([rig.anchors, [rig.home]]), axis=0).max()) or 0.005
     root = Xml.Element("mujoco", model=rig.name)
-    for text in (rig.description, rig.source, "No gravity: a rig does not say which way is down."):
+    weightless = "" if rig.up else "No gravity: the rig does not say which axis is up."
+    for text in (rig.description, rig.source, weightless):
         if text:
             root.append(Xml.Comment(f" {text.replace('--', '- -')} "))
     Xml.SubElement(root, "compiler", angle="radian")
-    Xml.SubElement(root, "option", gravity="0 0 0")
+    Xml.SubElement(root, "option", gravity=_row(_in_space(-GRAVITY * rig.upward) if rig.up else np.zeros(3)))
     world = Xml.SubElement(root, "worldbody")
     frames = {WORLD: world}
     for name in rig.frames:

@@ -11,9 +11,19 @@ from numpy.typing import ArrayLike
 from tensionlab.arrays import as_floats
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.kinematics import Floats
+from tensionlab.reading import brief
 
 WORLD = "world"
 """The frame that never moves."""
+MAX_LENGTH = 1e4
+"""Largest coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
+squares and products of lengths, forces and torques lose digits that count."""
+MAX_TENSION = 1e6
+"""Largest tension and holding force, in N: what a steel rope of 4 cm bears."""
+MAX_MASS = 1e8
+"""Largest mass of a platform, in kg, of which 100 cables of the largest tension hold a tenth."""
+MAX_NAME = 100
+"""Characters of a name."""
 
 
 class Kind(NamedTuple):
@@ -77,11 +87,9 @@ class Module:
     spool_radius: float | None = None
 
     def __post_init__(self) -> None:
-        if not self.name or not isinstance(self.name, str):
-            raise RigError(f'module: key "name" is {self.name!r}; give every module a name')
+        require_name(self.name, "module", "name", "give every module a name")
         here = f'module "{self.name}"'
-        if not self.frame or not isinstance(self.frame, str):
-            raise RigError(f'{here}: key "frame" is {self.frame!r}; give "{WORLD}" or the name of a body frame')
+        require_name(self.frame, here, "frame", f'give "{WORLD}" or the name of a body frame')
         anchor = vector(self.anchor, here, "anchor")
         attachment = vector(
             np.zeros(anchor.size) if self.attachment is None else self.attachment, here, "attachment"
@@ -97,6 +105,8 @@ class Module:
             value = getattr(self, key)
             if not np.isfinite(value):
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite tension in N')
+            if value > MAX_TENSION:
+                raise RigError(f'{here}: key "{key}" is {value:g} N; no cable bears more than {MAX_TENSION:g}')
         if self.lower < 0:
             raise RigError(f'{here}: key "lower" is {self.lower}; a cable cannot push, so give 0 N or more')
         if self.lower > self.upper:
@@ -104,10 +114,16 @@ class Module:
                 f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}; '
                 "give lower <= upper, both in N"
             )
-        for key in ("brake", "newton_per_ampere", "spool_radius"):
+        for key, most in (
+            ("brake", MAX_TENSION),
+            ("newton_per_ampere", MAX_TENSION),
+            ("spool_radius", MAX_LENGTH),
+        ):
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')
+            if value is not None and value > most:
+                raise RigError(f'{here}: key "{key}" is {value:g}; give {most:g} or less')
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
@@ -156,6 +172,8 @@ class Platform:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):
             raise RigError(f'[platform]: key "mass" is {self.mass}; give a finite mass in kg, above zero')
+        if self.mass > MAX_MASS:
+            raise RigError(f'[platform]: key "mass" is {self.mass:g} kg; give {MAX_MASS:g} or less')
         if self.com is not None:
             object.__setattr__(self, "com", vector(self.com, "[platform]", "com"))
         if self.inertia is not None:
@@ -163,6 +181,8 @@ class Platform:
                 inertia = as_floats("inertia", self.inertia).copy()
             except ShapeError as error:
                 raise RigError(f'[platform]: key "inertia": {error}') from None
+            if inertia.size and np.abs(inertia).max() > MAX_MASS * MAX_LENGTH**2:
+                raise RigError('[platform]: key "inertia" has an entry that no body has; correct it (kg·m²)')
             square = inertia.ndim == 2 and inertia.shape[0] == inertia.shape[1]
             if not (square and np.isfinite(inertia).all() and np.array_equal(inertia, inertia.T)):
                 raise RigError('[platform]: key "inertia" must be a finite, square and symmetric matrix in kg·m²')
@@ -191,14 +211,26 @@ class Platform:
     __hash__ = None  # type: ignore[assignment]  # it holds arrays
 
 
+def require_name(value: object, where: str, key: str, remedy: str) -> None:
+    """Refuse what names nothing, or would not be one line on a terminal, in a picture, or in a file."""
+    if not isinstance(value, str) or not value:
+        raise RigError(f'{where}: key "{key}" is {brief(value)}; {remedy}')
+    if not value.isprintable() or len(value) > MAX_NAME:
+        raise RigError(
+            f'{where}: key "{key}" is {brief(value)}; give at most {MAX_NAME} characters, all of them printable'
+        )
+
+
 def vector(values: ArrayLike, where: str, key: str) -> Floats:
     """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
     try:
         point = as_floats(key, values).copy()
     except (TypeError, ValueError):
-        raise RigError(f'{where}: key "{key}" is {values!r}; give a list of coordinates in m') from None
+        raise RigError(f'{where}: key "{key}" is {brief(values)}; give a list of coordinates in m') from None
     if point.ndim != 1 or not np.isfinite(point).all():
-        raise RigError(f'{where}: key "{key}" is {values!r}; give a flat list of finite coordinates in m')
+        raise RigError(f'{where}: key "{key}" is {brief(values)}; give a flat list of finite coordinates in m')
+    if point.size and np.abs(point).max() > MAX_LENGTH:
+        raise RigError(f'{where}: key "{key}" is {brief(values)}; coordinates are in m, within {MAX_LENGTH:g}')
     point.setflags(write=False)
     return point
 

@@ -14,8 +14,9 @@ from tensionlab.model import forward, kinematics, pose
 from tensionlab.model.forward import PoseEstimate
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
-from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, same, vector
+from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, require_name, same, vector
 from tensionlab.model.pose import Frames
+from tensionlab.reading import brief
 
 
 class Cables(NamedTuple):
@@ -53,6 +54,9 @@ class Rig:
         Mass and inertia of what the cables hold, if known.
     description, source : str
         What it is, and where the numbers come from.
+    up : str or None
+        Axis of the world that points up: "x", "y" or "z", or with a minus if it points down. None if that is not
+        known: then the rig has no weight, and plays in no scenario.
 
     Raises
     ------
@@ -67,17 +71,19 @@ class Rig:
     platform: Platform | None = None
     description: str = ""
     source: str = ""
+    up: str | None = None
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise RigError('key "name" is empty; give the rig a name')
+        require_name(self.name, "rig", "name", "give the rig a name")
         if self.kind not in KINDS:
-            raise RigError(f'key "kind" is {self.kind!r}; give one of {", ".join(KINDS)}')
+            raise RigError(f'key "kind" is {brief(self.kind)}; give one of {", ".join(KINDS)}')
         object.__setattr__(self, "modules", tuple(self.modules))
         object.__setattr__(self, "home", vector(self.home, "rig", "home"))
         if not self.modules:
             raise RigError('key "modules" is empty; give at least one module')
         d = self.dimension
+        if self.up is not None and self.up not in (known := [*"xyz"[:d], *(f"-{axis}" for axis in "xyz"[:d])]):
+            raise RigError(f'key "up" is {brief(self.up)}; give the axis that points up: {", ".join(known)}')
         if self.home.size != d:
             raise RigError(f'key "home" has {self.home.size} coordinates; a {self.kind} rig needs {d}')
         numbers: dict[str, int] = {}
@@ -117,9 +123,24 @@ class Rig:
         return len(self.modules)
 
     @property
-    def up(self) -> str:
-        """Axis of the world that points up in pictures: y, or z where the description says "Z is up"."""
-        return "z" if self.dimension == 3 and "z is up" in self.description.lower() else "y"
+    def upward(self) -> Floats:
+        """Unit vector that points up, (d,).
+
+        Raises
+        ------
+        RigError
+            If the rig does not say which axis is up.
+        """
+        if self.up is None:
+            raise RigError(f'rig "{self.name}": key "up" is missing; give the axis that points up, as in up = "z"')
+        upward = np.zeros(self.dimension)
+        upward["xyz".index(self.up[-1])] = -1.0 if self.up.startswith("-") else 1.0
+        return upward
+
+    @property
+    def vertical(self) -> str:
+        """Axis that is vertical in pictures: that of ``up``, or y where it is not known."""
+        return "y" if self.up is None else self.up[-1]
 
     @cached_property
     def frames(self) -> tuple[str, ...]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
-from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from tensionlab.errors import RigError
 from tensionlab.model.kinematics import Floats
+from tensionlab.reading import MAX_NESTING, brief, read_bytes
 
 
 @dataclass
@@ -39,7 +39,7 @@ class Element:
     def fail(self, problem: str) -> NoReturn:
         """Raise a RigError about this element."""
         name = self.attributes.get("name") or self.attributes.get("id")
-        raise RigError(f"{self.where}: <{self.tag}>{f' {name!r}' if name else ''}: {problem}")
+        raise RigError(f"{self.where}: <{self.tag:.40}>{f' {brief(name)}' if name else ''}: {problem}")
 
     def attribute(self, name: str) -> str:
         """Read an attribute that must be there."""
@@ -72,7 +72,7 @@ class Element:
         except ValueError:
             values = np.empty(0)
         if values.size != count or not np.isfinite(values).all():
-            self.fail(f"{what} is {text.strip()!r}; give {count} finite number{'s' if count > 1 else ''}")
+            self.fail(f"{what} is {brief(text.strip())}; give {count} finite number{'s' if count > 1 else ''}")
         return values
 
 
@@ -88,12 +88,7 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
         Naming the file and the line, if the file cannot be read, is not well-formed, has another root element,
         or uses entities.
     """
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise RigError(f"{path}: no such file; give the path of an XML file") from None
-    except OSError as error:
-        raise RigError(f"{path}: cannot be read ({error.strerror}); give an XML file") from None
+    data = read_bytes(path, "an XML file", RigError)
     parser = expat.ParserCreate()
     top = Element("", {}, str(path))
     open_elements = [top]
@@ -102,6 +97,8 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
         element = Element(tag, attributes, f"{path}: line {parser.CurrentLineNumber}")
         open_elements[-1].children.append(element)
         open_elements.append(element)
+        if len(open_elements) > MAX_NESTING:
+            element.fail(f"stands in {MAX_NESTING - 1} others; give a flatter file")
 
     def text(words: str) -> None:
         open_elements[-1].text += words
@@ -118,9 +115,9 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
     parser.SkippedEntityHandler = refuse
     try:
         parser.Parse(data, True)
-    except (expat.ExpatError, LookupError) as error:
+    except (expat.ExpatError, LookupError, ValueError) as error:  # the last two for encodings
         raise RigError(f"{path}: not well-formed XML: {error}; correct that line") from None
-    found = top.children[0]
+    found = top.children[0]  # well-formed XML has just one
     if found.tag != root:
         found.fail(f"the root element must be <{root}>; give the file that has it")
     return found

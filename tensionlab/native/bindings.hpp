@@ -17,6 +17,7 @@ void bind_linear_program(nanobind::module_&);
 void bind_newton(nanobind::module_&);
 void bind_pose_tracker(nanobind::module_&);
 void bind_smooth(nanobind::module_&);
+void bind_watchdog(nanobind::module_&);
 void bind_workspace(nanobind::module_&);
 
 }  // namespace tensionlab

@@ -25,5 +25,6 @@ NB_MODULE(_native, module) {
   bind_newton(module);
   bind_pose_tracker(module);
   bind_smooth(module);
+  bind_watchdog(module);
   bind_workspace(module);
 }

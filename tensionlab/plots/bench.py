@@ -169,7 +169,10 @@ def _pooled(results: Results) -> dict[str, _Line]:
             rows.setdefault(short_name(row.label), {}).setdefault(row.problem_set, row)
     there = {label: list(each.values()) for label, each in rows.items() if len(each) == len(names)}
     lines = {label: _Line(each) for label, each in there.items()}
-    return {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
+    drawn = {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
+    if not drawn:
+        raise ShapeError("no answers in these results that could be drawn")
+    return drawn
 
 
 def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], across: str, up: str) -> None:

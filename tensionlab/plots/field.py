@@ -77,7 +77,7 @@ def read_field(swept: xarray.Dataset, measure: str | None = None) -> Field:
         anchors=[each[own] for each, own in zip(anchors, there, strict=True)],
         ends=[each[own] for each, own in zip(ends, there, strict=True)],
         label=f"{attributes['long_name']}{unit}",
-        up=ups.pop() if len(ups) == 1 else list(axes)[-1],
+        up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
     )
 
 

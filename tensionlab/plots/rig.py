@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def plot_rig(rig: Rig, path: str | Path) -> None:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
-    The y axis points up, as in the data of the haptic rigs; z does where the description says "Z is up".
+    The axis that the rig says is vertical, y if it does not say.
     Body frames are drawn at the origin of the world, and a planar rig in its plane.
 
     Parameters
@@ -39,7 +39,7 @@ def plot_rig(rig: Rig, path: str | Path) -> None:
         # Room for the names between the anchors and the axes.
         margin = np.full(rig.dimension, (0.2 if spatial else 0.1) * float((high - low).max()))
         if spatial:
-            up = "xyz".index(rig.up)
+            up = "xyz".index(rig.vertical)
             margin[up] /= 4
         for name, lowest, highest in zip("xyz", low - margin, high + margin, strict=False):
             axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})

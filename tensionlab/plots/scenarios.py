@@ -168,7 +168,7 @@ def draw_force(axes: Axes, played: Played) -> None:
     axes.set_title(f"Force on the {held_name(played.scenario)}" if shown != [] else "Force")
     two = two_scales(axes, felt.force[:, shown], knee_of(played))
     axes.grid()
-    letters = [(_axis(run.rig.up, "xyz"[axis]), {"color": COLOURS[axis]}) for axis in shown]
+    letters = [(_axis(run.rig.vertical, "xyz"[axis]), {"color": COLOURS[axis]}) for axis in shown]
     pale: dict[str, Any] = {"color": GREY, "linewidth": 5.0, "alpha": 0.35}
     entries = [*letters, ("intended", pale), (who, {"color": GREY, "linewidth": 1.2})]
     if two:

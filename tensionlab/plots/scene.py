@@ -68,8 +68,10 @@ def view_of(rig: Rig) -> View:
     across, upwards, deep = (1.0, 0.0), (0.0, 1.0), np.array(DEPTH)
     if rig.dimension == 2:
         return View(np.array([across, upwards]), 1)
-    if rig.up == "z":
+    if rig.vertical == "z":
         return View(np.array([across, deep, upwards]), 2)
+    if rig.vertical == "x":
+        return View(np.array([upwards, across, -deep]), 0)
     return View(np.array([across, upwards, -deep]), 1)
 
 

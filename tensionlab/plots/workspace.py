@@ -99,6 +99,8 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
         picture = picture.take(middle[cut], axis=names.index(cut))
     picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
     x, y = field.axes[across], field.axes[along]
+    if min(len(x), len(y)) < 2:
+        raise ShapeError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
     axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE, linewidth=0)
     shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
     if (picture > 0).any():

@@ -98,7 +98,7 @@ def _rigs(plan: Plan) -> list[Coordinate]:
             plan.check(rig)
             seen.add((rig.kind, rig.m))
         homes.append(rig.home)
-        names.append((rig.name, rig.kind, rig.up, [module.name for module in rig.modules]))
+        names.append((rig.name, rig.kind, rig.up or "", [module.name for module in rig.modules]))
         rows.append((anchors, rig.attachments, rig.limits.lower, rig.limits.upper))
     if unknown := sorted(set(plan.frames) - used):
         raise SweepError(f'frames: no module rides on "{unknown[0]}"; leave it out')
@@ -112,7 +112,7 @@ def _rigs(plan: Plan) -> list[Coordinate]:
     each = (*dims, "module")
     found = [
         Coordinate("kind", dims, kinds, "1", "kind of the rig"),
-        Coordinate("up", dims, ups, "1", "axis of the world that points up"),
+        Coordinate("up", dims, ups, "1", "axis of the world that points up; empty: not known"),
         Coordinate("module", ("module",), np.arange(most), "1", "number of the module"),
         Coordinate("axis", ("axis",), np.array(list(axes)), "1", "axis of the world or of the platform"),
         Coordinate("home", (*dims, "axis"), np.stack(homes).reshape(*shape, -1), "m", "home position of the rig"),

@@ -10,8 +10,16 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.kinematics import Floats
+from tensionlab.model.module import MAX_LENGTH
+from tensionlab.reading import brief
+from tensionlab.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.workspace.pose_sets import Grid, PoseList
 
+POSE_FILES = (".csv", ".parquet", ".npz")
+TURNS = ["rx", "ry", "rz"]
+"""Columns of an orientation in space."""
+MAX_ANGLE = 1000.0
+"""In rad. More is taken for another unit."""
 LONGEST_AXIS = 10_000_000
 """More poses along one axis than this are taken for a slip of the step."""
 
@@ -79,7 +87,7 @@ def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) 
 
 
 def read_poses(path: str | Path) -> PoseList:
-    """Which poses does a file list?
+    """Return the poses that a file lists.
 
     CSV (with a line of column names) and Parquet have the columns x, y and z in m, in the plane x and y. An
     orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. NPZ has
@@ -88,28 +96,35 @@ def read_poses(path: str | Path) -> PoseList:
     Raises
     ------
     ShapeError
-        If the file cannot be read, or its columns, arrays or entries are not these; it names the file.
+        If the file cannot be read, or its columns, arrays or entries are not these; it names file and row.
     """
-    readers = {".csv": _read_table, ".parquet": _read_table, ".npz": _read_arrays}
     suffix = Path(path).suffix.lower()
-    if suffix not in readers:
-        raise ShapeError(f"{path}: not a file of poses; give one that ends in {', '.join(readers)}")
+    if suffix not in POSE_FILES:
+        raise ShapeError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILES)}")
+    what = f"a file of poses (*{suffix})"
     try:
-        return readers[suffix](Path(path))
-    except (OSError, ValueError) as error:
-        raise ShapeError(f"{path}: {error}") from None
+        if suffix == ".npz":
+            return _within(_from_arrays(read_npz(path, what, ShapeError)))
+        if suffix == ".csv":
+            return _from_columns(read_table(path, ["x", "y"], ["z", *TURNS, "angle"], error=ShapeError, what=what))
+        table = read_parquet(path, what, ShapeError)
+        check_columns(table.columns.column_names, ["x", "y"], ["z", *TURNS, "angle"], str(path), ShapeError)
+        return _from_columns({name: table.numbers(name, ShapeError) for name in table.columns.column_names})
+    except ShapeError as error:
+        raise ShapeError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def _read_table(path: Path) -> PoseList:
-    import pyarrow.parquet as pq
-    from pyarrow import csv
+def _within(poses: PoseList) -> PoseList:
+    """Refuse positions that no rig reaches, as of a file in other units."""
+    if (far := np.abs(poses.position).max(axis=1) > MAX_LENGTH).any():
+        row = int(np.flatnonzero(far)[0])
+        raise ShapeError(f"pose {row + 1} is {brief(poses.position[row].tolist())}; give m, within {MAX_LENGTH:g}")
+    return poses
 
-    table = csv.read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
-    columns: dict[str, Floats] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        columns[name.strip()] = pose.numbers(column.to_numpy(), f"column {name}")
+
+def _from_columns(columns: dict[str, Floats]) -> PoseList:
     spatial = "z" in columns
-    places, turns = ["x", "y", "z"][: 3 if spatial else 2], ["rx", "ry", "rz"] if spatial else ["angle"]
+    places, turns = ["x", "y", "z"][: 3 if spatial else 2], TURNS if spatial else ["angle"]
     wanted = [*places, *(turns if set(turns) & set(columns) else [])]
     if missing := [name for name in wanted if name not in columns]:
         raise ShapeError(f"no column {missing[0]}; the columns are {', '.join(columns)}")
@@ -117,17 +132,21 @@ def _read_table(path: Path) -> PoseList:
         raise ShapeError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
     position = np.stack([columns[name] for name in places], axis=-1)
     if len(wanted) == len(places):
-        return PoseList(position)
+        return _within(PoseList(position))
+    angles = np.stack([columns[name] for name in turns], axis=-1)
+    if (far := np.abs(angles).max(axis=1) > MAX_ANGLE).any():
+        row = int(np.flatnonzero(far)[0])
+        raise ShapeError(f"pose {row + 1} is turned by {brief(angles[row].tolist())}; give angles in rad")
     if not spatial:
-        return PoseList(position, columns["angle"])
-    return PoseList(position, kinematics.exponential(np.stack([columns[name] for name in turns], axis=-1)))
+        return _within(PoseList(position, columns["angle"]))
+    return _within(PoseList(position, kinematics.exponential(angles)))
 
 
-def _read_arrays(path: Path) -> PoseList:
-    with np.load(path, allow_pickle=False) as arrays:
-        if "position" not in arrays or set(arrays) - {"position", "rotation"}:
-            raise ShapeError(f"its arrays are {', '.join(arrays) or 'none'}; give position, and rotation or not")
-        return PoseList(**dict(arrays))
+def _from_arrays(arrays: dict[str, Floats]) -> PoseList:
+    if "position" not in arrays or set(arrays) - {"position", "rotation"}:
+        there = ", ".join(arrays) or "none"
+        raise ShapeError(f"its arrays are {there:.100}; give position, and rotation or not")
+    return PoseList(**arrays)
 
 
 def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
@@ -135,8 +154,10 @@ def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
     values = pose.numbers(ends, name)
     if values.ndim == 0:
         return values.reshape(1)
-    if values.shape != (2,) or values[0] > values[1]:
-        raise ShapeError(f"{name} is {ends!r}; give (from, to) in m with from <= to, or a number")
+    if values.shape != (2,):
+        raise ShapeError(f"{name} has shape {values.shape}; give two ends in m, such as (0, 1), or one number")
+    if values[0] > values[1]:
+        raise ShapeError(f"{name} goes from {values[0]:g} to {values[1]:g} m; give the lower end first")
     count = (values[1] - values[0]) / step
     if not count < LONGEST_AXIS:
         raise ShapeError(f"a step of {step:g} m gives {count:.3g} poses along {name}; give a larger one")

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import itertools
 import os
+import socket
 from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from typing import Any
+from urllib.parse import urlsplit
 
 from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.model.kinematics import Floats
+from tensionlab.reading import brief
 from tensionlab.workspace.plan import Task
 
 AHEAD = 2
 """Chunks under way for each worker, so that none waits and memory is bounded."""
 
+CONNECTING = 3.0
+"""Seconds that a connection to its scheduler may take."""
 PATIENCE = 10
 """Seconds that a cluster has to answer."""
 
@@ -60,12 +65,11 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
         from distributed.comm import CommClosedError
     except ImportError as error:
         raise MissingDependency('a cluster needs dask.distributed: pip install "tensionlab[cluster]"') from error
+    _require_listening(address)
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise SweepError(
-            f"scheduler {address!r} does not answer ({error}); give one that runs, as tcp://host:port"
-        ) from None
+    except (OSError, ValueError, RuntimeError) as error:
+        raise _silent(address, error) from None
     with client:
         workers = sum(client.nthreads().values())
         if not workers:
@@ -89,6 +93,26 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
             raise SweepError(
                 f"scheduler {address!r} gave up: {error}; with out, the same call goes on from here"
             ) from error
+
+
+def _require_listening(address: str) -> None:
+    """Refuse an address where nobody listens, at once: the client would try again until its time is over."""
+    scheme, _, place = address.rpartition("://")
+    if scheme not in ("tcp", "tls", ""):
+        return
+    try:
+        parts = urlsplit(f"tcp://{place}")
+        with socket.create_connection((parts.hostname or "", parts.port or 8786), CONNECTING):
+            pass
+    except (OSError, ValueError) as error:  # also a port that is none, and a name that cannot be one
+        raise _silent(address, error) from None
+
+
+def _silent(address: str, error: Exception) -> SweepError:
+    why = " ".join(str(error).split())
+    return SweepError(
+        f"scheduler {brief(address)} does not answer ({why:.100}); give one that runs, as tcp://host:port"
+    )
 
 
 def _processors() -> int:

@@ -1,34 +1,36 @@
 """Where the values of a sweep go: into memory, or into a Zarr store that a killed sweep goes on with.
 
-Beside its arrays an unfinished store has a ledger: a line with the number of every finished chunk, written once
-the data of the chunk are on disk. A line that a kill cut short does not count. A finished store has no ledger, and
-is nothing but Zarr. Its format is version 2, in which texts have a specification.
+Beside its arrays a store has a ledger, `tensionlab.workspace.ledger`, and a lock. The format is version 2 of Zarr,
+in which texts have a specification.
 """
 
 from __future__ import annotations
 
+import glob
 import json
 import math
 import os
 import shutil
+import uuid
 from collections.abc import Container
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from tensionlab import locks
 from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.model.kinematics import Floats
 from tensionlab.workspace import labels
+from tensionlab.workspace.ledger import LOCK, Ledger, checksum
 from tensionlab.workspace.plan import Plan, Task
 
 if TYPE_CHECKING:
     import xarray
+    from filelock import BaseFileLock
 
 LARGEST = 2_000_000_000
 """Bytes of the largest sweep that is kept in memory."""
-
-LEDGER = ".finished"
 
 
 class Sink(Protocol):
@@ -41,6 +43,9 @@ class Sink(Protocol):
 
     def dataset(self) -> xarray.Dataset:
         """Give the whole back, once every chunk is written."""
+
+    def close(self) -> None:
+        """Let go of what is held while values are written."""
 
 
 class Memory:
@@ -76,16 +81,29 @@ class Memory:
             }
         )
 
+    def close(self) -> None:
+        """Nothing is held."""
+
 
 class Store:
-    """Writes a sweep to a Zarr store, or goes on with one.
+    """Writes a sweep to a Zarr store, goes on with one, or opens a finished one. One process at a time writes.
+
+    Parameters
+    ----------
+    path : path
+        Of the store.
+    plan : Plan
+        Of the sweep.
+    bare : Dataset
+        Its coordinates and attributes.
 
     Raises
     ------
     MissingDependency
-        If zarr is not installed.
+        If zarr or filelock is not installed.
     SweepError
-        If there is something else at the path, or the store of another sweep; it says what differs.
+        If there is something else at the path, the store of another sweep, one whose files were changed, or one
+        that another process writes to; it says what differs.
     """
 
     def __init__(self, path: Path, plan: Plan, bare: xarray.Dataset) -> None:
@@ -93,77 +111,135 @@ class Store:
             import zarr
         except ImportError as error:
             raise MissingDependency('a store needs zarr: pip install "tensionlab[workspace]"') from error
-        self._path, self._ledger = path, path / LEDGER
-        if path.exists():
-            _check(path, bare.attrs["sweep"])
-        else:
+        self._path, self._chunks = path, plan.chunks
+        self._lock: BaseFileLock | None = None
+        if not path.exists():
             _create(path, plan, bare)
-        group = zarr.open_group(path, mode="r+")
-        self._arrays = [group[name] for name in plan.measures]
-        self._chunks = plan.chunks
-        self.finished: Container[int] = range(math.prod(plan.tiles))
-        if self._ledger.exists():
-            whole = self._ledger.read_bytes().rpartition(b"\n")
-            os.truncate(self._ledger, len(whole[0]) + len(whole[1]))
-            self.finished = {int(line) for line in whole[0].split()}
+        sweep = json.loads(bare.attrs["sweep"])
+        self._ledger = _opened(path, sweep)
+        self.finished: Container[int] = self._ledger.verify()
+        if self._ledger.complete:
+            return
+        self._lock = _locked(path)
+        try:
+            self._ledger = _opened(path, sweep)  # whoever had the lock may have gone on
+            self.finished = self._ledger.verify()
+            self._ledger.rewrite()  # without lines that do not count
+            group = zarr.open_group(path, mode="r+")
+            self._arrays = [group[name] for name in plan.measures]
+        except BaseException:
+            self.close()
+            raise
 
     def write(self, task: Task, values: Floats) -> None:
         """Write the values of one chunk, and then that it is finished."""
         tile = tuple(part.start // size for part, size in zip(task.block, self._chunks, strict=True))
+        files: dict[str, str | None] = {}
         for array, part in zip(self._arrays, values, strict=True):
             array[task.block] = part
-            file = self._path / array.basename / array.metadata.encode_chunk_key(tile)
+            name = f"{array.basename}/{array.metadata.encode_chunk_key(tile)}"
+            file = self._path / name
             if file.exists():  # Zarr leaves out chunks that are NaN all over
                 with file.open("rb+") as written:
                     os.fsync(written.fileno())
-        with self._ledger.open("ab") as ledger:
-            ledger.write(b"%d\n" % task.number)
-            ledger.flush()
-            os.fsync(ledger.fileno())
+            files[name] = checksum(file)
+        self._ledger.add(task.number, files)
 
     def dataset(self) -> xarray.Dataset:
-        """Strike the ledger, and open the whole; values are read when they are asked for."""
+        """Say that the sweep is complete, and open the whole; values are read when they are asked for."""
         import xarray
 
-        self._ledger.unlink(missing_ok=True)
+        if not self._ledger.complete:
+            self._ledger.finish()
         data: xarray.Dataset = xarray.open_zarr(self._path, chunks=None)
         return data
 
+    def close(self) -> None:
+        """Let others write."""
+        if self._lock is not None:
+            self._lock.release()
+        self._lock = None
 
-def _check(path: Path, wanted: str) -> None:
-    """Refuse what is no store of this very sweep."""
-    import zarr
 
+def _locked(path: Path) -> BaseFileLock:
+    """Lock a store, or say that somebody else writes to it."""
     try:
-        found = json.loads(zarr.open_group(path, mode="r").attrs["sweep"])
-    except (OSError, ValueError, KeyError, TypeError):
-        raise SweepError(f"{path} is there and holds no sweep; give another place to write to") from None
-    differs = [part for part, value in json.loads(wanted).items() if found.get(part) != value]
+        lock = locks.acquire(path / LOCK, 0.0, "workspace")
+    except OSError as error:
+        raise SweepError(f"{path}: cannot be written ({error.strerror}); give another place") from None
+    if lock is None:
+        raise SweepError(f"{path}: another sweep writes to it; wait until that has ended, or give another place")
+    return lock
+
+
+def _opened(path: Path, wanted: dict[str, Any]) -> Ledger:
+    """Read the ledger of a store, and refuse what is no store of this very sweep."""
+    ledger = Ledger(path)
+    if ledger.sweep is None:
+        if _is_sweep(path):
+            raise SweepError(
+                f"{path} has no ledger, which says what is complete: it is lost, or an earlier version wrote the "
+                "store; give another place, or delete it"
+            )
+        raise SweepError(f"{path} is there and holds no sweep; give another place to write to")
+    differs = [part for part, value in wanted.items() if ledger.sweep.get(part) != value]
     if differs:
         raise SweepError(
             f"{path} holds a sweep that differs in {' and '.join(differs)}; give another place, or delete it"
         )
+    return ledger
+
+
+def _is_sweep(path: Path) -> bool:
+    """Tell whether a folder has the attributes of a sweep."""
+    try:
+        return "sweep" in json.loads((path / ".zattrs").read_bytes())
+    except (OSError, ValueError, RecursionError, TypeError):
+        return False
 
 
 def _create(path: Path, plan: Plan, bare: xarray.Dataset) -> None:
-    """Make a store without values, under another name until it is complete."""
+    """Make a store without values, under another name until it is whole."""
     import zarr
 
-    if not path.absolute().parent.is_dir():
-        raise SweepError(f"no folder {path.absolute().parent}; make it first")
-    new = path.with_name(f".{path.name}.new")
-    shutil.rmtree(new, ignore_errors=True)
-    bare.to_zarr(new, zarr_format=2, consolidated=False)
-    group = zarr.open_group(new, mode="r+")
-    for name, measure in plan.measures.items():
-        group.create_array(
-            name,
-            shape=plan.shape,
-            chunks=plan.chunks,
-            dtype="float64",
-            fill_value=np.nan,
-            attributes={**labels.attributes(measure), "_ARRAY_DIMENSIONS": list(plan.dims)},
-        )
-    zarr.consolidate_metadata(new.as_posix())
-    (new / LEDGER).touch()
-    new.rename(path)
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        raise SweepError(f"no folder {folder}; make it first")
+    try:
+        _clear(path)
+        making = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.new")
+        making.mkdir()
+        lock = locks.acquire(making / LOCK, 1.0, "workspace")
+        new = making / "store"
+        bare.to_zarr(new, zarr_format=2, consolidated=False)
+        group = zarr.open_group(new, mode="r+")
+        for name, measure in plan.measures.items():
+            group.create_array(
+                name,
+                shape=plan.shape,
+                chunks=plan.chunks,
+                dtype="float64",
+                fill_value=np.nan,
+                attributes={**labels.attributes(measure), "_ARRAY_DIMENSIONS": list(plan.dims)},
+            )
+        zarr.consolidate_metadata(new.as_posix())
+        Ledger(new).begin(json.loads(bare.attrs["sweep"]))
+        try:
+            new.rename(path)
+        except OSError:
+            if not path.exists():  # else another sweep was quicker, and this one looks whether it is the same
+                raise
+        finally:
+            shutil.rmtree(making, ignore_errors=True)
+            if lock is not None:
+                lock.release()
+    except OSError as error:
+        raise SweepError(f"{path}: cannot be made ({error.strerror}); give another place") from None
+
+
+def _clear(path: Path) -> None:
+    """Delete what processes left that were killed while they made this store: nobody holds its lock."""
+    for left in path.absolute().parent.glob(f".{glob.escape(path.name)}.*.new"):
+        if (left / LOCK).exists() and (lock := locks.acquire(left / LOCK, 0.0, "workspace")) is not None:
+            shutil.rmtree(left, ignore_errors=True)
+            lock.release()

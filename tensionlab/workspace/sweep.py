@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import is_dataclass
@@ -97,15 +98,16 @@ def sweep(
     )
     bare = bare_dataset(plan)
     sink: Sink = Memory(plan, bare) if out is None else Store(Path(out), plan, bare)
-    missing = [number for number in range(math.prod(plan.tiles)) if number not in sink.finished]
-    if missing:
-        total, ahead = math.prod(plan.shape), sum(plan.size(number) for number in missing)
-        tasks = (plan.task(number) for number in missing)
-        with bar(total, total - ahead, progress) as advance:
-            for task, values in locally(tasks) if scheduler is None else on_cluster(scheduler, tasks):
-                sink.write(task, values)
-                advance(plan.size(task.number))
-    return sink.dataset()
+    with contextlib.closing(sink):
+        missing = [number for number in range(math.prod(plan.tiles)) if number not in sink.finished]
+        if missing:
+            total, ahead = math.prod(plan.shape), sum(plan.size(number) for number in missing)
+            tasks = (plan.task(number) for number in missing)
+            with bar(total, total - ahead, progress) as advance:
+                for task, values in locally(tasks) if scheduler is None else on_cluster(scheduler, tasks):
+                    sink.write(task, values)
+                    advance(plan.size(task.number))
+        return sink.dataset()
 
 
 def _named(measures: str | Measure | Sequence[str | Measure]) -> dict[str, Measure]:

@@ -106,7 +106,7 @@ def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
     ("words", "error"),
     [
         ([CUBE, "--poses", "poses.csv", "--plot", "w.png"], "--plot draws a box"),
-        ([CUBE, "--plot", "w.txt"], "w.txt is no picture"),
+        ([CUBE, "--plot", "w.txt"], "w.txt: unsupported format; it must end in .png or .pdf"),
         ([RIGS / "none.toml"], "none.toml: no such file"),
         ([CUBE, "--box", 0, 1, 0, 1, 0], "--box has 5 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1"),
         ([CUBE, "--box", 1, 0, 0, 1, 0, 1], "x is "),

@@ -59,9 +59,9 @@ def test_shapes_that_do_not_fit_are_refused():
 
 def test_other_tables_are_no_recordings(tmp_path):
     records.write_parquet(tmp_path / "a.parquet", [{"a": 1}], {})
-    with pytest.raises(ShapeError, match="no recording of forces"):
+    with pytest.raises(ShapeError, match=r"a\.parquet: the manifest of a recording has no"):
         read(tmp_path / "a.parquet")
-    with pytest.raises(ShapeError, match="no recording of forces"):
+    with pytest.raises(ShapeError, match=r"nothing\.parquet: no such file; give the path of a recording"):
         read(tmp_path / "nothing.parquet")
 
 

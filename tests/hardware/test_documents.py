@@ -16,23 +16,6 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 README = (FIRMWARE / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", ["README.md", "PROTOCOL.md"])
-def test_the_tables_are_those_of_the_code(name):
-    text = (FIRMWARE / name).read_text(encoding="utf-8")
-    assert documents.filled(text, documents.sections()[name], name) == text, "write them anew: see documents.py"
-
-
-def test_a_change_of_the_code_would_show():
-    text = README.replace("| 0 | `tension_lower` |", "| 0 | `tension_least` |")
-    assert text != README
-    assert documents.filled(text, documents.sections()["README.md"], "README.md") == README
-
-
-def test_a_mark_that_is_missing_is_named():
-    with pytest.raises(HardwareError, match=r"README\.md: no section between the lines <!-- plant: start -->"):
-        documents.filled(README.replace("plant: end", "plants: end"), {"plant": ""}, "README.md")
-
-
 def test_everything_is_explained():
     with pytest.raises(HardwareError, match="explain, or drop, one, two"):
         documents.explained({"one": "", "three": ""}, ["two", "three"])

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 import runs
 
+from tensionlab import writing
 from tensionlab.errors import LogError
 from tensionlab.hardware.log import FLUSH
 from tensionlab.hardware.record.run import read_run
@@ -53,12 +54,26 @@ def test_an_empty_file_is_taken(tmp_path):
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(LogError, match=r"none/run\.mcap: the log cannot be written \(No such file"):
+    with pytest.raises(LogError, match=r"none/run\.mcap: no folder .*none; make it first"):
         open_log(tmp_path / "none" / "run.mcap")
 
 
-def test_a_full_disk_is_noticed_before_the_run_starts():
-    with pytest.raises(LogError, match=r"/dev/full: the log cannot be written \(No space left on device\)"):
+@pytest.mark.parametrize("probe", [writing.PROBE_BYTES, 10])  # too much, and what fits where the rest does not
+def test_a_full_disk_is_noticed_before_the_run_starts_and_leaves_no_file(tmp_path, probe, monkeypatch):
+    monkeypatch.setattr(writing, "PROBE_BYTES", probe)
+    resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    try:
+        with pytest.raises(LogError, match=r"run\.mcap: .*cannot be written \(File too large\); free"):
+            open_log(tmp_path / "run.mcap")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_device_is_refused():
+    with pytest.raises(LogError, match="/dev/full: there is something already"):
         open_log("/dev/full")
 
 

@@ -19,7 +19,7 @@ def test_what_is_written_is_read_again(tmp_path):
         ("[modules]", "no modules"),
         ('modules = "COM5"', "no modules"),
         ('[module]\na = "COM5"', 'unknown key "module"; the file has one table'),
-        ("[modules]\na = 5", '"a" is 5; give its link as text'),
+        ("[modules]\na = 5", '"a" is 5; give a link as text'),
         ('[modules]\na = ""', "\"a\" is ''"),
         ('[modules]\na = "COM5"\nb = "COM5"', "COM5 is there twice"),
     ],
@@ -33,5 +33,5 @@ def test_what_is_wrong_is_named_with_its_file(tmp_path, text, message):
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(HardwareError, match=r"none\.toml: cannot be read"):
+    with pytest.raises(HardwareError, match=r"none\.toml: no such file"):
         load_modules(tmp_path / "none.toml")

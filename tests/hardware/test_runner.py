@@ -51,7 +51,7 @@ def test_the_force_follows_a_hand_that_moves(rig):
     world, force, errors = World(rig, motion), np.array([0.0, 0.0, 1.5]), []
 
     def demand(state):
-        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity(state.time))])
+        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity(world.time))])
         return Demand(force)
 
     def velocity(time):
@@ -78,10 +78,17 @@ def test_a_platform_is_found_with_its_rotation():
         return Pose(rig.home + np.array([0.1, 0.05, -0.02]) * time, turn)
 
     world = World(limited, motion)
-    runner = run(world, limited, lambda state: Demand(), 1.0)
+    true = []
+
+    def demand(state):
+        true.append(world.pose)
+        return Demand()
+
+    runner = run(world, limited, demand, 1.0)
     pose = runner.latest.state.pose
-    np.testing.assert_allclose(pose.position, motion(0.98).position, atol=2e-3)
-    np.testing.assert_allclose(pose.rotation, motion(0.98).rotation, atol=5e-3)
+    np.testing.assert_allclose(pose.position, true[-1].position, atol=2e-3)
+    # Cables stretch by 0.13 mm, and those of this rig hardly resist a turn about the vertical.
+    np.testing.assert_allclose(pose.rotation, true[-1].rotation, atol=6e-3)
     np.testing.assert_allclose(runner.latest.state.twist[:3], [0.1, 0.05, -0.02], atol=0.02)
 
 
@@ -159,10 +166,23 @@ def test_it_knows_how_late_it_hears_what_it_asked_for(rig, latency):
         return Demand(np.array([0.0, np.sin(9.0 * state.time), 0.0]))
 
     Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(1.0)
-    assert np.isnan(delays[0]).all()
     settled = np.array(delays[20:])
     assert (settled > 2 * latency).all()
     assert (settled <= 2 * latency + 3.1 / 50.0).all()  # what is on its way moves on once a cycle
+
+
+def test_before_the_first_set_point_it_does_not_know_how_late_it_hears(rig):
+    """With a tracker, nothing is sent before the first cycle; from lengths, cables are reeled in first."""
+    delays = []
+    place = Pose(rig.home)
+
+    def demand(state):
+        delays.append(state.delays)
+        return Demand()
+
+    run(World(rig), rig, demand, tracker=lambda time: place)
+    assert np.isnan(delays[0]).all()
+    assert np.isfinite(delays[5]).all()
 
 
 def test_brakes_are_laid_on(rig):
@@ -226,11 +246,75 @@ def test_unknown_lengths_are_refused(rig):
         run(world, rig, lambda state: Demand())
 
 
+def round_trip(rig, radius=0.2, period=4.0):
+    """A hand that goes round home."""
+
+    def motion(time):
+        angle = 2.0 * np.pi * time / period
+        return Pose(rig.home + radius * np.array([np.cos(angle), np.sin(angle), 0.0]))
+
+    return motion
+
+
+@pytest.mark.parametrize("name", ["bartels2026-validation", "seven-modules", "floor-3"])
+def test_a_run_begins_with_slack_cables_while_the_hand_moves(name):
+    """Nobody reels in while no run is on: cables are paid out by the hand and hang slack as it comes back."""
+    rig = tl.load_rig(f"datasets/rigs/{name}.toml")
+    world = World(rig, round_trip(rig))
+    world.advance(7.3)
+    slack = [module.sample.length - module.sample.distance for module in world.modules]
+    assert max(slack) > 0.1
+    errors = []
+
+    def demand(state):
+        errors.append(np.linalg.norm(state.pose.position - world.pose.position))
+        return Demand()
+
+    runner = run(world, rig, demand, 2.0)
+    assert runner.statistics.ended == "after 2 s"
+    assert max(errors) < 1e-2
+
+
+def test_lengths_of_different_instants_are_compared_at_one(rig):
+    """Behind links with jitter, each module is heard at another time, while the hand makes 0.8 m/s."""
+    world, errors = World(rig, round_trip(rig, 0.2, 1.6)), []
+    group = world.group(Conditions(latency=0.02, jitter=0.02), seed=1)
+
+    def demand(state):
+        errors.append(np.linalg.norm(state.pose.position - world.pose.position))
+        return Demand()
+
+    Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(2.0)
+    assert max(errors) < 0.8 * 0.1  # no further behind than the link is
+
+
+def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(rig):
+    """It gets to 3.1 m/s in 75 ms, as fast as spools reel in; nothing of that is taken for a fault."""
+    begun = []
+
+    def motion(time):
+        passed = np.clip(time - begun[0] - 0.5, 0.0, 0.15) if begun else 0.0
+        return Pose(rig.home + np.array([0.0, 0.15 * (1.0 - np.cos(np.pi * passed / 0.15)), 0.0]))
+
+    world, off = World(rig, motion), []
+
+    def demand(state):
+        if not begun:
+            begun.append(world.time)
+        off.append(np.linalg.norm(state.pose.position - world.pose.position))
+        return Demand()
+
+    runner = run(world, rig, demand, 2.0)
+    assert runner.statistics.ended == "after 2 s"
+    assert max(off[-30:]) < 1e-3
+
+
 def test_lengths_that_fit_no_pose_are_refused(rig):
     world = World(rig)
     for client in world.group().clients[:3]:
         client.calibrate(Calibration.LENGTH, 0.4)
-    with pytest.raises(HardwareError, match=r'cable lengths fit no pose: that of module "\S+" is off by \d+ mm'):
+    said = r'fit no pose: that of module "\S+" is off by \d+ mm, or .* all cables are taut, so calibrate'
+    with pytest.raises(HardwareError, match=said):
         run(world, rig, lambda state: Demand())
     assert {module.sample.state for module in world.modules} == {State.IDLE}
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tensionlab.errors import RigError
 from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml, save_rig
-from tensionlab.model.module import KINDS, Module, Platform
+from tensionlab.model.module import KINDS, MAX_LENGTH, Module, Platform
 from tensionlab.model.rig import Rig
 
 RIGS = sorted((Path(__file__).parents[2] / "datasets" / "rigs").glob("*.toml"))
@@ -34,9 +34,10 @@ anchor = [0.5, 0.0, 0.0]
 upper = 3.0
 """
 FLAT = GOOD.replace('"point"', '"platform"')
-finite = st.floats(allow_nan=False, allow_infinity=False)
-positive = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
-texts = st.text(st.characters(exclude_categories=["Cs"]), min_size=1)
+finite = st.floats(-MAX_LENGTH, MAX_LENGTH)
+positive = st.floats(min_value=0, exclude_min=True, max_value=MAX_LENGTH)
+prose = st.text(st.characters(exclude_categories=["Cs"]), min_size=1)
+texts = st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=20)
 
 
 @st.composite
@@ -62,7 +63,16 @@ def rigs(draw):
         platform = Platform(draw(positive), com=point(), inertia=np.eye(n - d) * draw(st.floats(1e-3, 1e3)))
     elif draw(st.booleans()):
         platform = Platform(draw(positive))
-    return Rig(draw(texts), kind, tuple(modules), point(), platform, draw(st.text('a"\\\n[1.0,]')), draw(texts))
+    return Rig(
+        draw(texts),
+        kind,
+        tuple(modules),
+        point(),
+        platform,
+        draw(st.text('a"\\\n[1.0,]')),
+        draw(prose),
+        up=draw(st.sampled_from([None, "x", "y", "-y"])),
+    )
 
 
 @settings(max_examples=150, deadline=None)
@@ -189,6 +199,17 @@ MISTAKES = {
         GOOD + "[platform]\nmass = 1\ninertia = [1.0]",
         ["[platform]", '"inertia", entry 1, is 1.0'],
     ),
+    "anchor too far": (GOOD.replace("-0.5", "1e300"), ['module "left"', '"anchor"', "within 10000"]),
+    "whole number too large": (GOOD.replace("-0.5", "9" * 400), ["modules", "beyond 64 bits"]),
+    "tension no cable bears": (GOOD.replace("3.0\n", "1e9\n"), ['module "right"', '"upper" is 1e+09 N']),
+    "spool too large": (GOOD + "spool_radius = 1e5", ['"spool_radius" is 100000', "10000 or less"]),
+    "heavy platform": (GOOD + "[platform]\nmass = 1e9", ["[platform]", '"mass" is 1e+09 kg']),
+    "name with a control character": (GOOD.replace('"left"', '"le\\u001bft"'), ['"name"', "printable"]),
+    "long name": (GOOD.replace('"left"', f'"{"l" * 101}"'), ['"name"', "at most 100 characters"]),
+    "no axis": (GOOD.replace('"point"', '"point"\nup = "w"'), ["\"up\" is 'w'", "x, y, z, -x, -y, -z"]),
+    "nested deep": ("a = " + "[" * 3000 + "]" * 3000, ["nested more than 32 deep"]),
+    "many digits": ("a = " + "9" * 5000, ["thousands of digits"]),
+    "key of many parts": (".".join("a" * 100_000) + " = 1", ["more than 32 parts"]),
     "no TOML": (GOOD + "lower 0.5", ["not valid TOML", "line 18"]),
 }
 
@@ -223,7 +244,7 @@ def test_all_mistakes_of_form_are_told_at_once():
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(RigError, match=r"none\.toml: no such file"):
         load_rig(tmp_path / "none.toml")
-    with pytest.raises(RigError, match=r"cannot be read \(Is a directory\)"):
+    with pytest.raises(RigError, match=r"is a folder; give a rig file"):
         load_rig(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RigError, match=r"binary\.toml: not UTF-8 text"):

@@ -70,8 +70,8 @@ def test_arrays_hold_positions_and_orientations(tmp_path):
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: box((1, 0), 0, step=1), r"x is \(1, 0\)"),
-        (lambda: box(0, (0, 1, 2), step=1), r"y is \(0, 1, 2\)"),
+        (lambda: box((1, 0), 0, step=1), "x goes from 1 to 0"),
+        (lambda: box(0, (0, 1, 2), step=1), r"y has shape \(3,\)"),
         (lambda: box(0, (0, np.nan), step=1), r"y\[1\] is nan"),
         (lambda: box((0, 1), (0, 1), step=0.0), "step is 0.0"),
         (lambda: box((0, 1), (0, 1), step=[1, 1, 1]), r"step is \[1, 1, 1\]"),
@@ -89,17 +89,22 @@ def test_odd_boxes_and_paths_are_refused(call, words):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("none.csv", None, "No such file"),
+        ("none.csv", None, "no such file"),
         ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet, .npz"),
-        ("poses.csv", "x,z\n1,2", "no column y"),
+        ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
         ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
-        ("poses.csv", "x,y,Z\n1,2,3", "unknown column Z"),
-        ("poses.csv", "x,y\n1,a", "column y is not an array of numbers"),
-        ("poses.csv", "x,y\n1,", "column y.* is nan"),
-        ("poses.csv", "", "[Ee]mpty"),
-        ("poses.csv", "x,y\n", r"position has shape \(0, 2\)"),
+        ("poses.csv", "x,y,Z\n1,2,3", 'what the column "Z" is'),
+        ("poses.csv", "x,y\n1,a", r"line 2, column \"y\": 'a' is no finite number"),
+        ("poses.csv", "x,y\n1,", r"line 2, column \"y\": '' is no finite number"),
+        ("poses.csv", "", 'column "x" is missing'),
+        ("poses.csv", "x,y\n", "no numbers"),
         ("poses.parquet", "x,y\n1,2", "poses.parquet"),
         ("poses.npz", "x,y\n1,2", "poses.npz"),
+        ("poses.csv", "x,y,x\n1,2,3", 'column "x" is there twice'),
+        ("poses.csv", "x,y\n1,2\n1,2,3", "line 3 has 3 values for 2 columns"),
+        ("poses.csv", "x_mm,y_mm\n1,2", 'column "x" is missing; there must be x, y, there are x_mm, y_mm'),
+        ("poses.csv", 'x,y\n1,"2', "line 2: unexpected end of data"),
+        ("poses.csv", "x,y\n1,1e999", "'1e999' is no finite number"),
     ],
 )
 def test_odd_files_are_refused_by_name(tmp_path, name, text, words):

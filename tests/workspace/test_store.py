@@ -1,6 +1,9 @@
 """A sweep that is killed goes on where it was, and never takes another's store for its own."""
 
+import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,8 +17,9 @@ from tallied import Tallied, read
 
 import tensionlab as tl
 from tensionlab.errors import SweepError
+from tensionlab.workspace.ledger import LEDGER, LOCK
 from tensionlab.workspace.pose_sets import Grid
-from tensionlab.workspace.store import LEDGER, Store
+from tensionlab.workspace.store import Store
 from tensionlab.workspace.vary import vary
 
 RIGS = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4])
@@ -51,14 +55,22 @@ def sweep(store, tally, **changed):
     return tl.sweep(**{**arguments, **changed}, out=store, chunk=CHUNK)
 
 
-def start(store, tally):
+def command(store, tally):
     path = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return subprocess.Popen([sys.executable, "-c", PROGRAM, store, tally], env={**os.environ, "PYTHONPATH": path})
+    return [sys.executable, "-c", PROGRAM, store, tally], {**os.environ, "PYTHONPATH": path}
+
+
+def start(store, tally):
+    program, environment = command(store, tally)
+    return subprocess.Popen(program, env=environment)
 
 
 def lines(store):
+    """The numbers of the chunks in the ledger, in its order."""
     ledger = store / LEDGER
-    return ledger.read_text().splitlines() if ledger.exists() else []
+    rows = ledger.read_text().split("\n")[:-1] if ledger.exists() else []
+    contents = [json.loads(row.partition(" ")[2]) for row in rows]
+    return [each["chunk"] for each in contents if "chunk" in each]
 
 
 def wait_for(condition):
@@ -68,11 +80,11 @@ def wait_for(condition):
         time.sleep(0.001)
 
 
-def test_a_finished_store_is_the_sweep_and_nothing_else(store, tmp_path):
+def test_a_finished_store_is_the_sweep(store, tmp_path):
     data = sweep(store, tmp_path / "a").load()
     expected = tl.sweep(RIGS, POSES, ["least-singular-value", Tallied(str(tmp_path / "a"), 0.02)])
     assert data.drop_attrs(deep=False).identical(expected.drop_attrs(deep=False))
-    assert not (store / LEDGER).exists()
+    assert lines(store) == list(range(COUNT))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "sweep.zarr"]
     assert data["least-singular-value"].encoding["chunks"] == (1, 1, 1, 3, 3)
 
@@ -100,7 +112,7 @@ def test_after_kill_9_it_goes_on_and_computes_no_finished_chunk_again(store, tmp
         wait_for(lambda least=least: len(lines(store)) >= least)
         process.send_signal(signal.SIGKILL)
         assert process.wait() == -signal.SIGKILL
-        finished = {int(line) for line in lines(store)}
+        finished = set(lines(store))
         assert killed < len(finished) < COUNT
         killed = len(finished)
 
@@ -147,13 +159,13 @@ def interrupted(store, tmp_path, monkeypatch):
 
 def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path, monkeypatch):
     def cut_short():
-        unfinished = max(set(range(COUNT)) - {int(line) for line in lines(store)})
+        unfinished = max(set(range(COUNT)) - set(lines(store)))
         with (store / LEDGER).open("a") as ledger:
-            ledger.write(str(unfinished))
+            ledger.write(f'0123456789abcdef {{"chunk": {unfinished}, "files": {{}}')
 
     cut_short()
     stop(store, tmp_path / "tally", 20, monkeypatch)
-    assert len({int(line) for line in lines(store)} & set(range(COUNT))) == 20
+    assert len(set(lines(store))) == 20
     cut_short()
     evaluated = len(read(tmp_path / "tally"))
     data = sweep(store, tmp_path / "tally")
@@ -162,7 +174,7 @@ def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path, monkeypat
 
 
 def test_data_that_the_ledger_does_not_know_are_written_again(store, interrupted, tmp_path):
-    finished = {int(line) for line in lines(store)}
+    finished = set(lines(store))
     last = np.unravel_index(max(set(range(COUNT)) - finished), (2, 2, 5, 2, 1))
     (store / "least-singular-value" / ".".join(map(str, last))).write_bytes(b"half a chunk")
     data = sweep(store, tmp_path / "tally").load()
@@ -170,11 +182,110 @@ def test_data_that_the_ledger_does_not_know_are_written_again(store, interrupted
     np.testing.assert_array_equal(data["least-singular-value"], expected["least-singular-value"])
 
 
-def test_a_store_half_made_is_made_anew(store, tmp_path):
-    (tmp_path / ".sweep.zarr.new").mkdir()
-    (tmp_path / ".sweep.zarr.new" / ".zgroup").write_text("{")
+def test_what_a_killed_process_had_half_made_is_cleared_away(store, tmp_path):
+    left = tmp_path / ".sweep.zarr.0123456789ab.new"
+    left.mkdir()
+    (left / ".zgroup").write_text("{")
+    (left / LOCK).touch()
     assert sweep(store, tmp_path / "tally").sizes["x"] == 5
-    assert not (tmp_path / ".sweep.zarr.new").exists()
+    assert not left.exists()
+
+
+def flip(path, index=-1):
+    content = bytearray(path.read_bytes())
+    content[index] ^= 1
+    path.write_bytes(content)
+
+
+ARRAY = Path("least-singular-value")
+CHUNK_FILE = ARRAY / "0.0.0.0.0"
+
+
+@pytest.mark.parametrize(
+    "name", [CHUNK_FILE, ARRAY / ".zarray", Path(".zattrs"), Path(".zmetadata"), Path("anchor") / "0.0.0.0"]
+)
+def test_a_flipped_byte_in_a_finished_store_is_found(store, tmp_path, name):
+    sweep(store, tmp_path / "tally")
+    flip(store / name)
+    with pytest.raises(SweepError, match=re.escape(str(store / name)) + " was changed since the sweep wrote it"):
+        sweep(store, tmp_path / "tally")
+
+
+def test_a_flipped_byte_in_an_unfinished_store_is_found(store, interrupted, tmp_path):
+    name = sorted((store / ARRAY).glob("[0-9]*"))[0]
+    if number(name) in set(lines(store)):
+        flip(name)
+        with pytest.raises(SweepError, match="was changed since the sweep wrote it"):
+            sweep(store, tmp_path / "tally")
+
+
+@pytest.mark.parametrize("name", [ARRAY, Path("anchor"), ARRAY / ".zarray"])
+def test_an_array_that_is_missing_is_found(store, tmp_path, name):
+    sweep(store, tmp_path / "tally")
+    shutil.rmtree(store / name) if (store / name).is_dir() else (store / name).unlink()
+    with pytest.raises(SweepError, match=f"{re.escape(str(store / name))}.* is missing"):
+        sweep(store, tmp_path / "tally")
+
+
+def test_values_that_are_missing_are_evaluated_again(store, tmp_path):
+    expected = sweep(store, tmp_path / "tally").load()
+    evaluated = len(read(tmp_path / "tally"))
+    (store / CHUNK_FILE).unlink()
+    xr.testing.assert_identical(sweep(store, tmp_path / "tally").load(), expected)
+    assert len(read(tmp_path / "tally")) - evaluated == 1
+
+
+def test_a_store_that_lost_its_ledger_does_not_count_as_finished(store, interrupted, tmp_path):
+    (store / LEDGER).unlink()
+    with pytest.raises(SweepError, match="has no ledger, which says what is complete"):
+        sweep(store, tmp_path / "tally")
+
+
+@pytest.mark.parametrize("row", [1, 5, -1])
+def test_a_damaged_line_of_the_ledger_does_not_count(store, tmp_path, row):
+    expected = sweep(store, tmp_path / "tally").load()
+    rows = (store / LEDGER).read_bytes().split(b"\n")[:-1]
+    rows[row] = rows[row][:-2] + b"?}"
+    (store / LEDGER).write_bytes(b"\n".join([*rows, b""]))
+    evaluated = len(read(tmp_path / "tally"))
+    xr.testing.assert_identical(sweep(store, tmp_path / "tally").load(), expected)
+    assert len(read(tmp_path / "tally")) - evaluated == (0 if row == -1 else 1)
+
+
+def test_a_second_sweep_in_the_same_store_is_refused(store, tmp_path, monkeypatch):
+    write = Store.write
+    refused = []
+
+    def meanwhile(self, task, values):
+        if not refused:
+            with pytest.raises(SweepError, match="another sweep writes to it") as caught:
+                sweep(store, tmp_path / "tally")
+            refused.append(caught.value)
+        write(self, task, values)
+
+    monkeypatch.setattr(Store, "write", meanwhile)
+    sweep(store, tmp_path / "tally")
+    assert refused
+
+
+def test_two_sweeps_that_start_together_end_well(store, tmp_path):
+    """Each is refused in words, or opens what the other finished; the store is whole."""
+    processes = [
+        subprocess.Popen(started, stderr=subprocess.PIPE, text=True, env=env)
+        for started, env in [command(store, tmp_path / "tally")] * 2
+    ]
+    said = [process.communicate()[1] for process in processes]
+    codes = [process.returncode for process in processes]
+    assert 0 in codes
+    assert all(code == 0 or "another sweep writes to it" in text for code, text in zip(codes, said, strict=True))
+    assert not list(tmp_path.glob(".*"))
+    assert len(read(tmp_path / "tally")) == COUNT
+
+
+def test_a_finished_store_is_opened_while_another_has_it_open(store, tmp_path, monkeypatch):
+    sweep(store, tmp_path / "tally")
+    monkeypatch.setattr("tensionlab.locks.acquire", None)  # not needed
+    assert sweep(store, tmp_path / "tally").sizes["x"] == 5
 
 
 @pytest.mark.parametrize(

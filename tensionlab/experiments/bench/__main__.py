@@ -1,13 +1,17 @@
-"""The measuring process of `tensionlab.experiments.bench.run`: a plan in, the share that is done on stdout."""
+"""The measuring process of `tensionlab.experiments.bench.run`: a plan in, and lines of JSON on stdout.
+
+Each tells the share that is done, or the error that ended it, or the folder with the results.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
-from typing import TextIO
 
+from tensionlab.errors import TensionlabError
 from tensionlab.experiments.bench.run import Plan, measure_all
 
 
@@ -17,14 +21,20 @@ def main() -> None:
     asked = order["plan"]
     for key in ("sets", "solvers"):
         asked[key] = None if asked[key] is None else tuple(asked[key])
-    # Backends print what they like; only the shares may reach the process that reads them.
-    with os.fdopen(os.dup(1), "w") as shares:
+    # Backends print what they like; only what is told may reach the process that reads it.
+    with os.fdopen(os.dup(1), "w") as told, suppress(BrokenPipeError):
         os.dup2(2, 1)
-        measure_all(Plan(**asked), Path(order["folder"]), order["call"], lambda done: _tell(shares, done))
 
+        def tell(key: str, value: object) -> None:
+            print(json.dumps({key: value}), file=told, flush=True)
 
-def _tell(shares: TextIO, done: float) -> None:
-    print(done, file=shares, flush=True)
+        try:
+            folder = measure_all(
+                Plan(**asked), Path(order["folder"]), order["call"], lambda done: tell("share", done)
+            )
+            tell("folder", str(folder))
+        except TensionlabError as error:
+            tell("error", str(error))
 
 
 if __name__ == "__main__":

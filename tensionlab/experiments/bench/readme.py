@@ -1,16 +1,18 @@
-"""The comparison in the README, filled in from committed results: `python -m tensionlab.experiments.bench.readme`.
+"""The benchmark's table in the documents, from committed results, and how a run is committed.
 
-With the folder of a run as its argument, `python -m tensionlab.experiments.bench.readme out/bench` first takes
-that run's results into the repository. A test fails if the README and the committed results differ.
+``python -m tensionlab.experiments.bench.readme out/bench`` takes the results of a run into the repository;
+``make docs`` then writes the table from them.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
+from tensionlab import writing
 from tensionlab.errors import ShapeError, TensionlabError
 from tensionlab.experiments.bench import results
 from tensionlab.experiments.bench.findings import findings
@@ -19,8 +21,6 @@ from tensionlab.experiments.bench.report import IDLE, marked
 from tensionlab.experiments.bench.results import Results
 from tensionlab.experiments.bench.text import count, duration, newton, percent, table
 
-START, END = "<!-- bench: start -->", "<!-- bench: end -->"
-"""What is between these lines in the README is written here."""
 COMMITTED = Path("datasets") / "benchmarks"
 
 COLUMNS: list[tuple[str, Callable[[Headline], str]]] = [
@@ -35,7 +35,7 @@ COLUMNS: list[tuple[str, Callable[[Headline], str]]] = [
 
 
 def section(found: Results) -> str:
-    """What does the README say about these results?"""
+    """Return what the documents say about these results, in Markdown."""
     rows = []
     for line in headlines(found):
         name = marked(f"**{line.label}**" if line.house else line.label, line.comparable)
@@ -48,7 +48,8 @@ def section(found: Results) -> str:
     return "\n\n".join(
         [
             f"{count(total)} problems in {len(found.sets)} sets on one thread of {about['processor']}"
-            f"{busy}, {about['date'][:10]}: the share solved within reach to an accuracy, *elsewhere* (where "
+            f"{busy}, {about['date'][:10]}, tensionlab {about['versions']['tensionlab']}"
+            f"{commit_of(about)}: the share solved within reach to an accuracy, *elsewhere* (where "
             "wrenches may be out of reach) to 1e-6 N; the largest difference of a tension to the proved optimum; "
             "the time of one call (proof included for solvers of the house, in bold) and of a problem in a batch. "
             "Peers solve the plain program, at their defaults and tight. † has another objective.",
@@ -58,40 +59,29 @@ def section(found: Results) -> str:
     )
 
 
-def filled(readme: str, found: Results) -> str:
-    """The README with its section as these results have it.
-
-    Raises
-    ------
-    ShapeError
-        If the README has no such section.
-    """
-    before, start, rest = readme.partition(START)
-    _, end, after = rest.partition(END)
-    if not (start and end):
-        raise ShapeError(f"README.md: no section between the lines {START} and {END}")
-    return f"{before}{START}\n\n{section(found)}\n\n{END}{after}"
+def commit_of(about: Mapping[str, Any]) -> str:
+    """Write which commit was measured, if that is known."""
+    return f" ({about['git_commit'][:7]})" if about["git_commit"] else ""
 
 
 def commit(run: Path, folder: Path) -> None:
     """Take the results of a run, without the evidence for each problem, into a folder of the repository."""
     found = results.read(run)
-    folder.mkdir(parents=True, exist_ok=True)
+    writing.make_folder(folder)
     results.write(folder / results.FILE, found.rows, found.manifest, evidence=False)
-    (folder / "manifest.json").write_text(json.dumps(found.manifest, indent=2) + "\n", encoding="utf-8")
+    writing.write_text(folder / "manifest.json", json.dumps(found.manifest, indent=2) + "\n")
 
 
 def main() -> None:
-    """Fill the README of the working directory, from a new run if one is named."""
+    """Take a run's results into the data sets of the working directory."""
     try:
-        if len(sys.argv) > 1:
-            commit(Path(sys.argv[1]), COMMITTED)
-        readme = Path("README.md")
-        readme.write_text(filled(readme.read_text(encoding="utf-8"), results.read(COMMITTED)), encoding="utf-8")
+        if len(sys.argv) != 2:
+            raise ShapeError("name the folder of a run of `tensionlab bench`, such as out/bench")
+        commit(Path(sys.argv[1]), COMMITTED)
     except (TensionlabError, OSError) as error:
         print(f"readme: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    print(f"README.md: filled from {COMMITTED}")
+    print(f"{COMMITTED}: the results of {sys.argv[1]}; now `make checksums`, `make docs` and `make figures`")
 
 
 if __name__ == "__main__":

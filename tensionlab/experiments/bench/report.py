@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from tensionlab.experiments.bench.calls import PASSES
 from tensionlab.experiments.bench.findings import findings
@@ -89,8 +89,15 @@ HOW_TO_READ = """\
   path."""
 
 
-def report(results: Results) -> str:
-    """What was found, in Markdown; `FIGURES` stand beside it."""
+def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
+    """Return what was found, in Markdown.
+
+    Parameters
+    ----------
+    results : Results
+    figures : collection of str
+        Those of `FIGURES` that stand beside it.
+    """
     plan = results.manifest["bench"]["plan"]
     total = sum(about["problems"] for about in results.sets.values())
     parts = [
@@ -103,7 +110,7 @@ def report(results: Results) -> str:
         "share in the sets that are out of reach or partly so. p99.9 and worst are those of the worst set. † has "
         "another objective.",
         headline_table(results),
-        *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items()),
+        *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items() if name in figures),
         "## How to read it",
         HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
         *(_set(results, name) for name in results.sets),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from tensionlab.errors import ShapeError
 from tensionlab.experiments.bench.batches import BatchRow
 from tensionlab.experiments.bench.calls import CallRow
 from tensionlab.experiments.bench.rows import EVIDENCE, Row
+from tensionlab.tables import from_mappings, read_parquet
 
 FILE = "results.parquet"
 
@@ -71,15 +71,12 @@ def read(path: str | Path) -> Results:
     ShapeError
         If it holds none.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
-    try:
-        table = pq.read_table(file)
-        manifest = json.loads((table.schema.metadata or {})[b"tensionlab"])
-        manifest["bench"]["sets"]  # a table of another kind has none
-        rows = tuple(Row(**row) for row in table.to_pylist())
-    except (OSError, pa.ArrowException, KeyError, TypeError) as error:
-        raise ShapeError(f"{file}: no results of `tensionlab bench` ({type(error).__name__}: {error})") from None
-    return Results(rows, manifest)
+    table = read_parquet(file, "results of `tensionlab bench` (*.parquet)", ShapeError)
+    bench = table.manifest.get("bench")
+    kinds = {"sets": dict, "batches": list, "calls": list}
+    if not isinstance(bench, dict) or not all(isinstance(bench.get(key), kind) for key, kind in kinds.items()):
+        raise ShapeError(f"{file}: its manifest tells of no run; give results of `tensionlab bench`")
+    from_mappings(bench["batches"], BatchRow, f"{file}: batches", ShapeError)
+    from_mappings(bench["calls"], CallRow, f"{file}: calls", ShapeError)
+    return Results(tuple(table.rows(Row, ShapeError)), table.manifest)

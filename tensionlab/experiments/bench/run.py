@@ -11,15 +11,17 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from tensionlab import records
-from tensionlab.errors import ShapeError, TensionlabError
+from tensionlab import records, writing
+from tensionlab.errors import ShapeError, TensionlabError, WriteError
 from tensionlab.experiments.bench import batches, results
 from tensionlab.experiments.bench.calls import CallRow, single_calls
 from tensionlab.experiments.bench.contestants import contestants
@@ -75,9 +77,9 @@ class Plan:
     def __post_init__(self) -> None:
         """Refuse what can't be measured, before any work."""
         if not self.sets:
-            raise ShapeError(f"no problem set asked for; choose of {', '.join(PROBLEM_SETS)}")
+            raise ShapeError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
         if self.solvers is not None and not self.solvers:
-            raise ShapeError("no solver asked for; leave it out for all of them")
+            raise ShapeError("no solver is named; leave the option out for all of them")
         for name in self.sets:
             if name not in PROBLEM_SETS:
                 raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
@@ -111,13 +113,19 @@ def plan(
 
 
 def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> results.Results:
-    """Measure in a process of its own, and read back what it wrote.
+    """Measure in a process of its own, and read back what it wrote: arguments and errors as those of `measure`."""
+    return results.read(measure(what, folder, call, progress))
+
+
+def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+    """Measure in a process of its own, and return the folder with what it wrote.
 
     Parameters
     ----------
     what : Plan
     folder : path
-        Where `results.FILE` and ``manifest.json`` go; made if it is not there.
+        Where `results.FILE` and ``manifest.json`` go; made if it is not there. If they cannot be written there in
+        the end, they go to a temporary folder.
     call : sequence of str
         What was asked for, for the manifest.
     progress : callable
@@ -125,23 +133,40 @@ def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float
 
     Raises
     ------
+    WriteError
+        If the folder cannot be written to.
     TensionlabError
         If the process broke; what it said has gone to stderr.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    writing.require_folder(folder, parents=True)
+    writing.make_folder(folder)
     order = json.dumps({"plan": dataclasses.asdict(what), "folder": str(folder), "call": list(call)})
     command = [sys.executable, "-m", "tensionlab.experiments.bench", order]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD) as process:
+    kept = folder
+    # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD, process_group=0
+    ) as process:
         assert process.stdout
-        for line in process.stdout:
-            progress(float(line))
+        try:
+            for line in process.stdout:
+                said = json.loads(line)
+                if "share" in said:
+                    progress(said["share"])
+                elif "error" in said:
+                    raise TensionlabError(said["error"])
+                else:
+                    kept = Path(said["folder"])
+        except BaseException:
+            process.kill()
+            raise
     if process.returncode:
         raise TensionlabError(f"the measuring process ended with status {process.returncode}; it said why above")
-    return results.read(folder)
+    return kept
 
 
-def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> None:
-    """Measure every set and the batches in this process, and write the table with its manifest."""
+def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+    """Measure every set and the batches in this process, write the table with its manifest, and return where."""
     wall, processor = time.perf_counter(), time.process_time()
     share = (1.0 - BATCH_SHARE) / len(what.sets)
     rows: list[Row] = []
@@ -171,8 +196,17 @@ def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callabl
         "batches": [dataclasses.asdict(row) for row in batch_rows],
         "calls": [dataclasses.asdict(row) for row in call_rows],
     }
+    try:
+        _write(folder, rows, manifest)
+    except WriteError:
+        folder = Path(tempfile.mkdtemp(prefix="tensionlab-bench-"))
+        _write(folder, rows, manifest)
+    return folder
+
+
+def _write(folder: Path, rows: Sequence[Row], manifest: dict[str, Any]) -> None:
     results.write(folder / results.FILE, rows, manifest)
-    (folder / "manifest.json").write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+    writing.write_text(folder / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 
 
 def _batches(what: Plan, progress: Callable[[float], None]) -> tuple[list[batches.BatchRow], list[CallRow]]:

@@ -12,6 +12,7 @@ from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.source import BridgedDemand
+from tensionlab.haptics.effects import ModuleLimits
 from tensionlab.haptics.scenarios import Felt, Person, Scenario, ScenarioDemand
 from tensionlab.haptics.scenarios.demand import Told
 from tensionlab.hardware.group import ModuleGroup
@@ -163,6 +164,7 @@ def perform(
     """
     length = scenario.seconds if seconds is None else seconds
     scene = ScenarioDemand(scenario, tell)
+    scene.renderer.limits = module_limits(scenario.rig, modules.group)
     asked: DemandSource = scene if modules.mailbox is None else BridgedDemand(modules.mailbox, scene)
 
     def demand(state: RigState) -> Demand:
@@ -188,6 +190,21 @@ def perform(
 def settings_of(scenario: Scenario) -> RunSettings:
     """How does a scenario want to be run?"""
     return RunSettings(rate=scenario.rate, nearest=scenario.nearest)
+
+
+def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:
+    """Return what every module of a group renders, by its parameters; it refuses impedances that go beyond."""
+    least = {
+        name: min(client.parameter(name) for client in group.clients)
+        for name in ("stiffness_limit", "damping_limit", "length_upper")
+    }
+    return ModuleLimits(
+        lower=float(rig.limits.lower.max()),
+        upper=float(rig.limits.upper.min()),
+        stiffness=least["stiffness_limit"],
+        damping=least["damping_limit"],
+        length=least["length_upper"],
+    )
 
 
 @contextmanager

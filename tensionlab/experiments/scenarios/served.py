@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from tensionlab.demand import Floats, Pose
-from tensionlab.haptics.bridge.source import HAND
+from tensionlab.haptics.bridge.mailbox import HAND
 from tensionlab.haptics.scenarios import Person, PersonPlan, Scenario, Script, Waypoint
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.simulated import SimulatedModule

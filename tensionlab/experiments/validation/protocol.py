@@ -241,6 +241,8 @@ def measure(
     if runner.statistics.unconfirmed:
         names = ", ".join(runner.statistics.unconfirmed)
         raise HardwareError(f"{names} did not confirm to have stopped; look at them before anything else")
+    if runner.statistics.emergency:
+        raise HardwareError("an emergency stop ended the validation; `tensionlab module clear` leads out of it")
     return runner.statistics.ended == "the demand"
 
 

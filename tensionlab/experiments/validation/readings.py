@@ -17,6 +17,8 @@ import numpy as np
 
 from tensionlab.errors import HardwareError
 from tensionlab.model.kinematics import Floats
+from tensionlab.reading import brief, read_text
+from tensionlab.tables import MAX_FILE_BYTES
 
 NAMES = ("fx", "fy", "fz")
 SIMULATED = "# simulated"
@@ -61,7 +63,10 @@ class Readings:
 
     def _read(self, line: str) -> list[float] | None:
         self._line += 1
-        cells = next(csv.reader([line.strip("\r\ufeff")]), [])
+        try:
+            cells = next(csv.reader([line.strip("\r\ufeff")]), [])
+        except csv.Error as problem:
+            raise self._complaint(str(problem)) from None
         cells = [cell.strip() for cell in cells] if len(cells) > 1 else line.replace(";", " ").split()
         if not any(cells) or cells[0].startswith("#"):
             self.simulated |= line.strip() == SIMULATED
@@ -79,12 +84,12 @@ class Readings:
                 )
             self._columns = [0, 1, 2]
         try:
-            values = [float(cells[column]) for column in self._columns]
-        except (ValueError, IndexError):
+            values = [float(cells[column]) * self._unit / self._counts for column in self._columns]
+        except (ValueError, IndexError, OverflowError):
             values = [math.nan]
         if not all(map(math.isfinite, values)):
-            raise self._complaint(f"{line.strip()[:60]!r} has no three forces")
-        return [value * self._unit / self._counts for value in values]
+            raise self._complaint(f"{brief(line.strip())} has no three forces")
+        return values
 
     def _preamble(self, line: str) -> bool:
         """Whether this is a line of what ATI writes before the names of the columns; keep what it says."""
@@ -93,7 +98,7 @@ class Readings:
         if key.startswith("force units"):
             unit = words[-1]
             if unit not in UNITS:
-                raise self._complaint(f"forces in {unit!r}; known are {', '.join(UNITS)}")
+                raise self._complaint(f"forces in {brief(unit)}; known are {', '.join(UNITS)}")
             self._unit = UNITS[unit]
         elif key.startswith("counts per unit force"):
             try:
@@ -101,7 +106,7 @@ class Readings:
             except ValueError:
                 self._counts = 0.0
             if not 0.0 < self._counts < math.inf:
-                raise self._complaint(f"{line.strip()[:60]!r} tells no counts per unit of force")
+                raise self._complaint(f"{brief(line.strip())} tells no counts per unit of force")
         return any(character.isalpha() for character in key.replace("e", "").replace("nan", ""))
 
     def _complaint(self, what: str) -> HardwareError:
@@ -116,10 +121,7 @@ def read_forces(path: str | Path) -> Floats:
     HardwareError
         Naming the file and the line, if it can't be read or there are none.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise HardwareError(f"{path}: cannot be read ({error}); give a table of forces (*.csv)") from None
+    text = read_text(path, "a table of forces (*.csv)", HardwareError, MAX_FILE_BYTES)
     found = Readings(str(path)).feed(text + "\n")
     if not len(found):
         raise HardwareError(f"{path}: no forces in it; a line must name the columns Fx, Fy and Fz")

@@ -16,6 +16,7 @@ from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.run.clock import RealClock
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
+from tensionlab.writing import make_folder
 
 FILE = "measurements.jsonl"
 
@@ -94,7 +95,7 @@ def validate(
         What went wrong with modules, sensor or journal.
     """
     require_point(plan.rig)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     setup = plan.setup(simulated=reached is None or reached[1].simulated)
     journal = Journal(folder / FILE, setup)
     total = len(plan.protocol.forces)

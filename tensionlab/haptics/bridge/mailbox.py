@@ -1,4 +1,4 @@
-"""What has a client said last, and how does the hand move between its frames?"""
+"""What a client has said last, and how the hand moves between its frames."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import threading
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from tensionlab.demand import Floats
+from tensionlab.errors import RigError
+from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import Body, Frame
 from tensionlab.haptics.effects.described import effect_of
 from tensionlab.haptics.effects.effect import LEAP, Effect
+from tensionlab.model.rig import Rig
 
 SHORTEST = 1e-3
 """Frames that come closer together, in s, are taken to be so far apart."""
@@ -20,6 +24,10 @@ LONGEST = 0.1
 """A gap between frames beyond which a hand does not move evenly from one to the next, in s."""
 ONWARD = 1.0
 """How long a hand moves on evenly where the next frame is late, in times between the frames."""
+NEAREST_M = 1e-3
+"""Length of the shortest cable that bodies may make; at its anchor a cable has no direction."""
+HAND = "hand"
+"""The body that the cables pull on."""
 RECENT = 32
 """Frames of which the one that was quickest on its way tells how late the others came."""
 
@@ -40,7 +48,7 @@ class BodyMotion:
     ----------
     position, velocity : (d,) arrays
         In m and m/s.
-    rotation : (3, 3) array or None
+    rotation : (3, 3) array, (), an angle in the plane in rad, or None
     age : float
         Time since the latest frame that has it, in s.
     """
@@ -55,14 +63,25 @@ class BodyMotion:
 class Mailbox:
     """The latest two frames of whoever commands, and the effects asked for. Used by several threads.
 
+    Parameters
+    ----------
+    rig : Rig
+        Whose bodies there are, and in whose space.
+
     Attributes
     ----------
+    command : Command
+        Who commands, over all doors.
     count : int
         Frames that came.
     stop_wanted : bool
     """
 
+    rig: Rig
+    command: Command = field(default_factory=Command)
     _lock: threading.Lock = field(default_factory=threading.Lock)
+    _from: Commander | None = None
+    _given: dict[str, dict[str, Any]] = field(default_factory=dict)
     _frames: tuple[Arrived | None, Arrived | None] = (None, None)
     _ways: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))  # plus what the clocks differ by
     _late: float = 0.0
@@ -70,22 +89,101 @@ class Mailbox:
     count: int = 0
     stop_wanted: bool = False
 
-    def put(self, frame: Frame, now: float) -> None:
-        """Take a frame; an `EffectError` if an effect cannot be, and then nothing of it counts."""
-        effects = None
-        if frame.effects is not None:
-            effects = {name: effect_of(name, given) for name, given in frame.effects.items()}
+    def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
+        """Take a frame. One that is refused changes nothing.
+
+        The first of another client begins anew: its hand has not moved, and none of the effects stay.
+
+        Parameters
+        ----------
+        frame : Frame
+        now : float
+            When it came, in s.
+        commander : Commander, optional
+            Who sent it; somebody in this process if left out.
+
+        Raises
+        ------
+        FrameRefused
+            The client does not command any more, or the rig has no such bodies.
+        EffectError
+            An effect cannot be; names it and its parameter.
+        """
+        _require_in_command(commander)
+        self._require_bodies(frame)
+        effects = self._read(frame)
         with self._lock:
+            _require_in_command(commander)  # it may have been sent away meanwhile
+            if commander is not self._from:
+                self._from, self._frames, self._effects, self._given = commander, (None, None), {}, {}
+                self._ways.clear()
             self._frames = (self._frames[1], Arrived(frame, now))
             self._ways.append(now - frame.time)
             self._late = self._ways[-1] - min(self._ways)
             self.count += 1
             if effects is not None:
-                self._effects = effects
+                self._effects, self._given = effects, frame.effects or {}
+            if commander is not None:
+                commander.heard = now
+
+    def stop(self, now: float, commander: Commander) -> None:
+        """End the run, if this client commands.
+
+        Raises
+        ------
+        FrameRefused
+            It does not.
+        """
+        _require_in_command(commander)
+        commander.heard, self.stop_wanted = now, True
+
+    def dismiss(self, reason: str) -> None:
+        """Take the effects away, and the command from who asked for them, who is told the reason."""
+        with self._lock:
+            self._effects, self._given = {}, {}
+            self.command.dismiss(reason)
+
+    def _read(self, frame: Frame) -> dict[str, Effect] | None:
+        """Return the effects of a frame. Clients repeat them: those that are as before are not read again."""
+        if frame.effects is None:
+            return None
+        known, before = self._effects, self._given
+        return {
+            name: known[name] if name in known and before.get(name) == given else effect_of(name, given, self.rig)
+            for name, given in frame.effects.items()
+        }
+
+    def _require_bodies(self, frame: Frame) -> None:
+        """Refuse bodies that the rig does not have, of another dimension, or at an anchor."""
+        rig = self.rig
+        for name, body in frame.bodies.items():
+            if name != HAND and name not in rig.frames:
+                there = ", ".join([HAND, *rig.frames])
+                raise FrameRefused(f"bodies: this rig has no body {name!r}; there are: {there}")
+            if (given := len(body.position)) != rig.dimension:
+                raise FrameRefused(
+                    f"bodies: position of {name!r} has {given} numbers; give {rig.dimension}, as the rig has axes"
+                )
+        if frame.bodies:
+            self._require_cables(frame)
+
+    def _require_cables(self, frame: Frame) -> None:
+        """Refuse bodies at an anchor, where a cable has no direction."""
+        rig, hand = self.rig, frame.bodies.get(HAND)
+        frames: dict[str, tuple[Floats, Floats | None]] = dict(rig.at_rest)
+        for name in set(frames) & set(frame.bodies):
+            frames[name] = (np.array(frame.bodies[name].position), _turn(frame.bodies[name]))
+        try:
+            lengths = rig.lengths(rig.home if hand is None else np.array(hand.position), frames=frames)
+        except RigError as error:
+            raise FrameRefused(f"bodies: {error}") from None
+        if lengths.min() < NEAREST_M:
+            module = rig.modules[int(np.argmin(lengths))].name
+            raise FrameRefused(f'bodies: module "{module}" has a cable of no length; stay off its anchor')
 
     @property
     def effects(self) -> Mapping[str, Effect]:
-        """What is to be felt, by the client's names."""
+        """Return what is to be felt, by the client's names."""
         return self._effects
 
     def age(self, now: float) -> float:
@@ -106,7 +204,7 @@ class Mailbox:
             return None
         body, age = latest.frame.bodies[name], max(now - latest.time, 0.0)
         here = np.array(body.position)
-        still = BodyMotion(here, np.zeros_like(here), _matrix(body), age)
+        still = BodyMotion(here, np.zeros_like(here), _turn(body), age)
         if before is None or name not in before.frame.bodies:
             return still
         there = np.array(before.frame.bodies[name].position)
@@ -117,15 +215,22 @@ class Mailbox:
         velocity = (here - there) / apart
         if float(np.linalg.norm(velocity)) > LEAP:
             return still
-        return BodyMotion(there + share * (here - there), velocity, _matrix(body), age)
+        return BodyMotion(there + share * (here - there), velocity, _turn(body), age)
 
 
-def _matrix(body: Body) -> Floats | None:
-    """Rotation matrix of a quaternion x, y, z, w; one that is not of length 1 is made so."""
+def _require_in_command(commander: Commander | None) -> None:
+    if commander is not None and commander.dismissed:
+        raise FrameRefused(commander.dismissed)
+
+
+def _turn(body: Body) -> Floats | None:
+    """Return the rotation of a quaternion x, y, z, w: a matrix; in the plane, the angle about z in rad."""
     if body.rotation is None:
         return None
     quaternion = np.array(body.rotation)
     x, y, z, w = quaternion / np.linalg.norm(quaternion)
+    if len(body.position) == 2:
+        return np.array(2.0 * np.arctan2(z, w))
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

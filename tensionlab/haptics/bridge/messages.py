@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from tensionlab.errors import TensionlabError
+from tensionlab.haptics.effects.parameters import shown
 
 PROTOCOL = 1
 """Version of all this; `Welcome` tells the server's."""
@@ -14,6 +17,12 @@ MANY = 16
 """Bodies, and effects, at most."""
 FAR = 100.0
 """Coordinates in m are between minus and plus this."""
+
+CLOCK_S = 1e12
+"""Times by a client's clock are between minus and plus this, in s: seconds, of any epoch."""
+LAST = 2**53
+"""The largest number of a frame, which programs in any language can count up to."""
+REASON_CHARACTERS = 300
 
 Coordinate = Annotated[float, Field(ge=-FAR, le=FAR, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]
@@ -48,9 +57,12 @@ class Frame(Message):
     """Where the tracked bodies are, and what the hand is to feel. At 50 to 120 a second; each gets a `State`."""
 
     type: Literal["frame"] = "frame"
-    sequence: int = Field(0, ge=0, description="any number; the answer repeats it")
+    sequence: int = Field(0, ge=0, le=LAST, description="any number; the answer repeats it")
     time: float = Field(
-        description="when the bodies were there, by the client's own clock, in s", allow_inf_nan=False
+        ge=-CLOCK_S,
+        le=CLOCK_S,
+        allow_inf_nan=False,
+        description="when the bodies were there, by the client's own clock, in s",
     )
     bodies: dict[Name, Body] = Field(
         default_factory=dict,
@@ -115,7 +127,10 @@ KINDS = {
     "fault": "a module has a fault",
     "limit": "something else than before holds a module back",
     "lost": "a module does not take part any more",
+    "derated": "a module's upper tension limit has changed, to keep its winding from getting too hot",
     "brake": "what a module's brake does, or what a scenario decides about brakes",
+    "removed": "a client's effects failed; they are gone, and so is the client's command: why",
+    "ignored": "something that came over OSC was ignored: why, or how much",
     "silent": "frames fail to come: there is no force any more",
     "fresh": "frames come again: the force comes in",
     "ceiling": "how stiff the host may be has changed by more than a quarter",
@@ -141,6 +156,7 @@ class Event(Message):
     effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
     stiffness: float | None = Field(None, description="stiff: what was asked for, in N/m")
     ceiling: float | None = Field(None, description="stiff, ceiling: what the host renders at most, in N/m")
+    upper: float | None = Field(None, description="derated: its upper tension limit now, in N")
     delay: float | None = Field(None, description="ceiling: how late the loop is, in s")
     cycles: float | None = Field(None, description="rate: cycles a second, really")
     gap: float | None = Field(None, description="rate: the longest time from one cycle to the next, in s")
@@ -152,6 +168,22 @@ class Refused(Message):
 
     type: Literal["refused"] = "refused"
     reason: str
+
+
+def reason_of(error: Exception) -> str:
+    """Return in one line why a message could not be taken."""
+    if isinstance(error, ValidationError):
+        problem = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join(str(step) for step in problem["loc"] if step not in ("frame", "stop"))
+        given = "" if problem["type"] in ("missing", "extra_forbidden") else f", not {shown(problem['input'])}"
+        reason = f"{where}: {problem['msg']}{given}" if where else problem["msg"]
+    elif isinstance(error, TensionlabError):
+        reason = str(error)
+    elif isinstance(error, ValueError | RecursionError):
+        reason = f"not JSON: {error}"
+    else:
+        reason = f"{type(error).__name__}: {error}"
+    return reason[:REASON_CHARACTERS]
 
 
 IN: tuple[type[Message], ...] = (Frame, Stop)

@@ -16,6 +16,8 @@ SILENT = 1e-3
 """A share of the force below this is none."""
 QUARTER = 0.25
 """A change of the stiffness ceiling by more than this share of it is told."""
+DERATED_N = 0.5
+"""A change of a module's upper tension limit by so much is told, in N."""
 AGAIN = 1.0
 """Time in s after which rates are told anew, and that an effect is stiffer than what is rendered."""
 UNKNOWN = "UNKNOWN"
@@ -64,6 +66,7 @@ class News:
     ) -> None:
         self._names = [module.name for module in rig.modules]
         self._limits, self._brakes, self._frames = limits, brakes, frames
+        self._upper, self._told_upper = rig.limits.upper, rig.limits.upper.copy()
         self._still: Floats = np.zeros(rig.n)
         self._home: Floats = rig.home
         self._latest: Noted | None = None
@@ -77,6 +80,7 @@ class News:
         self._latest = Noted(state, demand, share, renderer.ceiling, renderer.delay)
         self._tell_share(state, 0.0 if before is None else before.share, share)
         self._tell_stiffness(state, renderer)
+        self._tell_derating(state)
         if before is not None:
             self._tell_modules(before.state, state)
         self._tell_rates(state, 0.0 if before is None else state.time - before.state.time)
@@ -143,6 +147,14 @@ class News:
             if state.brakes[index] != before.brakes[index]:
                 brake = self._brakes.get(int(state.brakes[index]), UNKNOWN)
                 self._event(state.time, "brake", f"its brake is {brake}", module=name)
+
+    def _tell_derating(self, state: RigState) -> None:
+        """Tell which modules may not pull as hard as before, or may again."""
+        whole = (state.upper_now == self._upper) & (self._told_upper < self._upper)
+        for index in np.flatnonzero((np.abs(state.upper_now - self._told_upper) >= DERATED_N) | whole):
+            self._told_upper[index] = upper = float(state.upper_now[index])
+            text = f"pulls with up to {upper:.2f} N of {self._upper[index]:g} N, so that it does not get too hot"
+            self._event(state.time, "derated", text, module=self._names[index], upper=upper)
 
     def _tell_stiffness(self, state: RigState, renderer: Renderer) -> None:
         """Tell how stiff the host may be, where that changes, and which effects are to be stiffer."""

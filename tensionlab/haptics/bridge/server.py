@@ -5,21 +5,25 @@ from __future__ import annotations
 import asyncio
 import hmac
 import json
+import logging
 import re
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any, Self
 from urllib.parse import parse_qs, urlsplit
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter
 
-from tensionlab.errors import EffectError, HardwareError, MissingDependency
+from tensionlab.errors import HardwareError, MissingDependency, TensionlabError
+from tensionlab.haptics.bridge.budget import Budget
+from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
 from tensionlab.haptics.bridge.mailbox import Mailbox
-from tensionlab.haptics.bridge.messages import LARGEST, Event, Frame, Refused, State, Stop, Welcome
+from tensionlab.haptics.bridge.messages import LARGEST, Event, Frame, Refused, State, Stop, Welcome, reason_of
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -29,31 +33,36 @@ COMMAND, EVENTS = "/command", "/events"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 LOCAL_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 """Pages of this machine, which may open the bridge."""
-FASTEST = 500.0
-"""Messages a second that one client may send; more are a flood."""
-BURST = 100
-"""Messages that may come at once."""
+MAX_CLIENTS = 32
+"""Connections at a time, of who commands and who watches."""
+CLOSE_BYTES = 120
+"""Of the reason in a closing frame, which holds 123."""
+LOOK_S = 0.1
+"""How long a message is waited for at least, in s."""
+READ_AHEAD = 16
+"""Messages that are read before it is their turn."""
+PAUSE_S = 0.02
+"""How long a client waits after each message that was too much, in s."""
+FAREWELL_S = 1.0
+"""How long it may take to tell a client why it is sent away."""
 PATIENCE = 20
 """Messages in a row that may be refused before the connection is."""
 STARTING = 10.0
 """How long the server may take to come up, in s."""
 
+QUIET = logging.getLogger(f"{__name__}.connections")
+QUIET.setLevel(logging.CRITICAL)  # who knocks without being a client leaves no traceback
 READ: TypeAdapter[Frame | Stop] = TypeAdapter(Annotated[Frame | Stop, Field(discriminator="type")])
 
 
 @dataclass
-class Flow:
-    """How fast does a client send? A bucket that leaks."""
+class Visitor:
+    """A client that commands: its connection, its budget, and what waits for an answer; None at the end."""
 
-    level: float = 0.0
-    latest: float = field(default_factory=time.monotonic)
-
-    def floods(self) -> bool:
-        """Count a message; has it been too many?"""
-        now = time.monotonic()
-        self.level = max(self.level - (now - self.latest) * FASTEST, 0.0) + 1.0
-        self.latest = now
-        return self.level > BURST
+    connection: ServerConnection
+    commander: Commander
+    budget: Budget = field(default_factory=Budget)
+    pending: asyncio.Queue[str | bytes | Refused | None] = field(default_factory=asyncio.Queue)
 
 
 class Bridge:
@@ -131,17 +140,12 @@ class Bridge:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close all connections."""
-        self._loop.call_soon_threadsafe(self._over.set)
+        self._soon(self._over.set)
         self._thread.join()
 
     def tell(self, event: Event) -> None:
         """Send an event to all clients, but rates only to those who watch; from any thread."""
-        self._loop.call_soon_threadsafe(self._broadcast, event)
-
-    @property
-    def commanded(self) -> bool:
-        """Whether a client commands now."""
-        return self._commander is not None
+        self._soon(partial(self._broadcast, event))
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -153,6 +157,10 @@ class Bridge:
             self._loop.close()
             self._ready.set()
 
+    def _soon(self, act: Callable[[], None]) -> None:
+        """Do something on the thread of the connections."""
+        self._loop.call_soon_threadsafe(act)
+
     async def _serve(self) -> None:
         from websockets.asyncio.server import serve
 
@@ -163,8 +171,9 @@ class Bridge:
             self._port,
             origins=origins,
             max_size=LARGEST,
-            max_queue=BURST,
+            max_queue=READ_AHEAD,
             process_request=self._admit,
+            logger=QUIET,
             compression=None,
         ) as server:
             port = next(iter(server.sockets)).getsockname()[1]
@@ -179,106 +188,142 @@ class Bridge:
         if self._token is not None:
             bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
             given = parse_qs(parts.query).get("token", [bearer])[0]
-            if not hmac.compare_digest(given.encode(), self._token.encode()):
+            if not hmac.compare_digest(given.encode(errors="replace"), self._token.encode()):
                 return connection.respond(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong\n")
         if parts.path not in (COMMAND, EVENTS):
             return connection.respond(HTTPStatus.NOT_FOUND, f"there are {COMMAND} and {EVENTS}\n")
+        if len(self._clients) >= MAX_CLIENTS:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are here already\n")
         return None
 
     async def _client(self, connection: ServerConnection) -> None:
         """Serve a client until it goes."""
         assert connection.request is not None
-        commands = urlsplit(connection.request.path).path == COMMAND
-        if commands and self._commander is not None:
-            await self._turn_away(connection, "another client commands; watch at /events")
+        if urlsplit(connection.request.path).path == COMMAND:
+            await self._visit(connection)
+        else:
+            await self._watch(connection)
+
+    async def _visit(self, connection: ServerConnection) -> None:
+        """Let a client command, if no other one does."""
+        tasks: set[asyncio.Task[None]] = set()  # asyncio itself keeps no hold of them
+
+        def send_away(reason: str) -> None:
+            tasks.add(asyncio.ensure_future(self._turn_away(connection, reason)))
+
+        host, port, *_ = connection.remote_address
+        command, who = self._mailbox.command, f"{host}, port {port}"
+        try:
+            commander = command.take(who, time.monotonic(), lambda why: self._soon(partial(send_away, why)))
+        except FrameRefused as refused:
+            await self._turn_away(connection, str(refused))
             return
-        if commands:
-            self._commander = connection
+        self._commander = connection
         self._clients.add(connection)
         try:
             await connection.send(self._welcome.model_dump_json())
-            if commands:
-                await self._command(connection)
-            else:
-                await self._watch(connection)
+            await self._command(Visitor(connection, commander))
         finally:
             self._clients.discard(connection)
-            if commands:
+            command.leave(commander)
+            if self._commander is connection:
                 self._commander = None
 
-    async def _command(self, connection: ServerConnection) -> None:
+    async def _command(self, visitor: Visitor) -> None:
         """Answer what a task of its own reads: a flood shows however slow the answers are."""
         from websockets.exceptions import ConnectionClosed
 
-        pending: asyncio.Queue[str | bytes | None] = asyncio.Queue()
-        reader, refused = asyncio.create_task(self._read(connection, pending)), 0
+        connection, refused = visitor.connection, 0
+        reader = asyncio.create_task(self._read(visitor))
         try:
-            while (content := await pending.get()) is not None:
-                answer = self._answer(content)
+            while (content := await asyncio.wait_for(visitor.pending.get(), self._patience(visitor))) is not None:
+                answer = content if isinstance(content, Refused) else self._answer(content, visitor)
                 refused = refused + 1 if isinstance(answer, Refused) else 0
-                await connection.send(answer.model_dump_json())
+                await asyncio.wait_for(connection.send(answer.model_dump_json()), SILENCE_S)
                 if refused >= PATIENCE:
-                    await self._turn_away(connection, f"{PATIENCE} messages in a row could not be understood")
+                    reason = answer.reason if isinstance(answer, Refused) else ""
+                    await self._turn_away(connection, f"{PATIENCE} messages in a row refused: {reason}")
+        except TimeoutError:
+            await self._turn_away(connection, f"silent for {SILENCE_S:g} s: no frame that could be taken")
         except ConnectionClosed:
             pass
         finally:
             await reader
 
-    async def _read(self, connection: ServerConnection, pending: asyncio.Queue[str | bytes | None]) -> None:
-        """Hand on what comes, until the client goes or floods; then None."""
+    @staticmethod
+    def _patience(visitor: Visitor) -> float:
+        """How long a client may still be silent, in s."""
+        return max(visitor.commander.heard + SILENCE_S - time.monotonic(), LOOK_S)
+
+    async def _read(self, visitor: Visitor) -> None:
+        """Hand on what comes, until the client goes or spends more than its budget for long; then None."""
         from websockets.exceptions import ConnectionClosed
 
-        flow = Flow()
+        refused = 0
         try:
-            async for content in connection:
-                if flow.floods():
-                    await self._turn_away(connection, f"a flood: at most {FASTEST:g} messages a second")
+            async for content in visitor.connection:
+                why = visitor.budget.refuses(len(content), time.monotonic())
+                refused = refused + 1 if why else 0
+                if refused >= PATIENCE:
+                    visitor.connection.transport.pause_reading()  # type: ignore[attr-defined]  # of a socket it can
+                    await self._turn_away(visitor.connection, why)
                     break
-                pending.put_nowait(content)
+                visitor.pending.put_nowait(Refused(reason=why) if why else content)
+                if why:
+                    await asyncio.sleep(PAUSE_S)
         except ConnectionClosed:
             pass
         finally:
-            pending.put_nowait(None)
+            visitor.pending.put_nowait(None)
 
     async def _watch(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
 
+        self._clients.add(connection)
         try:
+            await connection.send(self._welcome.model_dump_json())
             async for _ in connection:
                 await self._turn_away(connection, f"this stream is read only; command at {COMMAND}")
                 return
         except ConnectionClosed:
             return
+        finally:
+            self._clients.discard(connection)
 
-    def _answer(self, content: str | bytes) -> State | Refused:
-        """Take a message; what to say to it?"""
+    def _answer(self, content: str | bytes, visitor: Visitor) -> State | Refused:
+        """Take a message, and return what to say to it."""
+        now, began = time.monotonic(), time.thread_time()
         try:
             message = READ.validate_python(json.loads(content))
             if isinstance(message, Stop):
-                self._mailbox.stop_wanted = True
+                self._mailbox.stop(now, visitor.commander)
                 return self._state(0)
-            self._mailbox.put(message, time.monotonic())
+            self._mailbox.put(message, now, visitor.commander)
             return self._state(message.sequence)
-        except (ValidationError, EffectError, ValueError, RecursionError) as error:
-            return Refused(reason=_reason(error))
+        except (TensionlabError, ValueError, RecursionError) as error:
+            return Refused(reason=reason_of(error))
+        except Exception as error:  # whatever it is that was not foreseen: no message ends the bridge
+            logging.getLogger(__name__).exception("a message of %s", visitor.commander.who)
+            return Refused(reason=reason_of(error))
+        finally:
+            visitor.budget.worked(time.thread_time() - began, now)
 
     async def _turn_away(self, connection: ServerConnection, reason: str) -> None:
-        await connection.send(Refused(reason=reason).model_dump_json())
-        await connection.close(1008, reason)
+        """Say why, and close; who does not listen is cut off."""
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            await asyncio.wait_for(connection.send(Refused(reason=reason).model_dump_json()), FAREWELL_S)
+            await asyncio.wait_for(
+                connection.close(1008, reason.encode()[:CLOSE_BYTES].decode(errors="ignore")), FAREWELL_S
+            )
+        except ConnectionClosed:
+            pass
+        except TimeoutError:
+            connection.transport.abort()
 
     def _broadcast(self, event: Event) -> None:
         from websockets.asyncio.server import broadcast
 
         clients = self._clients - {self._commander} if event.kind == "rate" else self._clients
         broadcast(clients, event.model_dump_json(exclude_none=True))
-
-
-def _reason(error: Exception) -> str:
-    """Why could a message not be taken? In one line."""
-    if isinstance(error, ValidationError):
-        problem = error.errors()[0]
-        where = ".".join(str(step) for step in problem["loc"] if step not in ("frame", "stop"))
-        return f"{where}: {problem['msg']}" if where else problem["msg"]
-    if isinstance(error, EffectError):
-        return str(error)
-    return f"not JSON: {error}"

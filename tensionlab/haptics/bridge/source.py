@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 
 from tensionlab.demand import Demand, Pose, RigState
-from tensionlab.haptics.bridge.mailbox import Mailbox
+from tensionlab.errors import EffectError
+from tensionlab.haptics.bridge.mailbox import HAND, Mailbox
+from tensionlab.haptics.bridge.messages import REASON_CHARACTERS
 from tensionlab.haptics.effects.compose import way_in
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
+from tensionlab.haptics.effects.on_module import EffectFailed
 from tensionlab.haptics.rendering import Renderer
 from tensionlab.model.rig import Rig
-
-HAND = "hand"
-"""The body that the cables pull on."""
 
 
 class Inner(Protocol):
@@ -36,6 +38,7 @@ class Inner(Protocol):
         ...
 
 
+NOTHING: Mapping[str, Effect] = MappingProxyType({})
 Told = Callable[[RigState, Demand, float, Renderer], None]
 """Hears of each cycle: the state, what was asked for, the share of the force that was there, and the renderer."""
 
@@ -43,7 +46,8 @@ Told = Callable[[RigState, Demand, float, Renderer], None]
 class BridgedDemand:
     """Renders what is in a mailbox. A demand source.
 
-    A client that falls silent fades to no force; then, and before the first frame, the cables are held taut.
+    A client that falls silent fades to no force; then, and before the first frame, the cables are held taut. One
+    whose effects fail loses them and the command, and the cycle goes on without: the force fades by the slew.
 
     Parameters
     ----------
@@ -52,10 +56,18 @@ class BridgedDemand:
         Gets the client's effects: `FreeEffects`, or a scenario's demand.
     told : callable, optional
         See `Told`.
+    note : callable, optional
+        Hears what else happens: a kind of event, and a text.
     """
 
-    def __init__(self, mailbox: Mailbox, inner: Inner, told: Told | None = None) -> None:
-        self._mailbox, self._inner, self._told = mailbox, inner, told
+    def __init__(
+        self,
+        mailbox: Mailbox,
+        inner: Inner,
+        told: Told | None = None,
+        note: Callable[[str, str], None] | None = None,
+    ) -> None:
+        self._mailbox, self._inner, self._told, self._note = mailbox, inner, told, note
         self._way, self._latest = 0.0, 0.0
 
     def __call__(self, state: RigState) -> Demand:
@@ -64,10 +76,37 @@ class BridgedDemand:
         self._way = float(way_in(age, state.time - self._latest, self._way))
         self._latest = state.time
         share = float(smoothstep(self._way))
-        demand = self._inner(state, self._mailbox.effects, share)
+        demand = self._rendered(state, share)
         if self._told is not None:
             self._told(state, demand, share, self._inner.renderer)
         return replace(demand, stop=self._mailbox.stop_wanted)
+
+    def _rendered(self, state: RigState, share: float) -> Demand:
+        """Return what is to be rendered: with the client's effects or, if these fail, without."""
+        effects = self._mailbox.effects
+        if not effects:
+            return self._inner(state, NOTHING, share)
+        try:
+            return _require_finite(self._inner(state, effects, share))
+        except Exception as error:
+            if isinstance(error, EffectFailed) and error.effect not in effects:
+                raise  # the scenario's own
+            if not isinstance(error, EffectError) or error.__cause__ is not None:
+                logging.getLogger(__name__).exception(
+                    "an effect of a client failed"
+                )  # not by its parameters alone
+            why = f"{error if isinstance(error, EffectError) else f'{type(error).__name__}: {error}'}"
+            self._mailbox.dismiss(f"the effects are removed: {why}"[:REASON_CHARACTERS])
+            if self._note is not None:
+                self._note("removed", why)
+            return self._inner(state, NOTHING, share)
+
+
+def _require_finite(demand: Demand) -> Demand:
+    numbers = [each for spring in demand.impedances.values() for each in vars(spring).values()]
+    if not (np.isfinite(numbers).all() and (demand.wrench is None or np.isfinite(demand.wrench).all())):
+        raise EffectError("what the effects ask for is not finite")
+    return demand
 
 
 class FreeEffects:
@@ -97,7 +136,7 @@ class FreeEffects:
         step = max(state.time - self._latest, 1e-4)
         self._latest = state.time
         tracked = self._mailbox.motion(HAND, time.monotonic())
-        if tracked is not None and tracked.position.shape == (self._dimension,):
+        if tracked is not None:
             return Motion(tracked.position, tracked.velocity, state.time, step, tracked.age)
         velocity = state.twist[: self._dimension]
         return Motion(state.pose.position, velocity, state.time, step, float(np.min(state.ages)))
@@ -116,7 +155,7 @@ def tracked_pose(rig: Rig, mailbox: Mailbox) -> Callable[[float], Pose]:
         for name, rest in rig.at_rest.items():
             body = mailbox.motion(name, now)
             frames[name] = rest if body is None else (body.position, body.rotation)
-        position = rig.home if hand is None or hand.position.shape != rig.home.shape else hand.position
+        position = rig.home if hand is None else hand.position
         return Pose(position, frames=frames)
 
     return tracker

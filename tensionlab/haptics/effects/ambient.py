@@ -12,10 +12,15 @@ from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, length_of, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
-    require_direction,
-    require_not_negative,
-    require_point,
-    require_positive,
+    Damping,
+    Direction,
+    Force,
+    Length,
+    ModuleFrequency,
+    Point,
+    QuadraticDamping,
+    Stiffness,
+    require_parameters,
 )
 
 
@@ -29,10 +34,10 @@ class Viscous:
         b in N s/m; water's 2 is a default of this project.
     """
 
-    damping: float = 2.0
+    damping: Damping = 2.0
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "damping")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Brake the hand."""
@@ -53,13 +58,12 @@ class Spring:
         B in N s/m; 0.
     """
 
-    centre: tuple[float, ...] = ORIGIN
-    stiffness: float = 30.0
-    damping: float = 0.0
+    centre: Point = ORIGIN
+    stiffness: Stiffness = 30.0
+    damping: Damping = 0.0
 
     def __post_init__(self) -> None:
-        require_point(self, "centre")
-        require_not_negative(self, "stiffness", "damping")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Draw the hand to the centre."""
@@ -105,14 +109,13 @@ class Water:
     """
 
     surface: Plane = field(default_factory=Plane)
-    linear: float = 2.0
-    quadratic: float = 3.0
-    lift: float = 1.0
-    mixing: float = 0.02
+    linear: Damping = 2.0
+    quadratic: QuadraticDamping = 3.0
+    lift: Force = 1.0
+    mixing: Length = 0.02
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "linear", "quadratic", "lift")
-        require_positive(self, "mixing")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Brake the hand, and lift it."""
@@ -140,14 +143,12 @@ class Vibration:
         f in Hz; 40 is a default of this project.
     """
 
-    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
-    amplitude: float = 1.0
-    frequency: float = 40.0
+    axis: Direction = (0.0, 0.0, 1.0)
+    amplitude: Force = 1.0
+    frequency: ModuleFrequency = 40.0
 
     def __post_init__(self) -> None:
-        require_direction(self, "axis")
-        require_not_negative(self, "amplitude")
-        require_positive(self, "frequency")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Push and pull."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance, OnModule
-from tensionlab.haptics.effects.parameters import require_not_negative, require_positive
+from tensionlab.haptics.effects.parameters import Duration, DurationOrNone, require_parameters
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ class Ramp:
 
     effect: Effect
     begin: float = 0.0
-    duration: float = 2.0
+    duration: Duration = 2.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "duration")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Scale the force; the effect itself goes on as if nothing were."""
@@ -124,12 +124,11 @@ class WhileFresh:
     """
 
     effect: Effect
-    patience: float = PATIENCE
-    fade: float = FADE
+    patience: DurationOrNone = PATIENCE
+    fade: Duration = FADE
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "patience")
-        require_positive(self, "fade")
+        require_parameters(self)
 
     @property
     def silent_after(self) -> float:

@@ -14,10 +14,14 @@ import numpy as np
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
-    require_direction,
-    require_not_negative,
-    require_point,
-    require_positive,
+    Damping,
+    Direction,
+    Length,
+    Point,
+    PositiveForce,
+    PositiveStiffness,
+    Stiffness,
+    require_parameters,
 )
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -36,12 +40,11 @@ class Plane:
         Out of it; its length does not matter.
     """
 
-    point: tuple[float, ...] = ORIGIN
-    normal: tuple[float, ...] = UP
+    point: Point = ORIGIN
+    normal: Direction = UP
 
     def __post_init__(self) -> None:
-        require_point(self, "point")
-        require_direction(self, "normal")
+        require_parameters(self)
 
     @cached_property
     def n(self) -> Floats:
@@ -72,11 +75,11 @@ class Wall:
     """
 
     plane: Plane = Plane()
-    stiffness: float = 300.0
-    damping: float = 2.0
+    stiffness: Stiffness = 300.0
+    damping: Damping = 2.0
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "stiffness", "damping")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Push, in contact."""
@@ -122,14 +125,13 @@ class Magnet:
     """
 
     plane: Plane = Plane()
-    max_force: float = 3.0
-    reach: float = 0.10
-    stiffness: float = 300.0
-    damping: float = 1.0
+    max_force: PositiveForce = 3.0
+    reach: Length = 0.10
+    stiffness: PositiveStiffness = 300.0
+    damping: Damping = 1.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "max_force", "reach", "stiffness")
-        require_not_negative(self, "damping")
+        require_parameters(self)
 
     @property
     def peak(self) -> float:

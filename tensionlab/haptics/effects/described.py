@@ -9,47 +9,62 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from tensionlab.errors import EffectError
+from tensionlab.errors import EffectError, RigError
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
+from tensionlab.haptics.effects.parameters import require_dimension, shown
+from tensionlab.haptics.effects.tools import GRAVITY, Weight
+from tensionlab.model.rig import Rig
 
 
-def effect_of(name: str, given: Mapping[str, Any]) -> Effect:
-    """Which effect has a client described?
+def effect_of(name: str, given: object, rig: Rig) -> Effect:
+    """Return the effect that a client or a file describes.
 
     Parameters
     ----------
     name : str
         What the client calls it.
     given : mapping
-        ``kind``, and parameters of that effect; those left out have their default.
+        ``kind``, and parameters of that effect; those left out have their default, and a weight pulls down.
+    rig : Rig
+        That renders it: its space has as many axes as all vectors components, and it says which of them is up.
 
     Raises
     ------
     EffectError
         Naming the effect and the parameter: what is wrong and what to do.
     """
-    kind = given.get("kind")
-    if kind not in EFFECTS:
-        raise EffectError(f"effect {name!r}: kind is {kind!r}; give one of {', '.join(EFFECTS)}")
-    parameters = {key: value for key, value in given.items() if key != "kind"}
+    where = f"effect {name!r}"
+    kind, parameters = _kind(where, given, EFFECTS)
     if isinstance(solid := parameters.get("field"), Mapping):
-        parameters["field"] = _solid(f"effect {name!r}: field", solid)
-    effect: Effect = read(f"effect {name!r}", EFFECTS[kind], parameters)
+        shape, edges = _kind(f"{where}: field", {"kind": "sphere", **solid}, SOLIDS)
+        parameters["field"] = read(f"{where}: field", shape, edges)
+    if kind is Weight and "gravity" not in parameters:
+        parameters["gravity"] = _gravity(where, rig)
+    effect: Effect = read(where, kind, parameters)
+    require_dimension(effect, rig.dimension, where)
     return effect
 
 
-def _solid(where: str, given: Mapping[str, Any]) -> Any:
-    """Which solid has a client described: its kind, and its parameters?"""
-    kind = given.get("kind", "sphere")
-    if kind not in SOLIDS:
-        raise EffectError(f"{where}: kind is {kind!r}; give one of {', '.join(SOLIDS)}")
-    parameters = {key: value for key, value in given.items() if key != "kind"}
-    return read(where, SOLIDS[kind], parameters)
+def _gravity(where: str, rig: Rig) -> tuple[float, ...]:
+    try:
+        return tuple((-GRAVITY * rig.upward).tolist())
+    except RigError as error:
+        raise EffectError(f"{where}: {error}; or give gravity, in m/s²") from None
+
+
+def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, dict[str, Any]]:
+    """Return the class that a table names by its kind, and the rest of the table."""
+    if not isinstance(given, Mapping):
+        raise EffectError(f"{where} is {shown(given)}; give a table with its kind and parameters")
+    kind = given.get("kind")
+    if not isinstance(kind, str) or kind not in known:
+        raise EffectError(f"{where}: kind is {shown(kind)}; give one of {', '.join(known)}")
+    return known[kind], {key: value for key, value in given.items() if key != "kind"}
 
 
 def read(where: str, hint: Any, given: Any) -> Any:
-    """What does a table, or a value, of a file or a message describe? ``hint`` is the type that it should be.
+    """Return what a table, or a value, of a file or a message describes; ``hint`` is the type that it should be.
 
     Raises
     ------
@@ -62,7 +77,9 @@ def read(where: str, hint: Any, given: Any) -> Any:
     except ValidationError as error:
         problem = error.errors()[0]
         step = "".join(f"{each}: " for each in problem["loc"])
-        raise EffectError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
+        if problem["type"] == "value_error":
+            raise EffectError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
+        raise EffectError(f"{where}: {step}{problem['msg']}, not {shown(problem['input'])}") from None
 
 
 @cache
@@ -77,7 +94,7 @@ def _require_known(where: str, hint: Any, given: Any) -> None:
         names = [each.name for each in fields(hint)]
         for key, value in given.items():
             if key not in names:
-                raise EffectError(f"{where}: no parameter {key!r}; there are {', '.join(names)}")
+                raise EffectError(f"{where}: no parameter {shown(key)}; there are {', '.join(names)}")
             _require_known(f"{where}: {key}", hints[key], value)
     elif get_origin(hint) is tuple and isinstance(given, Sequence):
         for value in given:

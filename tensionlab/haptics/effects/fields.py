@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import Floats, along, length_of
-from tensionlab.haptics.effects.parameters import require_point, require_positive
+from tensionlab.haptics.effects.parameters import Edges, Length, Point, Range, require_parameters
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 
@@ -42,12 +43,11 @@ class Sphere:
         In m.
     """
 
-    centre: tuple[float, ...] = ORIGIN
-    radius: float = 0.10
+    centre: Point = ORIGIN
+    radius: Length = 0.10
 
     def __post_init__(self) -> None:
-        require_point(self, "centre")
-        require_positive(self, "radius")
+        require_parameters(self)
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """How far, and which way is out?"""
@@ -69,13 +69,13 @@ class Box:
         Its edges, in m.
     """
 
-    centre: tuple[float, ...] = ORIGIN
-    size: tuple[float, ...] = (0.2, 0.2, 0.2)
+    centre: Point = ORIGIN
+    size: Edges = (0.2, 0.2, 0.2)
 
     def __post_init__(self) -> None:
-        require_point(self, "centre", "size")
-        if len(self.centre) != len(self.size) or min(self.size) <= 0.0:
-            raise EffectError(f"Box: size is {self.size}; give {len(self.centre)} edges above 0, in m")
+        require_parameters(self)
+        if len(self.centre) != len(self.size):
+            raise EffectError(f"Box: size is {self.size}; give {len(self.centre)} edges, as its centre has axes")
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """How far, and which way is out?"""
@@ -103,10 +103,10 @@ class Distance:
     """
 
     of: Callable[[Floats], Floats]
-    step: float = 1e-5
+    step: Annotated[float, Range("m", 1e-9, 1.0)] = 1e-5
 
     def __post_init__(self) -> None:
-        require_positive(self, "step")
+        require_parameters(self)
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """How far, and which way is out?"""

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, dot, length_of
-from tensionlab.haptics.effects.parameters import require_not_negative, require_positive
+from tensionlab.haptics.effects.parameters import (
+    Damping,
+    Force,
+    FrictionCoefficient,
+    PositiveStiffness,
+    require_parameters,
+)
 
 
 class Bristle(NamedTuple):
@@ -52,15 +58,14 @@ class Friction:
         s0 in N/m and s1 in N s/m; 400 and 2 are defaults of this project.
     """
 
-    load: float = 1.0
-    static: float = 0.5
-    dynamic: float = 0.35
-    stiffness: float = 400.0
-    damping: float = 2.0
+    load: Force = 1.0
+    static: FrictionCoefficient = 0.5
+    dynamic: FrictionCoefficient = 0.35
+    stiffness: PositiveStiffness = 400.0
+    damping: Damping = 2.0
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "load", "static", "dynamic", "damping")
-        require_positive(self, "stiffness")
+        require_parameters(self)
         if self.dynamic > self.static:
             raise EffectError(
                 f"Friction: dynamic is {self.dynamic}, above static, {self.static}; give dynamic <= static"

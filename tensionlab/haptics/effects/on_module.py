@@ -17,9 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.demand import Impedance
+from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
 from tensionlab.haptics.stability import beyond, capped
 
+AHEAD_M = 0.5
+"""Further out of contact than this, in m, no module renders a wall: set-points come many times before it could."""
+MAX_MESSAGE = 300
+"""Characters of a message."""
 ALIGNED = math.cos(math.radians(45.0))
 """Cosine between axis and cable below which no cable is good enough: the published threshold of a convincing
 direction."""
@@ -72,12 +77,30 @@ class ModuleLimits:
         Tensions in N. The lower one is held under a vibration too, by as much more feed-forward.
     stiffness, damping : float
         In N/m and N s/m.
+    length : float
+        Of a cable at rest, in m.
     """
 
     lower: float = 0.5
     upper: float = 6.0
     stiffness: float = 500.0
     damping: float = 10.0
+    length: float = 5.0
+
+
+class EffectFailed(EffectError):  # noqa: N818 - what happened
+    """An effect that could not be rendered, or whose force is no number.
+
+    Attributes
+    ----------
+    effect : int or str
+        Its index, in the order in which effects were given, or its name.
+    why : str
+    """
+
+    def __init__(self, effect: int | str, why: str) -> None:
+        super().__init__(f"effect {effect!r} failed: {why}"[:MAX_MESSAGE])
+        self.effect, self.why = effect, why
 
 
 @runtime_checkable
@@ -118,7 +141,7 @@ def along_cable(
     amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
     least = limits.lower + amplitude if amplitude else 0.0
     return Impedance(
-        rest=max(length - c * part.compression, 0.0),
+        rest=min(max(length - c * part.compression, 0.0), limits.length),
         stiffness=min(part.stiffness / c**2, limits.stiffness),
         damping=min(part.damping / c**2, limits.damping) if part.compression >= 0.0 else 0.0,
         feed_forward=min(max(part.feed_forward / c, least), limits.upper),
@@ -214,28 +237,48 @@ def divide(
         Of the modules; None: those of the firmware as it comes.
     cap : float
         How stiff the host may be, in N/m: see `tensionlab.haptics.stability.stiffness_cap`.
+
+    Raises
+    ------
+    EffectFailed
+        Whatever goes wrong in an effect, and a force that is not finite.
     """
     free = np.ones(len(lengths), dtype=bool) if able is None else np.array(able, dtype=bool)
     force, pushed = np.zeros_like(motion.position), np.zeros_like(motion.position)
     impedances: dict[int, Impedance] = {}
     memories, cut, sudden = [], [], False
-    for effect, own in zip(effects, memory or (None,) * len(effects), strict=True):
-        done, stiff = None, beyond(effect, cap)
-        part = effect.on_module(motion, own) if isinstance(effect, OnModule) else None
-        if isinstance(effect, OnModule) and part is None:
-            stiff = {}  # not where the hand is
-        elif isinstance(effect, OnModule) and part is not None and free.any():
-            cosines = np.where(free, directions @ part.axis, -1.0)
-            best = int(np.argmax(cosines))
-            if cosines[best] >= ALIGNED:
-                impedances[best] = along_cable(part, float(lengths[best]), directions[best], limits)
-                free[best] = False
-                pushed = pushed + felt(part, directions[best], motion.velocity, cap)
-                done, stiff = capped(effect, cap, OnModule).on_host(motion, own), beyond(effect, cap, OnModule)
-        if done is None:
-            done = capped(effect, cap).render(motion, own)
-        force = force + done.force
+    for index, (effect, own) in enumerate(zip(effects, memory or (None,) * len(effects), strict=True)):
+        try:
+            done, stiff = None, beyond(effect, cap)
+            part = _part(effect, motion, own)
+            if isinstance(effect, OnModule) and part is None:
+                stiff = {}  # not where the hand is
+            elif isinstance(effect, OnModule) and part is not None and free.any():
+                cosines = np.where(free, directions @ part.axis, -1.0)
+                best = int(np.argmax(cosines))
+                if cosines[best] >= ALIGNED:
+                    impedances[best] = along_cable(part, float(lengths[best]), directions[best], limits)
+                    free[best] = False
+                    pushed = pushed + felt(part, directions[best], motion.velocity, cap)
+                    done = capped(effect, cap, OnModule).on_host(motion, own)
+                    stiff = beyond(effect, cap, OnModule)
+            if done is None:
+                done = capped(effect, cap).render(motion, own)
+            force = force + done.force
+        except Exception as error:
+            why = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
+            raise EffectFailed(index, why) from error
+        if not (np.isfinite(force).all() and np.isfinite(pushed).all()):
+            raise EffectFailed(index, "its force is not finite")
         memories.append(done.memory)
         cut.append(stiff)
         sudden = sudden or bool(np.any(done.sudden))
     return Divided(force, impedances, pushed, tuple(memories), sudden, tuple(cut))
+
+
+def _part(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:
+    """Return what a module is to render of an effect; None for one that the hand is far away from."""
+    part = effect.on_module(motion, memory) if isinstance(effect, OnModule) else None
+    if part is None or part.compression >= -AHEAD_M or part.feed_forward or part.amplitude:
+        return part
+    return None

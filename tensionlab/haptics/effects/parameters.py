@@ -1,51 +1,204 @@
-"""What parameters may an effect have? Refused before anything moves, by the effect's and the parameter's names."""
+"""Parameters of effects: type, dimension, unit and physical range of each, stated once beside its name.
+
+A parameter is annotated with a type of this module, such as ``stiffness: Stiffness``. `require_parameters` refuses
+what lies outside when an object is made; `require_dimension` refuses vectors that are not of a rig's space;
+`tensionlab.haptics.bridge.documents` writes the ranges into BRIDGE.md.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from typing import Annotated, Any, get_args, get_type_hints
 
-from tensionlab.errors import EffectError
+from pydantic import Strict
 
+from tensionlab.errors import EffectError, TensionlabError
 
-def _refuse(effect: object, name: str, what: str) -> None:
-    raise EffectError(f"{type(effect).__name__}: {name} is {getattr(effect, name)!r}; give {what}")
-
-
-def require_positive(effect: object, *names: str) -> None:
-    """Refuse parameters that are not finite numbers above zero."""
-    for name in names:
-        if not (math.isfinite(getattr(effect, name)) and getattr(effect, name) > 0.0):
-            _refuse(effect, name, "a finite number above 0")
-
-
-def require_not_negative(effect: object, *names: str) -> None:
-    """Refuse parameters that are not finite numbers of zero or more."""
-    for name in names:
-        if not (math.isfinite(getattr(effect, name)) and getattr(effect, name) >= 0.0):
-            _refuse(effect, name, "a finite number, 0 or more")
+MAX_SHOWN = 60
+"""Characters of a wrong value that a message repeats."""
+FAR_M = 100.0
+"""Coordinates are between minus and plus this, in m."""
+CLOCK_S = 1e7
+"""Times on a run's clock are between minus and plus this, in s: 115 days."""
+MAX_COUNT = 100
+"""Numbers in a list, such as the shots of a recoil."""
 
 
-def require_share(effect: object, *names: str) -> None:
-    """Refuse parameters that are not between 0 and 1."""
-    for name in names:
-        if not 0.0 <= getattr(effect, name) <= 1.0:
-            _refuse(effect, name, "a number from 0 to 1")
+@dataclass(frozen=True)
+class Range:
+    """Physical range of a number.
+
+    Parameters
+    ----------
+    unit : str
+    low, high : float
+        Both are allowed; NaN never is.
+    positive : bool
+        Whether ``low`` itself is refused.
+    """
+
+    unit: str
+    low: float
+    high: float
+    positive: bool = False
+
+    def allows(self, value: Any) -> bool:
+        """Tell whether a value is a number of this range."""
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return False
+        return self.low <= value <= self.high and not (self.positive and value == self.low)
+
+    def __str__(self) -> str:
+        """Return the range in words, as messages and BRIDGE.md have it."""
+        low = f"above {self.low:g}, to" if self.positive else f"{self.low:g} to"
+        finite = "a finite number, " if math.isfinite(self.low) and math.isfinite(self.high) else ""
+        return f"{finite}{low} {self.high:g} {self.unit}".rstrip()
 
 
-def require_point(effect: object, *names: str) -> None:
-    """Refuse what is not a tuple of finite coordinates."""
-    for name in names:
-        if not _finite(getattr(effect, name)):
-            _refuse(effect, name, "a tuple of finite coordinates, in m")
+@dataclass(frozen=True)
+class Vector:
+    """Physical range of a vector of the rig's dimension.
+
+    Parameters
+    ----------
+    unit : str
+    low, high : float
+        Of each component.
+    shortest : float
+        Least length: that of a direction is not 0.
+    """
+
+    unit: str
+    low: float
+    high: float
+    shortest: float = 0.0
+
+    def allows(self, value: Any) -> bool:
+        """Tell whether a value is a vector of this range."""
+        inside = Range(self.unit, self.low, self.high)
+        return (
+            isinstance(value, tuple)
+            and 0 < len(value) <= 3
+            and all(inside.allows(each) for each in value)
+            and math.hypot(*value) >= self.shortest
+        )
+
+    def __str__(self) -> str:
+        """Return the range in words."""
+        each = f"finite components, {self.low:g} to {self.high:g} {self.unit}".rstrip()
+        return f"{each}, not all 0; its length does not matter" if self.shortest else each
 
 
-def require_direction(effect: object, *names: str) -> None:
-    """Refuse what is not a tuple of finite components, or has no length."""
-    for name in names:
-        if not (_finite(getattr(effect, name)) and any(getattr(effect, name))):
-            _refuse(effect, name, "a tuple of finite components, not all 0; its length does not matter")
+@dataclass(frozen=True)
+class Many:
+    """A list of numbers of one range, `MAX_COUNT` at most."""
+
+    each: Range
+
+    def allows(self, value: Any) -> bool:
+        """Tell whether a value is such a list."""
+        return isinstance(value, tuple) and len(value) <= MAX_COUNT and all(map(self.each.allows, value))
+
+    def __str__(self) -> str:
+        """Return the range in words."""
+        return f"at most {MAX_COUNT} finite numbers, {self.each.low:g} to {self.each.high:g} {self.each.unit}"
 
 
-def _finite(vector: object) -> bool:
-    return isinstance(vector, Iterable) and all(isinstance(x, int | float) and math.isfinite(x) for x in vector)
+Bound = Range | Vector | Many
+Number = Annotated[float, Strict()]
+Components = tuple[Number, ...]
+
+Stiffness = Annotated[Number, Range("N/m", 0.0, 1e6)]
+PositiveStiffness = Annotated[Number, Range("N/m", 0.0, 1e6, positive=True)]
+Damping = Annotated[Number, Range("N s/m", 0.0, 1e3)]
+PositiveDamping = Annotated[Number, Range("N s/m", 0.0, 1e4, positive=True)]
+QuadraticDamping = Annotated[Number, Range("N s²/m²", 0.0, 1e3)]
+Force = Annotated[Number, Range("N", 0.0, 1e3)]
+PositiveForce = Annotated[Number, Range("N", 0.0, 1e3, positive=True)]
+Mass = Annotated[Number, Range("kg", 0.0, 100.0)]
+PositiveMass = Annotated[Number, Range("kg", 0.0, 100.0, positive=True)]
+Length = Annotated[Number, Range("m", 1e-4, FAR_M)]
+LengthOrNone = Annotated[Number, Range("m", 0.0, FAR_M)]
+Time = Annotated[Number, Range("s", -CLOCK_S, CLOCK_S)]
+TimeOrEver = Annotated[Number, Range("s", -math.inf, CLOCK_S)]
+TimeOrNever = Annotated[Number, Range("s", -CLOCK_S, math.inf)]
+Duration = Annotated[Number, Range("s", 1e-4, CLOCK_S)]
+DurationOrNone = Annotated[Number, Range("s", 0.0, CLOCK_S)]
+Frequency = Annotated[Number, Range("Hz", 1e-3, 1e4)]
+ModuleFrequency = Annotated[Number, Range("Hz", 1e-3, 500.0)]
+"""Of a vibration: modules refuse more."""
+Rate = Annotated[Number, Range("1/s", 1e-3, 100.0)]
+Acceleration = Annotated[Number, Range("m/s²", 0.0, 1e3)]
+Share = Annotated[Number, Range("", 0.0, 1.0)]
+FrictionCoefficient = Annotated[Number, Range("", 0.0, 10.0)]
+Point = Annotated[Components, Vector("m", -FAR_M, FAR_M)]
+Edges = Annotated[Components, Vector("m", 1e-4, FAR_M)]
+Direction = Annotated[Components, Vector("", -1e6, 1e6, shortest=1e-6)]
+Gravity = Annotated[Components, Vector("m/s²", -100.0, 100.0)]
+Times = Annotated[Components, Many(Range("s", -CLOCK_S, CLOCK_S))]
+
+
+def bounds(kind: type) -> dict[str, Bound]:
+    """Return the ranges of a class's parameters, by their names; those without one are left out."""
+    return _bounds(kind)
+
+
+@cache
+def _bounds(kind: type) -> dict[str, Bound]:
+    found = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        for option in (hint, *get_args(hint)):  # also that of "a number, or None"
+            for each in getattr(option, "__metadata__", ()):
+                if isinstance(each, Bound):
+                    found[name] = each
+    return found
+
+
+def require_parameters(owner: object, refusal: type[TensionlabError] = EffectError) -> None:
+    """Refuse parameters outside their physical range; None is a parameter that is left out.
+
+    Parameters
+    ----------
+    owner : object
+        Of a class whose parameters are annotated.
+    refusal : type
+        What is raised, naming the class and the parameter.
+    """
+    for name, bound in bounds(type(owner)).items():
+        value = getattr(owner, name)
+        if value is not None and not bound.allows(value):
+            raise refusal(f"{type(owner).__name__}: {name} is {shown(value)}; give {bound}")
+
+
+def require_dimension(owner: object, dimension: int, where: str) -> None:
+    """Refuse vectors, also those of parts and of defaults, that are not of a rig's space.
+
+    Raises
+    ------
+    EffectError
+        Beginning with ``where``, and naming the parameter.
+    """
+    for name, vector in _vectors(owner):
+        if len(vector) != dimension:
+            raise EffectError(
+                f"{where}: {name} is {shown(vector)}; give {dimension} components, as the rig has {dimension} axes"
+            )
+
+
+def _vectors(owner: object) -> Iterator[tuple[str, tuple[float, ...]]]:
+    for name, bound in bounds(type(owner)).items():
+        if isinstance(bound, Vector) and getattr(owner, name) is not None:
+            yield name, getattr(owner, name)
+    for part in fields(owner) if is_dataclass(owner) else ():
+        value = getattr(owner, part.name)
+        if is_dataclass(value):
+            yield from ((f"{part.name}.{name}", vector) for name, vector in _vectors(value))
+
+
+def shown(value: object) -> str:
+    """Return a value as a message repeats it: not at any length."""
+    text = repr(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."

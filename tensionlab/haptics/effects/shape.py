@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot, length_of
 from tensionlab.haptics.effects.fields import Field, Sphere
 from tensionlab.haptics.effects.on_module import AxisImpedance
-from tensionlab.haptics.effects.parameters import require_not_negative
+from tensionlab.haptics.effects.parameters import Damping, Stiffness, require_parameters
 
 STEPS = 10
 """Of the proxy at most, each time; a slow hand needs two or three. What is left of the way it goes next time."""
@@ -36,11 +36,11 @@ class VirtualCoupling:
         B_c in N s/m; 0.
     """
 
-    stiffness: float = 400.0
-    damping: float = 0.0
+    stiffness: Stiffness = 400.0
+    damping: Damping = 0.0
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "stiffness", "damping")
+        require_parameters(self)
 
     def force(self, motion: Motion, proxy: Floats) -> Floats:
         """Which force (..., d) acts on the hand, in N?"""

@@ -13,7 +13,7 @@ from tensionlab.haptics.effects.contact import Wall
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot
 from tensionlab.haptics.effects.friction import Friction
 from tensionlab.haptics.effects.on_module import AxisImpedance
-from tensionlab.haptics.effects.parameters import require_direction, require_not_negative, require_positive
+from tensionlab.haptics.effects.parameters import Direction, Length, LengthOrNone, Stiffness, require_parameters
 
 
 @dataclass(frozen=True)
@@ -39,15 +39,13 @@ class Ripples:
         In N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this project.
     """
 
-    direction: tuple[float, ...] = (1.0, 0.0, 0.0)
-    period: float = 0.004
-    height: float = 0.0003
-    stiffness: float = 10_000.0
+    direction: Direction = (1.0, 0.0, 0.0)
+    period: Length = 0.004
+    height: LengthOrNone = 0.0003
+    stiffness: Stiffness = 10_000.0
 
     def __post_init__(self) -> None:
-        require_direction(self, "direction")
-        require_positive(self, "period")
-        require_not_negative(self, "height", "stiffness")
+        require_parameters(self)
 
     def across(self, normal: Floats) -> Floats:
         """Unit vector across them, along a surface with this normal (d,); zero where there is none."""
@@ -86,6 +84,11 @@ class Texture:
     ripples: Ripples = Ripples()
 
     def __post_init__(self) -> None:
+        if len(self.ripples.direction) != len(self.wall.plane.normal):
+            raise EffectError(
+                f"Texture: ripples.direction is {self.ripples.direction}, wall.plane.normal "
+                f"{self.wall.plane.normal}; give both as many components as the rig has axes"
+            )
         if not np.linalg.norm(self._across) > 0.5:
             raise EffectError(
                 f"Texture: direction {self.ripples.direction} is along the wall's normal "

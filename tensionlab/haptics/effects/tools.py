@@ -13,11 +13,24 @@ from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, length_of, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
-    require_direction,
-    require_not_negative,
-    require_point,
-    require_positive,
-    require_share,
+    Acceleration,
+    Direction,
+    Duration,
+    Force,
+    Frequency,
+    Gravity,
+    Length,
+    LengthOrNone,
+    Mass,
+    ModuleFrequency,
+    Rate,
+    Share,
+    Stiffness,
+    TimeOrEver,
+    TimeOrNever,
+    Times,
+    require_parameters,
+    shown,
 )
 
 
@@ -26,6 +39,10 @@ class Felt(NamedTuple):
 
     velocity: Floats
     acceleration: Floats
+
+
+GRAVITY = 9.81
+"""In m/s²."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +58,7 @@ class Weight:
     mass : float
         m in kg. 0.5 is a default of this project; 6 N, the most of one module right below, is 0.61 kg.
     gravity : tuple of d floats
-        g in m/s².
+        g in m/s². Left out of a message or a file, it points down, by the rig's ``up``.
     cutoff : float
         Of the low-pass, in Hz; 10 is a default of this project.
     limit : float
@@ -52,17 +69,15 @@ class Weight:
         How long it then takes to be there, in s; 0.1 is a default of this project.
     """
 
-    mass: float = 0.5
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.81)
-    cutoff: float = 10.0
-    limit: float = 5.0
-    grasped: float = -math.inf
-    ramp: float = 0.1
+    mass: Mass = 0.5
+    gravity: Gravity = (0.0, 0.0, -GRAVITY)
+    cutoff: Frequency = 10.0
+    limit: Acceleration = 5.0
+    grasped: TimeOrEver = -math.inf
+    ramp: Duration = 0.1
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "mass", "limit")
-        require_point(self, "gravity")
-        require_positive(self, "cutoff", "ramp")
+        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Pull down, and against the acceleration; the memory is `Felt`."""
@@ -99,21 +114,18 @@ class Recoil:
         Most shots a second; 10 is a default of this project.
     """
 
-    shots: tuple[float, ...] = ()
-    direction: tuple[float, ...] = (0.0, -1.0, 0.0)
-    peak: float = 5.5
-    rise: float = 0.005
-    fade: float = 0.060
-    rate: float = 10.0
+    shots: Times = ()
+    direction: Direction = (0.0, -1.0, 0.0)
+    peak: Force = 5.5
+    rise: Duration = 0.005
+    fade: Duration = 0.060
+    rate: Rate = 10.0
 
     def __post_init__(self) -> None:
-        require_direction(self, "direction")
-        require_not_negative(self, "peak")
-        require_positive(self, "rise", "fade", "rate")
-        gaps = np.diff(self.shots)
-        if not np.isfinite(self.shots).all() or (gaps < (1.0 - 1e-9) / self.rate).any():
+        require_parameters(self)
+        if (np.diff(self.shots) < (1.0 - 1e-9) / self.rate).any():
             raise EffectError(
-                f"Recoil: shots are {self.shots}; give finite times in order, {1.0 / self.rate:g} s apart or more"
+                f"Recoil: shots are {shown(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
             )
 
     @property
@@ -173,24 +185,22 @@ class Bow:
         A in N, f in Hz and time constant in s; 1, 60 and 50 ms are defaults of this project.
     """
 
-    brace: float = 0.20
-    initial: float = 1.0
-    stiffness: float = 8.3
-    most: float = 6.0
-    draw_length: float = 0.60
-    let_off: float = 0.0
-    valley: float = 0.75
-    loosed: float = math.inf
-    slack: float = 0.5
-    loose: float = 0.010
-    hum: float = 1.0
-    frequency: float = 60.0
-    fade: float = 0.050
+    brace: LengthOrNone = 0.20
+    initial: Force = 1.0
+    stiffness: Stiffness = 8.3
+    most: Force = 6.0
+    draw_length: Length = 0.60
+    let_off: Share = 0.0
+    valley: Share = 0.75
+    loosed: TimeOrNever = math.inf
+    slack: Force = 0.5
+    loose: Duration = 0.010
+    hum: Force = 1.0
+    frequency: ModuleFrequency = 60.0
+    fade: Duration = 0.050
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "brace", "initial", "stiffness", "most", "slack", "hum")
-        require_positive(self, "draw_length", "loose", "frequency", "fade")
-        require_share(self, "let_off", "valley")
+        require_parameters(self)
         if self.valley == 1.0:
             raise EffectError("Bow: valley is 1; give a share below 1, so that it lets off before it is drawn")
 

@@ -7,12 +7,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import EffectError, RigError, ScenarioError
+from tensionlab.errors import EffectError, ScenarioError
 from tensionlab.haptics.effects.described import effect_of, read
+from tensionlab.haptics.effects.parameters import require_dimension
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
 from tensionlab.haptics.scenarios.scenario import Phase, Scenario
-from tensionlab.model.files import load_rig, parse_toml, read_text
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
+from tensionlab.reading import read_toml
 from tensionlab.solvers.contract import Nearest
 
 FOLDER = Path(__file__).parent / "files"
@@ -29,8 +32,9 @@ KEYS = {
     "slew": float,
     "labels": dict[str, str],
     "stands": tuple[float, ...],
+    "up": str,
 }
-NEEDED = ("title", "about", "seconds")
+NEEDED = ("title", "about", "seconds", "up")
 
 
 def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = None) -> Scenario:
@@ -55,10 +59,7 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         if str(name) not in SCENARIOS:
             raise ScenarioError(f'no scenario "{name}"; there are {", ".join(SCENARIOS)}, or give a file (.toml)')
         path = FOLDER / f"{name}.toml"
-    try:
-        table = parse_toml(read_text(path, "a scenario file"), str(path))
-    except RigError as error:
-        raise ScenarioError(str(error)) from None
+    table = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:
         return _scenario(table, path, rig)
     except (ScenarioError, EffectError) as error:
@@ -72,22 +73,29 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
     for key in (*NEEDED, "person", "phases"):
         if key not in table:
             raise ScenarioError(f'key "{key}" is missing')
+    loaded = load_rig(path.with_suffix(".rig.toml") if rig is None else rig)
+    if not isinstance(table["phases"], list):
+        raise ScenarioError("phases: give a list of tables, [[phases]]")
     return Scenario(
         name=path.stem,
-        rig=load_rig(path.with_suffix(".rig.toml") if rig is None else rig),
+        rig=loaded,
         person=read("person", PersonPlan, table["person"]),
-        phases=tuple(_phase(each) for each in table["phases"]),
+        phases=tuple(_phase(each, loaded) for each in table["phases"]),
         **{key: read(key, kind, table[key]) for key, kind in KEYS.items() if key in table},
     )
 
 
-def _phase(table: Any) -> Phase:
-    """A phase, whose effects have a kind and parameters as over the bridge."""
+def _phase(table: Any, rig: Rig) -> Phase:
+    """Return a phase, whose effects have a kind and parameters as over the bridge."""
     if not isinstance(table, Mapping) or not isinstance(table.get("effects", {}), Mapping):
         raise ScenarioError("phases: each is a table, and its effects are tables too")
     name = table.get("name", "?")
-    effects = {each: effect_of(each, given) for each, given in table.get("effects", {}).items()}
-    hold = read(f'phase "{name}": hold', Hold, table["hold"]) if "hold" in table else None
+    effects = {each: effect_of(each, given, rig) for each, given in table.get("effects", {}).items()}
+    hold = None
+    if "hold" in table:
+        where = f'phase "{name}": hold'
+        hold = read(where, Hold, table["hold"])
+        require_dimension(hold, rig.dimension, where)
     rest = {key: value for key, value in table.items() if key not in ("effects", "hold")}
     if unknown := set(rest) - {"name", "begin", "end"}:
         raise ScenarioError(f'phase "{name}": no key "{min(unknown)}"; there are name, begin, end, effects, hold')

@@ -11,6 +11,7 @@ from tensionlab.errors import ScenarioError
 from tensionlab.haptics.brake_contact import TIMING, ImpactCap, Timing, Wall
 from tensionlab.haptics.effects import Plane
 from tensionlab.haptics.effects.effect import along, length_of
+from tensionlab.haptics.effects.parameters import Length, PositiveForce, require_parameters
 
 
 @dataclass(frozen=True)
@@ -31,19 +32,16 @@ class Hold:
         Of the brakes by themselves; the delay of the loop comes on top.
     """
 
-    force: float
+    force: PositiveForce
     plane: Plane | None = None
-    reach: float | None = None
+    reach: Length | None = None
     cap: ImpactCap | None = None
     timing: Timing = TIMING
 
     def __post_init__(self) -> None:
+        require_parameters(self, ScenarioError)
         if (self.plane is None) == (self.reach is None):
             raise ScenarioError("a hold has a plane or a reach: give one of them")
-        if self.reach is not None and not self.reach > 0.0:
-            raise ScenarioError(f"a hold's reach is {self.reach}; give a distance above 0, in m")
-        if not self.force > 0.0:
-            raise ScenarioError(f"a hold's force is {self.force}; give what it is to hold, above 0, in N")
 
     def wall(self, position: Floats) -> Wall:
         """Where is the wall, as seen from a position (d,)?"""

@@ -10,6 +10,12 @@ import numpy as np
 
 from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
+from tensionlab.haptics.effects.parameters import (
+    PositiveDamping,
+    PositiveMass,
+    PositiveStiffness,
+    require_parameters,
+)
 from tensionlab.haptics.scenarios.script import Floats, Script
 from tensionlab.model.rig import Rig
 
@@ -38,17 +44,14 @@ class PersonPlan:
         Of the frames that modules ride on: where their origin is. They do not turn.
     """
 
-    mass: float
-    stiffness: float
-    damping: float
+    mass: PositiveMass
+    stiffness: PositiveStiffness
+    damping: PositiveDamping
     script: Script
     bodies: Mapping[str, Script] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("mass", "stiffness", "damping"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ScenarioError(f"person: {name} is {value}; give a finite number above 0")
+        require_parameters(self, ScenarioError)
 
 
 @dataclass(frozen=True, eq=False)

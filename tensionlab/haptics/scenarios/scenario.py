@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from tensionlab.errors import ScenarioError
+from tensionlab.haptics.brake_contact import ImpactCap
+from tensionlab.haptics.brakes import brake_strengths
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
@@ -67,6 +69,8 @@ class Scenario:
         What to call the held point and the bodies in pictures.
     stands : tuple of floats or None
         Between the feet of the person, for pictures; None: no person is drawn.
+    up : str or None
+        Axis of the world that points up, for which effects and scripts are meant. A rig with another is refused.
     """
 
     name: str
@@ -82,11 +86,18 @@ class Scenario:
     slew: float | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     stands: tuple[float, ...] | None = None
+    up: str | None = None
 
     def __post_init__(self) -> None:
         rig, given = self.rig, set(self.person.bodies)
         if rig.n != rig.dimension:
             raise ScenarioError(f'scenario "{self.name}": rig "{rig.name}" turns; give one of a point')
+        if self.up is not None and self.up != rig.up:
+            its = 'no key "up"' if rig.up is None else f'up = "{rig.up}"'
+            raise ScenarioError(
+                f'scenario "{self.name}" has up = "{self.up}", and rig "{rig.name}" {its}; give a rig whose file '
+                f'says up = "{self.up}", with its anchors in those axes'
+            )
         if given != set(rig.frames):
             raise ScenarioError(
                 f'scenario "{self.name}": the person has the bodies {sorted(given)}, but modules ride on '
@@ -98,7 +109,13 @@ class Scenario:
             )
         if not self.phases:
             raise ScenarioError(f'scenario "{self.name}" has no phases; give at least one')
-        if not (self.rate > 0.0 and 0.0 < self.seconds < math.inf):
+        for name, script in {"person": self.person.script, **self.person.bodies}.items():
+            if (given_axes := len(script.waypoints[0].position)) != rig.dimension:
+                raise ScenarioError(
+                    f'scenario "{self.name}": waypoints of "{name}" have {given_axes} coordinates; give '
+                    f"{rig.dimension}, as the rig has axes"
+                )
+        if not (0.0 < self.rate < math.inf and 0.0 < self.seconds < math.inf):
             raise ScenarioError(
                 f'scenario "{self.name}": seconds {self.seconds}, rate {self.rate}; give both above 0'
             )
@@ -106,9 +123,22 @@ class Scenario:
             raise ScenarioError(
                 f'scenario "{self.name}": stands is {list(self.stands)}; give {rig.dimension} coordinates, in m'
             )
+        for phase in self.phases:
+            if phase.hold is not None and phase.hold.cap is not None:
+                self._require_gentle(phase.hold.cap)
         named = [name for phase in self.phases for name in phase.effects]
         if len(set(named)) < len(named):
             raise ScenarioError(f'scenario "{self.name}": the effects are {named}; give each a name of its own')
+
+    def _require_gentle(self, cap: ImpactCap) -> None:
+        """Refuse cables that could together pull harder than is allowed: a brake's force is not measured."""
+        most = float((self.rig.limits.upper + brake_strengths(self.rig)).sum())
+        if most > cap.force:
+            raise ScenarioError(
+                f'scenario "{self.name}": the motors and brakes of rig "{self.rig.name}" hold up to {most:g} N '
+                f"together, and a hold's cap allows {cap.force:g} N; put breakaway links on the cables with "
+                "brakes, and give the force at which they part as `brake` in the rig file"
+            )
 
     def now(self, time: float) -> tuple[Phase, ...]:
         """Which phases are on, at a time in s?"""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.errors import ScenarioError
+from tensionlab.haptics.effects.parameters import Frequency, Point, Time, require_parameters, shown
 
 Floats = NDArray[np.float64]
 
@@ -17,16 +18,22 @@ Floats = NDArray[np.float64]
 class Waypoint:
     """Where to be at a time: s since the begin, and m."""
 
-    time: float
-    position: tuple[float, ...]
+    time: Time
+    position: Point
+
+    def __post_init__(self) -> None:
+        require_parameters(self, ScenarioError)
 
 
 @dataclass(frozen=True)
 class Sway:
     """A little motion to and fro: amplitudes in m, one an axis, and Hz."""
 
-    amplitude: tuple[float, ...]
-    frequency: float = 0.4
+    amplitude: Point
+    frequency: Frequency = 0.4
+
+    def __post_init__(self) -> None:
+        require_parameters(self, ScenarioError)
 
 
 @dataclass(frozen=True)
@@ -52,11 +59,11 @@ class Script:
             raise ScenarioError("a script has no waypoints; give at least one")
         times = [waypoint.time for waypoint in self.waypoints]
         places = [waypoint.position for waypoint in self.waypoints]
-        if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-            raise ScenarioError(f"the waypoints' times are {times}; give finite ones, each later than the last")
+        if (np.diff(times) <= 0.0).any():
+            raise ScenarioError(f"the waypoints' times are {shown(times)}; give each later than the last")
         sizes = {len(place) for place in places} | ({len(self.sway.amplitude)} if self.sway else set())
-        if len(sizes) > 1 or not all(np.isfinite(place).all() for place in places):
-            raise ScenarioError(f"the waypoints are {places}; give all the same number of finite coordinates")
+        if len(sizes) > 1:
+            raise ScenarioError(f"the waypoints are {shown(places)}; give all the same number of coordinates")
 
     def position(self, time: float) -> Floats:
         """Where is it to be, in m?"""

@@ -11,13 +11,13 @@ from tensionlab.errors import CalibrationError, HardwareError
 from tensionlab.hardware.calibration.poses import Poses, rotations
 from tensionlab.hardware.calibration.pulling import stopping
 from tensionlab.hardware.calibration.regression import Floats
-from tensionlab.hardware.calibration.tables import read_table
 from tensionlab.hardware.codes import Calibration
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.protocol import Telemetry
 from tensionlab.hardware.run.clock import Clock
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
+from tensionlab.tables import read_table
 
 PERIOD = 0.02
 TAUT_FOR, LOOSE_FOR = 1.0, 0.5
@@ -174,7 +174,7 @@ def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
     """
     names = [module.name for module in rig.modules]
     axes, turns = tuple(AXES[: rig.dimension]), TURNS.get(rig.n - rig.dimension, ())
-    table = read_table(path, names, (*axes, *turns))
+    table = read_table(path, names, (*axes, *turns), error=CalibrationError)
     lengths = np.column_stack([table[name] for name in names])
     if not any(name in table for name in (*axes, *turns)):
         return lengths, None

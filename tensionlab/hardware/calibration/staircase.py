@@ -12,8 +12,9 @@ from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.gain import Balance
 from tensionlab.hardware.calibration.pulling import PERIOD, pulling
 from tensionlab.hardware.calibration.regression import Floats
-from tensionlab.hardware.calibration.tables import read_table, write_table
+from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.module import ModuleClient
+from tensionlab.tables import read_table
 
 LEVELS = 8
 DWELL = 1.5
@@ -62,7 +63,7 @@ COLUMNS = tuple(Staircase.__dataclass_fields__)
 
 def load_staircase(path: str | Path) -> Staircase:
     """Which staircase was saved there? A `CalibrationError` says what is wrong with the file."""
-    return Staircase(**read_table(path, COLUMNS))
+    return Staircase(**read_table(path, COLUMNS, error=CalibrationError))
 
 
 def load_sensor(path: str | Path) -> tuple[Floats, Floats]:
@@ -73,7 +74,7 @@ def load_sensor(path: str | Path) -> tuple[Floats, Floats]:
     CalibrationError
         What is wrong with the file; times that do not grow.
     """
-    table = read_table(path, ("time", "force"))
+    table = read_table(path, ("time", "force"), error=CalibrationError)
     if len(table["time"]) < 10 or (np.diff(table["time"]) <= 0.0).any():
         raise CalibrationError(f"{path}: times must grow from line to line, over at least 10 lines")
     return table["time"], table["force"]

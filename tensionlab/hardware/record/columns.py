@@ -64,6 +64,7 @@ class CycleTable:
     ]
     delays: Annotated[Floats, Column(("module",), "s", "time since that set-point was sent")]
     thermal: Annotated[Floats, Column(("module",), "1", "share of the winding's budget that is spent")]
+    upper_now: Annotated[Floats, Column(("module",), "N", "upper limit: the rig's, or less where it is warm")]
     demanded: Annotated[Floats, Column(("component",), "N or N m", "wrench that was asked for")]
     asked: Annotated[
         Floats, Column(("component",), "N or N m", "what of it the solver was asked for: impedances pull the rest")
@@ -94,6 +95,8 @@ TYPES: dict[str, np.dtype[Any]] = {
     name: np.dtype(get_args(get_args(hint.__origin__)[1])[0]) for name, hint in HINTS.items()
 }
 """Of which type each is."""
+LATER_COLUMNS = frozenset({"upper_now"})
+"""Columns that the first logs do not have; NaN there."""
 
 
 def sizes(rig: Rig) -> dict[str, int]:
@@ -153,6 +156,7 @@ def _row(cycle: Cycle, rig: Rig) -> dict[str, Any]:
         "taken": state.taken.tolist(),
         "delays": state.delays.tolist(),
         "thermal": state.thermal.tolist(),
+        "upper_now": state.upper_now.tolist(),
         "demanded": (none if demand.wrench is None else np.asarray(demand.wrench, dtype=np.float64)).tolist(),
         "asked": cycle.asked.tolist(),
         "impedances": _impedances(demand.impedances, rig),
@@ -194,12 +198,25 @@ def _impedances(impedances: Mapping[str, Impedance], rig: Rig) -> list[float]:
 
 
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
-    """Which columns do cycles in JSON make?"""
+    """Return the columns that cycles in JSON make.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError, OverflowError, RecursionError
+        If one of them is no cycle of this rig.
+    """
     parsed = [json.loads(row) for row in rows]
     length = sizes(rig)
     found = {}
     for name, column in COLUMNS.items():
         shape = tuple(length[dim] for dim in column.dims)
+        if name in LATER_COLUMNS and not all(name in row for row in parsed):
+            found[name] = np.full((len(rows), *shape), np.nan)
+            continue
         values = np.array([row[name] for row in parsed], dtype=TYPES[name])
         found[name] = values.reshape(len(rows), *shape)
+    if not (np.isfinite(found["time"]).all() and np.isfinite(found["late"]).all()):
+        raise ValueError("a cycle without a time")
+    if unknown := set(found["status"].tolist()) - {int(status) for status in Status}:
+        raise ValueError(f"status {min(unknown)}")
     return found

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import writing
 from tensionlab.errors import MissingDependency
 from tensionlab.hardware.record.columns import COLUMNS, IMPEDANCE
 from tensionlab.model.files import rig_to_toml
@@ -104,5 +105,7 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
     ------
     MissingDependency
         As `to_dataset`.
+    WriteError
+        If the file cannot be written; what was there before stays.
     """
-    to_dataset(run).to_netcdf(path, engine="scipy")
+    writing.write_bytes(path, bytes(to_dataset(run).to_netcdf(engine="scipy")))

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-import struct
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from tensionlab import writing
 from tensionlab.errors import LogError, MissingDependency
+from tensionlab.reading import parse_json
 
 PROFILE = "tensionlab-run-1"
 """Says in a file's header that it is the log of a run, and which version of it."""
-DAMAGE = (EOFError, MemoryError, OverflowError, LookupError, ValueError, struct.error)
-"""What reading a damaged file may raise, besides the errors of mcap and zstandard."""
+MAX_CHUNK_BYTES = 256_000_000
+"""Of a chunk, unpacked: a hostile file may unpack to more than the memory. Those of a log have a megabyte."""
 TOLD = 1000
 """After so many messages, whoever wants to know is told how much of a file has been read."""
 EXTRA = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
@@ -46,7 +48,9 @@ class McapWriter:
             from mcap.writer import Writer
         except ImportError as error:
             raise MissingDependency(EXTRA) from error
-        self._file = _open_new(path)
+        if os.path.lexists(path) and not (path.is_file() and not path.stat().st_size):
+            raise LogError(f"{path}: there is something already; name a new file for the log")
+        self._file = writing.open_stream(path)
         self._writer = Writer(self._file)
         self._writer.start(profile=PROFILE, library="tensionlab")
         self._channels = {}
@@ -79,15 +83,6 @@ class McapWriter:
         """Close the file as it is, incomplete."""
         with suppress(OSError):
             self._file.close()
-
-
-def _open_new(path: Path) -> IO[bytes]:
-    try:
-        return path.open("xb")
-    except FileExistsError:
-        if path.is_dir() or path.stat().st_size:
-            raise LogError(f"{path}: there is something already; name a new file for the log") from None
-        return path.open("wb")
 
 
 class Record(NamedTuple):
@@ -126,48 +121,75 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
         If it can't be read, or is no log of a run.
     """
     try:
-        from mcap.exceptions import McapError
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
-        from mcap.stream_reader import StreamReader
-        from zstandard import ZstdError
     except ImportError as error:
         raise MissingDependency(EXTRA) from error
     channels: dict[int, str] = {}
     known = complete = False
     with _open(path) as file:
-        size, messages = path.stat().st_size, 0
-        bounded: Any = _Bounded(file, size)
-        reader = StreamReader(bounded, validate_crcs=True)
-        try:
-            for record in reader.records:
-                if isinstance(record, Header):
-                    known = record.profile == PROFILE
-                if not known:
-                    break
-                if isinstance(record, Channel):
-                    channels[record.id] = record.topic
-                elif isinstance(record, Metadata):
-                    values = {key: json.loads(value) for key, value in record.metadata.items()}
-                    yield Record("metadata", record.name, values)
-                elif isinstance(record, Attachment):
-                    yield Record("attachment", record.name, record.data)
-                elif isinstance(record, Message):
-                    messages += 1
-                    if progress is not None and messages % TOLD == 0:
-                        progress(file.tell() / size)
-                    yield Record("message", channels[record.channel_id], record.data, record.log_time)
-                elif isinstance(record, Footer):
-                    complete = True
-        except (*DAMAGE, McapError, ZstdError):
-            complete = False  # cut or damaged: what came before counts
+        size, messages = os.fstat(file.fileno()).st_size, 0
+        whole = _whole_records(file, size)
+        while True:
+            try:
+                record = next(whole, None)
+                values = _metadata(record) if isinstance(record, Metadata) else {}
+                name = channels[record.channel_id] if isinstance(record, Message) else ""
+            except Exception:  # whatever a decoder raises over damaged bytes: what came before counts
+                complete = False
+                break
+            if record is None:
+                break
+            if isinstance(record, Header):
+                known = record.profile == PROFILE
+            if not known:
+                break
+            if isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Metadata):
+                yield Record("metadata", record.name, values)
+            elif isinstance(record, Attachment):
+                yield Record("attachment", record.name, record.data)
+            elif isinstance(record, Message):
+                messages += 1
+                if progress is not None and messages % TOLD == 0:
+                    progress(file.tell() / size)
+                yield Record("message", name, record.data, record.log_time)
+            elif isinstance(record, Footer):
+                complete = True
     if not known:
         raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")
     if complete:
         yield Record("end", "", b"")
 
 
+def _whole_records(file: IO[bytes], size: int) -> Iterator[Any]:
+    """Yield the records of a file, those in its chunks too, as mcap has them."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+    from zstandard import frame_content_size
+
+    bounded: Any = _Bounded(file, size)
+    for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        told = frame_content_size(record.data) if record.compression == "zstd" else len(record.data)
+        if (
+            record.compression not in ("zstd", "")
+            or not 0 <= max(told, record.uncompressed_size) <= MAX_CHUNK_BYTES
+        ):
+            raise EOFError
+        yield from breakup_chunk(record, validate_crc=True)
+
+
+def _metadata(record: Any) -> dict[str, Any]:
+    return {key: parse_json(value, key, LogError) for key, value in record.metadata.items()}
+
+
 def _open(path: Path) -> IO[bytes]:
     try:
         return path.open("rb")
+    except IsADirectoryError:
+        raise LogError(f"{path}: is a folder; give the log of a run (*.mcap)") from None
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror}); give the log of a run (*.mcap)") from None

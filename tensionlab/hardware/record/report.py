@@ -135,7 +135,8 @@ def _module(run: Run, index: int) -> ModuleReport:
 def _shares(limits: NDArray[np.int64]) -> dict[str, float]:
     numbers, counts = np.unique(limits, return_counts=True)
     pairs = zip(numbers.tolist(), (counts / max(len(limits), 1)).tolist(), strict=True)
-    return {Limit(number).name: share for number, share in pairs if number != Limit.NONE}
+    names = {int(limit): limit.name for limit in Limit}
+    return {names.get(number, f"limit {number}"): share for number, share in pairs if number != Limit.NONE}
 
 
 def percentiles(values: Floats) -> tuple[float, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,6 +20,8 @@ from tensionlab.hardware.record.mcap_file import read_records
 from tensionlab.measure import Allocation
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.rig import Rig
+from tensionlab.reading import brief, parse_json
+from tensionlab.tables import from_mappings
 
 if TYPE_CHECKING:
     import xarray
@@ -133,29 +135,33 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     complete = False
     for kind, name, content, time_ns in read_records(path, progress):
         if kind == "attachment":
-            rig = rig_from_toml(content.decode(), f"{path}: rig.toml")
+            try:
+                rig = rig_from_toml(content.decode(), f"{path}: rig.toml")
+            except UnicodeDecodeError:
+                raise LogError(f"{path}: rig.toml in it is not UTF-8 text; the log is damaged") from None
         elif kind == "metadata":
             metadata[name] = content
         elif kind == "end":
             complete = True
         elif name == "event":
-            events.append(RunEvent(**json.loads(content)))
+            event = parse_json(content, f"{path}: event {len(events) + 1}", LogError)
+            events += from_mappings([event], RunEvent, f"{path}: event {len(events) + 1}", LogError)
         elif rig is not None:
             first_ns = time_ns if first_ns is None else first_ns
             rows.append(content)
             if len(rows) == BLOCK:
-                blocks.append(columns.decode(rows, rig))
+                blocks.append(_decoded(path, rows, rig))
                 rows = []
     if rig is None or not {"manifest", "setup"} <= metadata.keys():
         raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
-    blocks.append(columns.decode(rows, rig))
+    blocks.append(_decoded(path, rows, rig))
     table = {name: np.concatenate([block[name] for block in blocks]) for name in columns.COLUMNS}
     return Run(
         **table,
         rig=rig,
         manifest=metadata["manifest"],
-        setup=_setup(metadata["setup"]),
-        modules=metadata.get("modules", {}),
+        setup=_setup(path, metadata["setup"], rig),
+        modules=_modules(path, metadata.get("modules", {})),
         summary=metadata.get("summary", {}),
         events=tuple(events),
         began=np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0]),
@@ -163,6 +169,28 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     )
 
 
-def _setup(values: Mapping[str, Any]) -> RunSetup:
+def _decoded(path: Path, rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
+    try:
+        return columns.decode(rows, rig)
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise LogError(
+            f"{path}: a cycle in it is none of this rig ({type(error).__name__}); it is damaged"
+        ) from None
+
+
+def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
     """A setup from JSON, which knows no tuples."""
-    return RunSetup(**{**values, "lower": tuple(values["lower"]), "upper": tuple(values["upper"])})
+    given = {key: tuple(each) if isinstance(each, list) else each for key, each in values.items()}
+    (setup,) = from_mappings([given], RunSetup, f"{path}: setup", LogError)
+    if not 0.0 < setup.rate < math.inf:
+        raise LogError(f"{path}: setup: rate is {setup.rate:g} Hz; the log is damaged")
+    if not len(setup.lower) == len(setup.upper) == rig.m:
+        raise LogError(f"{path}: setup: has {len(setup.lower)} tension limits for {rig.m} modules; it is damaged")
+    return setup
+
+
+def _modules(path: Path, values: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    for name, info in values.items():
+        if not isinstance(info, dict):
+            raise LogError(f"{path}: module {brief(name)} is {brief(info)}; the log is damaged")
+    return values

@@ -9,7 +9,13 @@ from tensionlab.hardware.simulation.world import World
 
 
 class Clock(Protocol):
-    """Time of a run, in s, from any start; it only goes forward."""
+    """Time of a run, in s, from any start; it only goes forward.
+
+    Attributes
+    ----------
+    real_time : bool
+        Whether it goes on while a cycle lasts; optional, False if left out.
+    """
 
     def now(self) -> float:
         """What time is it?"""
@@ -20,6 +26,8 @@ class Clock(Protocol):
 
 class RealClock:
     """The system's own monotonic time, which nobody sets."""
+
+    real_time = True
 
     def now(self) -> float:
         """What time is it?"""
@@ -45,7 +53,7 @@ class WorldClock:
 
     def __init__(self, world: World, *, paced: bool = False) -> None:
         self._world = world
-        self._paced = paced
+        self._paced = self.real_time = paced
         self._start = time.monotonic() - world.time
 
     def now(self) -> float:

@@ -13,6 +13,8 @@ from tensionlab.model.limits import TensionLimits
 from tensionlab.solvers.contract import Nearest, Solver, Status
 
 PROVED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
+MAX_PREPARED = 256
+"""So many sets of limits are kept prepared: windings warm and cool step by step."""
 EXACT_SOLVER = "newton"
 """Answers where the chosen solver leaves it unproved."""
 
@@ -35,13 +37,15 @@ class GuardedAllocator:
 
     def __init__(self, limits: TensionLimits, solver: str | Solver, nearest: Nearest | None = None) -> None:
         self._limits = limits
-        self._solver = solver
+        self._solver: str | Solver = solver
         self._nearest = nearest
         self._prepared: dict[bytes, tuple[Allocator, Allocator]] = {}
         everyone = np.ones(np.size(limits.lower), dtype=bool)
-        self.solver = self._for(everyone)[0].solver
+        self._solver = self.solver = self._for(everyone, limits)[0].solver
 
-    def __call__(self, structure: Floats, wrench: Floats, part: NDArray[np.bool_]) -> tuple[Allocation, bool]:
+    def __call__(
+        self, structure: Floats, wrench: Floats, part: NDArray[np.bool_], limits: TensionLimits | None = None
+    ) -> tuple[Allocation, bool]:
         """Allocate, and tell whether the exact solver had to.
 
         Parameters
@@ -50,17 +54,21 @@ class GuardedAllocator:
         wrench : (n,) array
         part : (m,) array of bool
             Modules that take part.
+        limits : TensionLimits, optional
+            In place of those from the beginning.
         """
-        chosen, exact = self._for(part)
+        chosen, exact = self._for(part, self._limits if limits is None else limits)
         allocation = chosen(structure, wrench)
         if int(allocation.status) in PROVED:
             return allocation, False
         return exact(structure, wrench), True
 
-    def _for(self, part: NDArray[np.bool_]) -> tuple[Allocator, Allocator]:
-        key = part.tobytes()
+    def _for(self, part: NDArray[np.bool_], limits: TensionLimits) -> tuple[Allocator, Allocator]:
+        key = part.tobytes() + limits.upper.tobytes()
         if key not in self._prepared:
-            limits = self._limits.only(part)
+            if len(self._prepared) >= MAX_PREPARED:
+                self._prepared.clear()
+            limits = limits.only(part)
             chosen = Allocator(limits, self._solver, nearest=self._nearest)
             self._prepared[key] = chosen, Allocator(limits, EXACT_SOLVER, nearest=chosen.nearest)
         return self._prepared[key]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
 from collections.abc import Iterator
@@ -28,6 +29,10 @@ class Interrupted(KeyboardInterrupt):
         self.number = number
 
 
+class Hung(BaseException):
+    """What the run's thread did was taking too long. No `Exception`: whoever catches those does not see it."""
+
+
 class Interrupts:
     """Turns signals into `Interrupted`, once; those that come after it are remembered only.
 
@@ -36,6 +41,8 @@ class Interrupts:
 
     def __init__(self) -> None:
         self._deaf = False
+        self._catching = False
+        self._hung: Hung | None = None
 
     @contextmanager
     def caught(self, numbers: tuple[int, ...]) -> Iterator[None]:
@@ -44,9 +51,11 @@ class Interrupts:
             yield
             return
         before = {number: signal.signal(number, self._take) for number in numbers}
+        self._catching = True
         try:
             yield
         finally:
+            self._catching = False
             for number, handler in before.items():
                 signal.signal(number, handler)
 
@@ -54,7 +63,19 @@ class Interrupts:
         """From now on, let nothing interrupt."""
         self._deaf = True
 
+    def throw(self, hung: Hung) -> None:
+        """Raise an error in the main thread, from another one, even while it waits for the system."""
+        if not self._catching:
+            return
+        self._hung = hung
+        if hasattr(signal, "pthread_kill"):
+            main = threading.main_thread().ident
+            assert main is not None
+            signal.pthread_kill(main, signal.SIGTERM)
+        else:
+            _thread.interrupt_main(signal.SIGTERM)
+
     def _take(self, number: int, frame: FrameType | None) -> None:
         if not self._deaf:
             self._deaf = True
-            raise Interrupted(number)
+            raise Interrupted(number) if self._hung is None else self._hung

@@ -12,8 +12,14 @@ from tensionlab.model.rig import Rig
 
 STEPS = 3
 """Newton steps a cycle at most: between two cycles a platform moves a few mm."""
+SEARCH_STEPS = 30
+"""Newton steps from home to wherever it is."""
+EXTRAPOLATED_S = 0.1
+"""Lengths are carried on by their speeds for so long at most, in s: a hand may have turned round by then."""
 FOUND = 1e-4
 """A step this short, in m and rad, ends the search: what is left is its square."""
+TAUT_M_S = 0.2
+"""Root mean square of the speed errors, in m/s, above which a slack cable is being reeled in."""
 FAR = 0.05
 """Root mean square of the length errors, in m, above which the lengths belong to no pose near the last one."""
 
@@ -28,6 +34,11 @@ class PoseTracker:
     ----------
     rig : Rig
         All its modules stand in the world.
+
+    Attributes
+    ----------
+    fits : bool
+        Whether the latest lengths belong to the latest pose, but for some cm.
 
     Raises
     ------
@@ -46,38 +57,60 @@ class PoseTracker:
                 f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or a place'
             )
         self._rig = rig
-        attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
-        self._native = _native.PoseTracker(rig.anchors, attachments, rig.home)
+        self.fits = False
+        self._worst, self._off = 0, 0.0
+        self._structure: Floats = rig.structure_matrix(rig.home)
+        self._native = self._at_home()
 
-    def follow(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Pose, Floats]:
+    def search(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Pose, Floats]:
+        """The same as `follow`, from the rig's home."""
+        self._native = self._at_home()
+        return self.follow(lengths, known, SEARCH_STEPS)
+
+    def follow(self, lengths: Floats, known: NDArray[np.bool_], steps: int = STEPS) -> tuple[Pose, Floats]:
         """Where is it, by the lengths (m,) of those modules whose length is known?
 
         Returns
         -------
         Pose, (n, m) array
-            And the structure matrix there.
-
-        Raises
-        ------
-        HardwareError
-            If no pose near the last one has these lengths.
+            And the structure matrix there. If these lengths do not fit (see `fits`), the pose that fits best.
         """
-        found = self._native.follow(lengths, known, STEPS, FOUND)
-        position, rotation, structure, squares, worst, off = found
-        if not squares <= FAR**2 * np.count_nonzero(known):
-            raise HardwareError(
-                f'cable lengths fit no pose: that of module "{self._rig.modules[worst].name}" is off by '
-                f"{1e3 * off:.0f} mm; calibrate the lengths, and start near the rig's home"
-            )
+        position, rotation, self._structure, squares, self._worst, self._off = self._native.follow(
+            lengths, known, steps, FOUND
+        )
+        self.fits = bool(squares <= FAR**2 * np.count_nonzero(known))
         if self._rig.n == self._rig.dimension:
-            return Pose(position), structure
+            return Pose(position), self._structure
         if self._rig.dimension == 2:
-            return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), structure
-        return Pose(position, rotation), structure
+            return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), self._structure
+        return Pose(position, rotation), self._structure
+
+    def require_fit(self, advice: str) -> None:
+        """Refuse, by a `HardwareError` with this advice, lengths that fit no pose near the last one."""
+        if not self.fits:
+            raise HardwareError(
+                f'cable lengths fit no pose: that of module "{self._rig.modules[self._worst].name}" is off by '
+                f"{1e3 * self._off:.0f} mm, or another's is; {advice}"
+            )
+
+    def moves_as_one(self, speeds: Floats, known: NDArray[np.bool_]) -> bool:
+        """Return whether cables with these speeds of paying out can all be taut, at the latest pose."""
+        errors = np.where(known, speeds + self._structure.T @ self.velocity(speeds, known), 0.0)
+        return bool(errors @ errors <= TAUT_M_S**2 * np.count_nonzero(known))
+
+    def _at_home(self) -> _native.PoseTracker:
+        rig = self._rig
+        attachments = rig.attachments if rig.n > rig.dimension else np.zeros((0, rig.dimension))
+        return _native.PoseTracker(rig.anchors, attachments, rig.home)
 
     def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
         """The same as the function `velocity`, at the latest pose."""
         return self._native.velocity(speeds, known)
+
+
+def at_one_time(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
+    """Return how long cables are now that were so long some time ago, (m,) in m, m/s and s."""
+    return lengths + speeds * np.minimum(ages, EXTRAPOLATED_S)
 
 
 def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Floats:

@@ -27,8 +27,8 @@ import numpy as np
 from tensionlab.demand import Demand, Floats, RigState
 from tensionlab.errors import HardwareError, RigError
 from tensionlab.hardware.run.demands import require_demand
-from tensionlab.model.files import parse_toml, read_text
 from tensionlab.model.rig import Rig
+from tensionlab.reading import read_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +98,11 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     from tensionlab.hardware.run.program_file import ProgramFile
     from tensionlab.model.schema import check
 
+    document = read_toml(path, "a program (*.toml)", HardwareError)
     try:
-        file = check(ProgramFile, parse_toml(read_text(path, "a program"), str(path)))
+        file = check(ProgramFile, document)
     except RigError as error:
-        raise HardwareError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+        raise HardwareError(f"{path}: {error}") from None
     steps = []
     for number, table in enumerate(file.steps, start=1):
         here = f"{path}: step {number}"

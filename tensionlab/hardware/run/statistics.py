@@ -35,6 +35,8 @@ class Statistics:
         Of the allocations sent.
     late_telemetry : Counter of str
         Cycles in which a module's latest telemetry was more than two of its periods old, by module.
+    derated : dict of str to float
+        Modules whose upper tension limit was lowered because their winding got warm, and the lowest, in N.
     lost : dict of str to str
         Modules that dropped out, and why.
     ended : str
@@ -53,6 +55,7 @@ class Statistics:
     slewed: int = 0
     statuses: Counter[Status] = field(default_factory=Counter)
     late_telemetry: Counter[str] = field(default_factory=Counter)
+    derated: dict[str, float] = field(default_factory=dict)
     lost: dict[str, str] = field(default_factory=dict)
     ended: str = ""
     emergency: bool = False
@@ -89,6 +92,7 @@ class Statistics:
             "slewed": self.slewed,
             "statuses": {status.name: self.statuses[status] for status in Status},
             "late_telemetry": dict(self.late_telemetry),
+            "derated": self.derated,
             "lost": self.lost,
             "unconfirmed": self.unconfirmed,
             **times,

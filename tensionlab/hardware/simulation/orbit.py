@@ -16,7 +16,7 @@ from tensionlab.model.rig import Rig
 
 def position(rig: Rig, radius: float, period: float, now: float) -> Floats:
     """Where is the point at a time, in m? On a circle around the rig's home, across the axis that points up."""
-    first, second = (0, 2 if rig.dimension == 3 and rig.up == "y" else 1)
+    first, second = [axis for axis in range(3) if rig.dimension == 2 or "xyz"[axis] != rig.vertical][:2]
     angle = 2.0 * math.pi * now / period
     place: Floats = rig.home.copy()
     place[first] += radius * math.cos(angle)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from tensionlab import writing
 from tensionlab.hardware.simulated import SimulatedModule
 
 PERIOD = 5e-3
@@ -30,15 +33,18 @@ class Recording:
 
     Raises
     ------
-    OSError
-        If the file cannot be written.
+    WriteError
+        Here and in `take`, if the file cannot be written.
     """
 
     def __init__(self, path: Path, names: Sequence[str]) -> None:
         self._names = names
-        self._file = path.open("w", encoding="utf-8", newline="", buffering=1)
+        self._path = path
+        self._file = io.TextIOWrapper(
+            writing.open_stream(path), encoding="utf-8", newline="", line_buffering=True, write_through=True
+        )
         self._rows = csv.writer(self._file)
-        self._rows.writerow(COLUMNS)
+        self._write(COLUMNS)
         self._due = 0.0
 
     def __enter__(self) -> Self:
@@ -49,7 +55,8 @@ class Recording:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close it."""
-        self._file.close()
+        with suppress(OSError):  # that a row could not be written has been said
+            self._file.close()
 
     def take(self, modules: Sequence[SimulatedModule]) -> None:
         """Write how the modules are, if it is time to."""
@@ -60,4 +67,10 @@ class Recording:
         for name, module in zip(self._names, modules, strict=True):
             sample = module.sample
             numbers = (f"{value:.4f}" for value in (sample.tension, sample.commanded, sample.distance))
-            self._rows.writerow([f"{now:.4f}", name, *numbers, sample.state.name, f"{sample.seconds:.4f}"])
+            self._write([f"{now:.4f}", name, *numbers, sample.state.name, f"{sample.seconds:.4f}"])
+
+    def _write(self, row: Sequence[str]) -> None:
+        try:
+            self._rows.writerow(row)
+        except OSError as error:
+            raise writing.unwritable(self._path, error) from None

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from tensionlab import writing
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.simulated import PARTS, STEP, SimulatedModule
 from tensionlab.hardware.simulation.channel import Channel, Conditions
@@ -126,7 +127,7 @@ class ServedModule:
         self.module.advance(steps * STEP, None if self._far_end is None else self._far_end())
         if self._settings_file is not None and self.module.settings != self._settings:
             self._settings = self.module.settings
-            write_settings(self._settings_file, self._settings)
+            writing.write_bytes(self._settings_file, self._settings)
 
 
 def serve(
@@ -179,19 +180,3 @@ def read_settings(path: Path) -> bytes | None:
         return None
     except OSError as error:
         raise HardwareError(f"{path}: cannot be read ({error.strerror}); name a file for settings") from None
-
-
-def write_settings(path: Path, settings: bytes) -> None:
-    """Replace the file in one go: whoever reads it finds the old settings or the new ones.
-
-    Raises
-    ------
-    HardwareError
-        If it cannot be written.
-    """
-    new = path.with_name(path.name + ".new")
-    try:
-        new.write_bytes(settings)
-        new.replace(path)
-    except OSError as error:
-        raise HardwareError(f"{path}: cannot be written ({error.strerror}); name another file") from None

@@ -31,7 +31,8 @@ class Layout:
         The largest force that can be rendered in every direction everywhere in the target, in N; negative where
         not even the force zero can.
     contributions : tuple of float
-        For each module, the score lost when it is taken away and the others stay.
+        For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
+        they render no force at all. Below zero where they do better without it.
     """
 
     rig: Rig
@@ -90,7 +91,7 @@ def judge(space: Space, target: Floats, objective: Objective, places: Places, na
         rest = np.arange(len(modules)) != index
         fewer = TensionLimits(limits.lower[rest], limits.upper[rest]) if rest.any() else None
         without = 0.0 if fewer is None else float(objective.score(place.margins(anchors[rest], fewer, target)))
-        lost.append(score - without)
+        lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
     rig = Rig(
         name=name,
         kind="point" if space.dimension == 3 else "planar-point",

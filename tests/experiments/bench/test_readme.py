@@ -1,24 +1,17 @@
-"""The README's comparison is the one that the committed results make."""
+"""The benchmark's table is of the committed results, and these are of the solvers and sets that there are."""
 
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import tensionlab
-from tensionlab.errors import ShapeError
 from tensionlab.experiments.bench import results
-from tensionlab.experiments.bench.readme import COMMITTED, END, START, filled, section
+from tensionlab.experiments.bench.contestants import contestants
+from tensionlab.experiments.bench.headline import headlines
+from tensionlab.experiments.bench.readme import COMMITTED, section
+from tensionlab.experiments.problem_sets import PROBLEM_SETS
 
 ROOT = Path(__file__).parents[3]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def test_the_committed_table_is_up_to_date():
-    assert filled(README, results.read(ROOT / COMMITTED)) == README, (
-        "run `python -m tensionlab.experiments.bench.readme` and commit README.md"
-    )
 
 
 def test_the_committed_results_are_small_and_whole():
@@ -29,22 +22,27 @@ def test_the_committed_results_are_small_and_whole():
     assert committed.calls
 
 
-def test_other_results_make_another_readme(bench_results):
-    text = filled(README, bench_results)
-    assert text != README
-    assert section(bench_results) in text
-    assert text.partition(START)[0] == README.partition(START)[0]
-    assert text.partition(END)[2] == README.partition(END)[2]
-    assert filled(text, results.read(ROOT / COMMITTED)) == README
+def test_the_committed_results_are_of_the_solvers_and_sets_that_there_are():
+    committed = results.read(ROOT / COMMITTED)
+    assert list(committed.sets) == list(PROBLEM_SETS), "run `make bench-readme` on an idle machine"
+    for name, about in committed.sets.items():
+        took_part = [(row.solver, row.setting, row.nearest) for row in committed.of_set(name)]
+        takers = [(each.solver, each.setting, each.nearest) for each in contestants(about["reachable"])]
+        assert sorted(took_part, key=str) == sorted(takers, key=str), "run `make bench-readme` on an idle machine"
 
 
-def test_a_readme_without_the_section_is_refused(bench_results):
-    with pytest.raises(ShapeError, match="no section"):
-        filled("# tensionlab\n", bench_results)
+def test_the_table_says_what_was_measured_on_what_and_when(bench_results):
+    text, about = section(bench_results), bench_results.manifest
+    assert f"on one thread of {about['processor']}" in text
+    assert f"{about['date'][:10]}, tensionlab {tensionlab.__version__}" in text
+    assert all(f"{line.label}" in text for line in headlines(bench_results))
+
+
+def test_other_results_make_another_table(bench_results):
+    assert section(bench_results) != section(results.read(ROOT / COMMITTED))
 
 
 def test_one_command_takes_a_run_into_the_repository(tmp_path, bench_folder, bench_results):
-    (tmp_path / "README.md").write_text(f"# x\n{START}\nold\n{END}\ny\n", encoding="utf-8")
     package = str(Path(tensionlab.__file__).parents[1])
     command = [sys.executable, "-m", "tensionlab.experiments.bench.readme"]
 
@@ -53,11 +51,8 @@ def test_one_command_takes_a_run_into_the_repository(tmp_path, bench_folder, ben
                               capture_output=True, text=True, check=False)  # fmt: skip
 
     assert call(str(bench_folder)).returncode == 0
-    text = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert text == f"# x\n{START}\n\n{section(bench_results)}\n\n{END}\ny\n"
     assert (tmp_path / COMMITTED / "manifest.json").exists()
-    assert call().returncode == 0
-    assert (tmp_path / "README.md").read_text(encoding="utf-8") == text
-    wrong = call("nowhere")
-    assert wrong.returncode == 2
-    assert "no results of `tensionlab bench`" in wrong.stderr
+    assert section(results.read(tmp_path / COMMITTED)) == section(bench_results)
+    for words, message in (((), "name the folder of a run"), (("nowhere",), "no results of `tensionlab bench`")):
+        wrong = call(*words)
+        assert (wrong.returncode, message in wrong.stderr) == (2, True)

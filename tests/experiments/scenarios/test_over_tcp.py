@@ -29,7 +29,7 @@ BEHIND = 0.1
 @contextmanager
 def served(scenario, file, *words):
     """Modules that a person holds, and where that person is, by OSC: links, mailbox."""
-    mailbox, refused = Mailbox(), []
+    mailbox, refused = Mailbox(scenario.rig), []
     with (
         OscDoor(mailbox, "127.0.0.1", 0, refused.append) as door,
         simulated(

@@ -106,6 +106,16 @@ def test_what_changes_is_told_of_the_module():
     assert {event.kind for event in heard.events} <= set(KINDS)
 
 
+def test_a_module_that_may_not_pull_as_hard_is_told_and_when_it_may_again():
+    heard = Heard()
+    whole = RIG.limits.upper
+    for state, top in zip(states(6), (6.0, 5.8, 5.4, 5.2, 4.9, 6.0), strict=True):
+        heard.take(replace(state, upper_now=np.array([*whole[:3], top])))
+    found = heard.told("derated")
+    assert [(event.module, event.upper) for event in found] == [("top", 5.4), ("top", 4.9), ("top", 6.0)]
+    assert found[0].text == "pulls with up to 5.40 N of 6 N, so that it does not get too hot"
+
+
 def test_silence_and_its_end_are_told():
     heard = Heard()
     for state, share in zip(states(5), (0.0, 0.5, 1.0, 0.0, 0.2), strict=True):

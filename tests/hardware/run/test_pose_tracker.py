@@ -50,8 +50,13 @@ def test_lengths_of_no_pose_are_refused_and_named():
     rig = tl.load_rig("datasets/rigs/seven-modules.toml")
     lengths = rig.lengths(rig.home)
     lengths[4] += 0.4
-    with pytest.raises(HardwareError, match=f'"{rig.modules[4].name}" is off by'):
-        PoseTracker(rig).follow(lengths, np.ones(7, dtype=bool))
+    tracker = PoseTracker(rig)
+    tracker.follow(lengths, np.ones(7, dtype=bool))
+    assert not tracker.fits
+    with pytest.raises(HardwareError, match=f'"{rig.modules[4].name}" is off by .*, or another\'s is; look there'):
+        tracker.require_fit("look there")
+    tracker.search(rig.lengths(rig.home + 0.2), np.ones(7, dtype=bool))
+    assert tracker.fits
 
 
 @pytest.mark.parametrize("name", RIGS)

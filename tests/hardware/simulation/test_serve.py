@@ -28,7 +28,6 @@ from tensionlab.hardware.simulation.serve import (
     parse_fault,
     read_settings,
     serve,
-    write_settings,
 )
 
 
@@ -145,8 +144,6 @@ def test_settings_are_written_when_the_module_saves_and_only_then(tmp_path):
 def test_a_file_that_cannot_be_used_is_named(tmp_path):
     with pytest.raises(HardwareError, match="cannot be read"):
         read_settings(tmp_path)
-    with pytest.raises(HardwareError, match=r"none.settings\.bin: cannot be written"):
-        write_settings(tmp_path / "none" / "settings.bin", b"")
 
 
 def test_serving_ends_when_it_is_told_to_and_closes_the_ports():

@@ -1,0 +1,111 @@
+"""Watchdog of a run: a solver, a demand or a log that does not come back must not keep the modules pulling.
+
+Three ways out, one after another. The run's thread is interrupted, which ends whatever Python does there. Where
+that does not help, it is in a native call: the watchdog's own thread stops the modules and ends the process. Where
+no thread of Python gets a turn any more, a native one ends the process: modules let go as their links close.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from tensionlab import _native
+
+TICK_S = 0.02
+"""How often to look, in s. Ticks are counted, and not time: a process that got no time at all has missed none."""
+GRACE_S = 0.5
+"""How long the run's thread may take to come out of what it was interrupted in, in s."""
+NATIVE_GRACE_S = 2.0
+"""How much longer than a step Python may keep this thread waiting, in s."""
+ENDING_S = 30.0
+"""How long stopping the modules and closing the log may take, in s, before the process ends without it."""
+
+
+class Step(NamedTuple):
+    """What the run's thread does now, and how long it may take, in s."""
+
+    name: str
+    seconds: float
+
+
+class Watchdog:
+    """Watch over steps of this thread. A context manager.
+
+    Parameters
+    ----------
+    interrupt : callable
+        Told what is wrong, in another thread: stops the modules at once, and interrupts this one, if it can.
+    end : callable
+        Told what is wrong where that did not help, in another thread: ends the process.
+    """
+
+    def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:
+        self._interrupt, self._end = interrupt, end
+        self._watched = threading.get_ident()
+        self._step: Step | None = None
+        self._closed = threading.Event()
+        self._native = _native.Watchdog(
+            "tensionlab: a native call keeps the interpreter and does not return, so the process ends; its "
+            "modules let go as their links close\n"
+        )
+        self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
+
+    def __enter__(self) -> Self:
+        """Begin to watch."""
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Leave off."""
+        self._closed.set()
+        try:
+            self._thread.join()
+        finally:  # whatever signal comes now
+            self._native.close()
+
+    def begin(self, name: str, seconds: float) -> None:
+        """Begin a step, which ends the one before. It may take so many s."""
+        self._step = Step(name, seconds)
+
+    def rest(self) -> None:
+        """End a step; nothing is to be done now."""
+        self._step = None
+
+    def _watch(self) -> None:
+        seen: Step | None = None
+        ticks = 0
+        while not self._closed.wait(TICK_S):
+            step = self._step
+            self._native.kick(NATIVE_GRACE_S + (0.0 if step is None else step.seconds))
+            if step is None or step is not seen:
+                seen, ticks = step, 0
+                continue
+            ticks += 1
+            if ticks * TICK_S > step.seconds:
+                self._expire(step)
+                return
+
+    def _expire(self, step: Step) -> None:
+        why = f"{step.name} has not ended for {step.seconds:g} s{self._place()}: all modules are stopped"
+        self._interrupt(why)
+        for _ in range(round(GRACE_S / TICK_S)):
+            self._native.kick(GRACE_S + NATIVE_GRACE_S)
+            if self._closed.wait(TICK_S):
+                return
+        self._native.kick(ENDING_S)
+        self._end(why)
+
+    def _place(self) -> str:
+        """Where is the watched thread, as far as Python knows?"""
+        frame = sys._current_frames().get(self._watched)
+        if frame is None:
+            return ""
+        code = frame.f_code
+        return f", in {code.co_name} ({Path(code.co_filename).name}:{frame.f_lineno})"

@@ -1,0 +1,211 @@
+"""The wheel, installed beside nothing but what it requires: what works, and what says which extra it needs."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+import tensionlab
+from tensionlab import _native
+
+ROOT = Path(__file__).parents[1]
+RIG = "bartels2026-validation"
+BUILD = """
+import sys
+from scikit_build_core.build import build_wheel
+build_wheel(sys.argv[1], {"wheel.cmake": "false"})
+"""
+SPACE = """
+name = "corner"
+counts = [4]
+limits = { lower = 0.5, upper = 6.0 }
+room = { size = [2.0, 2.0, 2.0] }
+target = { x = [0.0, 0.1], y = [1.0, 1.1], z = [0.0, 0.1], step = 0.1 }
+search = { generations = 1, starts = 1 }
+"""
+VERBS = """
+import contextlib, dataclasses, io, json, sys
+from tensionlab.cli import main
+from tensionlab.experiments.bench import run
+make = run.plan
+run.plan = lambda *words: dataclasses.replace(make(*words), rounds=0)  # without the large batches
+found = []
+for words in json.loads(sys.argv[1]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main(words)
+        except SystemExit as end:
+            found.append([end.code or 0, out.getvalue(), err.getvalue()])
+print(json.dumps(found))
+"""
+"""Run several commands in one process, and print their exit statuses and what they said."""
+WORK = [
+    "allocate RIG --wrench 0 0 1.5",
+    "allocate RIG --wrench 0 0 1.5 --solver qp:osqp --json",
+    "compare RIG --directions fibonacci:2 --solvers newton,qp,cvxpy --out compare.parquet",
+    "rig check RIG",
+    "rig show RIG --plot rig.png",
+    "rig export RIG --mjcf rig.xml",
+    "solvers",
+    "problems list",
+    "problems show robots --count 4",
+    "problems export --set edge --count 6 --out edge.parquet",
+    "bench --quick --set published --solvers newton --count 1 --out bench",
+    "layout search space.toml --out found.toml",
+]
+"""What needs no extra."""
+REFUSED = {
+    "workspace RIG --step 0.5": "workspace",
+    "workspace RIG --step 0.5 --out sweep.zarr": "workspace",
+    "run RIG": "hardware",
+    "run RIG --log run.mcap": "hardware",
+    "simulate RIG": "hardware",
+    "simulate RIG --sensor-port 0": "hardware",
+    "scenario bow": "hardware",
+    "validate RIG --out validation": "hardware",
+    "estop socket://127.0.0.1:1": "hardware",
+    "module discover": "hardware",
+    "module info sim:": "hardware",
+    "module config dump sim:": "hardware",
+    "module calibrate gain sim: --mass 0.1 --mass 0.2": "hardware",
+    "log info run.mcap": "hardware",
+    "serve RIG": "haptics",
+    "scenario bow --modules modules.toml --osc 9000": "haptics",
+    "compare RIG --solvers qp:daqp": "solvers",
+    "allocate RIG --wrench 0 0 1.5 --solver qp:daqp": "solvers",
+}
+"""What needs one, and which."""
+
+
+def required(name: str, extras: frozenset[str] = frozenset()) -> Iterator[importlib.metadata.Distribution]:
+    """Yield the distributions that an installation of this one brings, without itself."""
+    seen: set[tuple[str, frozenset[str]]] = set()
+    waiting = [(name, extras)]
+    while waiting:
+        each, wanted = waiting.pop()
+        for line in importlib.metadata.requires(each) or []:
+            needed = Requirement(line)
+            marker = needed.marker
+            if marker and not any(marker.evaluate({"extra": extra}) for extra in wanted or {""}):
+                continue
+            key = needed.name, frozenset(needed.extras)
+            if key not in seen:
+                seen.add(key)
+                waiting.append(key)
+                yield importlib.metadata.distribution(needed.name)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual environment with the wheel and what it requires, no extra and nothing of the source tree.
+
+    The C++ is not compiled again: the wheel has this interpreter's, as CMake would have installed it.
+    """
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run([sys.executable, "-c", BUILD, folder], cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    venv.create(folder / "venv", symlinks=True)
+    python = folder / "venv" / "bin" / "python"
+    (site,) = (folder / "venv").glob("lib/python*/site-packages")
+    for distribution in required("tensionlab"):
+        tops = {file.parts[0] for file in distribution.files or [] if ".." not in file.parts}
+        for top in tops - {"__pycache__"}:
+            (site / top).symlink_to(str(distribution.locate_file(top)))
+    install = ["pip", "--python", python, "install", "--quiet", "--no-deps", "--no-index", "--no-compile", wheel]
+    subprocess.run([sys.executable, "-m", *install], check=True, capture_output=True)
+    shutil.copy(_native.__file__, site / "tensionlab")
+    return folder / "venv"
+
+
+def call(program: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a program of the environment outside the source tree."""
+    env = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    command = [str(word) for word in (program, *words)]
+    return subprocess.run(command, cwd=program.parents[2], env=env, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def told(installed: Path) -> dict[str, tuple[int, str, str]]:
+    """Exit status, stdout and stderr of each command in the environment."""
+    (data,) = installed.glob("lib/python*/site-packages/tensionlab/datasets")
+    work = installed.parent
+    (work / "space.toml").write_text(SPACE)
+    (work / "modules.toml").write_text('[modules]\nbow = "sim:"\n')
+    (work / "run.mcap").write_bytes(b"")
+    commands = [*WORK, *REFUSED]
+    words = [command.replace("RIG", str(data / "rigs" / f"{RIG}.toml")).split() for command in commands]
+    done = call(installed / "bin" / "python", "-c", VERBS, json.dumps(words))
+    assert done.returncode == 0, done.stderr
+    return {command: tuple(said) for command, said in zip(commands, json.loads(done.stdout), strict=True)}
+
+
+def test_its_command_compares_and_draws(installed: Path) -> None:
+    (rig,) = installed.glob(f"lib/python*/site-packages/tensionlab/datasets/rigs/{RIG}.toml")
+    words = [
+        "compare",
+        rig,
+        "--directions",
+        "fibonacci:2",
+        "--solvers",
+        "newton,closed-form",
+        "--plot",
+        "compare.png",
+    ]
+    done = call(installed / "bin" / "tensionlab", *words)
+    assert done.returncode == 0, done.stderr
+    assert "closed-form" in done.stdout
+    assert (installed.parent / "compare.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("command", WORK)
+def test_what_needs_no_extra_works(told: dict[str, tuple[int, str, str]], command: str) -> None:
+    code, out, err = told[command]
+    assert (code, err) == (0, "")
+    assert out
+
+
+@pytest.mark.parametrize("command", REFUSED)
+def test_what_needs_an_extra_names_it(told: dict[str, tuple[int, str, str]], command: str) -> None:
+    code, _, err = told[command]
+    last = err.strip().splitlines()[-1]
+    assert f'pip install "tensionlab[{REFUSED[command]}]"' in last
+    assert (code, len(last) <= 300, "Traceback" in err) == (2, True, False)
+
+
+def test_every_module_can_be_imported(installed: Path) -> None:
+    script = """
+import importlib, pkgutil, tensionlab
+for module in pkgutil.walk_packages(tensionlab.__path__, "tensionlab."):
+    if module.name not in ("tensionlab.__main__", "tensionlab.experiments.bench.__main__"):
+        importlib.import_module(module.name)
+"""
+    done = call(installed / "bin" / "python", "-c", script)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_data_set_is_there_under_its_name(installed: Path) -> None:
+    script = """
+import json, tensionlab as tl
+names = tl.datasets.names()
+for name in names:
+    if not name.startswith("problems/"):
+        assert tl.datasets.load(name) is not None, name
+print(json.dumps([tl.__file__, tl.datasets.load("rigs/cogiro").name, names]))
+"""
+    done = call(installed / "bin" / "python", "-c", script)
+    assert done.returncode == 0, done.stderr
+    file, name, names = json.loads(done.stdout)
+    assert installed in Path(file).parents
+    assert name == "cogiro"
+    assert names == tensionlab.datasets.names()
