@@ -139,11 +139,11 @@ def test_the_two_judges_agree_on_awkward_problems(case: Case) -> None:
 
 
 def weakly_fixed(case: Case) -> float:
-    """How exact can tensions be, N: where W is nearly singular, a wrench right to 1e-10 leaves them loose."""
+    """How exact can tensions be, N: where W is nearly singular, a wrench right to 1e-12 leaves them loose."""
     sigma = np.linalg.svd(case.structure, compute_uv=False)
     counted = sigma[sigma > RANK_TOLERANCE * sigma[0]]
     condition = counted[0] / counted[-1] if counted.size else 1.0
-    return max(PRECISION, 1e-10 * condition * max(1.0, float(np.abs(case.wrench).max())))
+    return max(PRECISION, 1e-12 * condition * max(1.0, float(np.abs(case.wrench).max())))
 
 
 @settings(max_examples=400)

@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
+from tensionlab.experiments.bench.batches import instruction_set
 from tensionlab.experiments.exact_check import flaw
 from tensionlab.experiments.hostile_problems import SHAPES, hostile_problems
 from tensionlab.measure import measure
@@ -129,8 +130,6 @@ def watch(count: int, seed: int = 0, wish: str | None = None, patience: float = 
 
 
 def _solve(tell: Connection, count: int, seed: int) -> None:
-    from tensionlab._native import instruction_set
-
     solved, most = 0, 0
     for block in _blocks(seed):
         for policy in POLICIES:

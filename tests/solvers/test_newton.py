@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.experiments.random_rigs import near_singular
 
 LOWER, UPPER = 0.5, 6.0
 
@@ -149,3 +150,18 @@ def test_limits_that_leave_no_choice():
     result = tl.allocate([[1.0, -1.0], [0.0, 1.0]], [2.0, 1.0], ([3.0, 1.0], [3.0, 1.0]))
     np.testing.assert_array_equal(result.tensions, [3.0, 1.0])
     assert result.status == tl.Status.EXACT
+
+
+@pytest.mark.parametrize("condition", [1e2, 1e4, 1e6, 1e7])
+@pytest.mark.parametrize(("n", "m"), [(3, 4), (3, 6), (6, 8)])
+def test_the_tensions_of_a_nearly_singular_rig_are_as_good_as_rounding(n, m, condition):
+    # What is missing of the wrench moves the tensions by up to the condition times as much.
+    rng = np.random.default_rng(1)
+    structure = near_singular(rng, n, m, np.full(2000, condition))
+    wrench = np.einsum("bnm,bm->bn", structure, rng.uniform(LOWER, UPPER, (2000, m)))
+    found = tl.allocate(structure, wrench, (LOWER, UPPER))
+    assert found.counts()[tl.Status.EXACT] == 2000
+    free = (found.tensions > LOWER + 1e-9) & (found.tensions < UPPER - 1e-9)
+    inverse = np.linalg.pinv(structure * free[:, None, :], rcond=1e-12)
+    missing = np.einsum("bmn,bn->bm", inverse, wrench - found.wrench)
+    assert np.linalg.norm(missing, axis=1).max() < 1e-11  # N
