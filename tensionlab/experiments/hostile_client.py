@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.errors import HardwareError
 from tensionlab.experiments.hostile_messages import datagrams, draw, texts
 from tensionlab.experiments.processes import process
 from tensionlab.haptics.bridge.messages import LARGEST, REASON_CHARACTERS
@@ -126,9 +127,8 @@ class Speaker:
             if gone.rcvd is None:
                 self._tally.wrong.append(f"a connection ended without a reason, in {self._tally.phase}")
             self.close()
-        except OSError:
-            self._tally.closed["it does not listen"] += 1
-            time.sleep(0.1)
+        except OSError as error:
+            raise HardwareError(f"the server does not listen any more: {error}") from None
 
     def close(self) -> None:
         """Go."""
@@ -195,12 +195,12 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
         Watcher(url, tally)
         speaker = Speaker(url, tally)
         for number in range(ROUNDS):
-            a_round(speaker, url, port, rig, count // ROUNDS, draws + number, tally)
-            print(f"{' '.join(what)}: round {number + 1} of {ROUNDS}, {dict(tally.sent)}", flush=True)
-            if running.poll() is not None:
-                print("\n".join(complaints), file=sys.stderr)
-                tally.wrong.append(f"the server ended in round {number + 1}")
+            try:
+                a_round(speaker, url, port, rig, count // ROUNDS, draws + number, tally)
+            except HardwareError as error:
+                tally.wrong.append(f"round {number + 1}, {tally.phase}: {error}")
                 break
+            print(f"{' '.join(what)}: round {number + 1} of {ROUNDS}, {dict(tally.sent)}", flush=True)
         speaker.close()
         running.send_signal(signal.SIGINT)
         code = running.wait(30.0)

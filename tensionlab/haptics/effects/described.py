@@ -42,6 +42,12 @@ def effect_of(name: str, given: object, dimension: int) -> Effect:
     return effect
 
 
+def prepare() -> None:
+    """Make the readers of all effects: made with the first message of a kind, they would hold up a cycle."""
+    for kind in (*EFFECTS.values(), *SOLIDS.values()):
+        _adapter(kind)
+
+
 def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, dict[str, Any]]:
     """Return the class that a table names by its kind, and the rest of the table."""
     if not isinstance(given, Mapping):
