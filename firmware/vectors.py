@@ -72,8 +72,8 @@ MESSAGES = (
     Ping(echo=0x0123456789ABCDEF),
     ConfigureTelemetry(period_ms=20),
     Info(
-        protocol=1,
-        firmware=0x0001,
+        protocol=2,
+        firmware=0x0002,
         serial_number=0xDEADBEEF,
         reset_reason=ResetReason.WATCHDOG,
         state=State.IDLE,

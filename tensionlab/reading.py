@@ -30,6 +30,9 @@ LONG_KEY = re.compile(rf"""(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{MA
 PIECE_BYTES = 1_000_000
 """Read at a time: who asks for a gigabyte at once gets its memory before there is a byte."""
 
+MAX_SHOWN = 80
+"""Characters of a value in a message."""
+
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 60
 _short.maxlevel = 3
@@ -37,7 +40,8 @@ _short.maxlevel = 3
 
 def brief(value: object) -> str:
     """Return the representation of a value, shortened for a message."""
-    return _short.repr(value)
+    text = _short.repr(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 1]}…"
 
 
 def read_bytes(

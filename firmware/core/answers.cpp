@@ -4,15 +4,25 @@
 namespace tensionlab {
 namespace firmware {
 
-void Module::send(Type type, uint8_t sequence, const Writer& writer, const uint8_t* payload) {
+namespace {
+
+Frame frame_of(Type type, uint8_t sequence, const Writer& writer, const uint8_t* payload) {
   Frame frame;
   frame.type = static_cast<uint8_t>(type);
   frame.sequence = sequence;
   frame.size = static_cast<uint8_t>(writer.size());
   memcpy(frame.payload, payload, writer.size());
+  return frame;
+}
+
+}  // namespace
+
+void Module::send(Type type, uint8_t sequence, const Writer& writer, const uint8_t* payload) {
+  uint8_t bytes[kMaxFrame];
+  const size_t size = write_frame(frame_of(type, sequence, writer, payload), bytes);
   // Telemetry that nobody fetches leaves room for the answers to commands.
   const bool answer = type != Type::telemetry && type != Type::log;
-  outbox_.put(frame, answer ? 0 : 256);
+  outbox_.put(bytes, size, answer ? 0 : 256);
 }
 
 void Module::acknowledge(uint8_t type, uint8_t sequence, Code code) {
@@ -24,7 +34,7 @@ void Module::acknowledge(uint8_t type, uint8_t sequence, Code code) {
   send(Type::acknowledge, sequence, writer, payload);
 }
 
-void Module::send_info(uint8_t sequence) {
+void Module::send_info(uint8_t sequence, bool as_protocol_1) {
   const Parameters& p = parameters_;
   uint8_t payload[kMaxPayload];
   Writer writer(payload);
@@ -41,7 +51,10 @@ void Module::send_info(uint8_t sequence) {
   writer.f32(p[Parameter::tension_upper]);
   writer.f32(p[Parameter::newton_per_ampere]);
   writer.f32(p[Parameter::spool_radius]);
-  send(Type::info, sequence, writer, payload);
+  if (!as_protocol_1) return send(Type::info, sequence, writer, payload);
+  uint8_t bytes[kMaxFrame1];
+  const size_t size = write_frame_1(frame_of(Type::info, sequence, writer, payload), bytes);
+  outbox_.put(bytes, size, 0);
 }
 
 void Module::send_pong(const Frame& frame, uint32_t now_us) {

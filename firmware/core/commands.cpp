@@ -7,7 +7,9 @@ namespace firmware {
 void Module::receive(const uint8_t* bytes, size_t size, uint32_t now_us) {
   Frame frame;
   for (size_t i = 0; i < size; ++i) {
-    if (parser_.take(bytes[i], frame)) handle(frame, now_us);
+    const FrameParser::Found found = parser_.take(bytes[i], frame);
+    if (found == FrameParser::Found::frame) handle(frame, now_us);
+    if (found == FrameParser::Found::hello_1) send_info(frame.sequence, true);
   }
 }
 
@@ -25,7 +27,7 @@ void Module::handle(const Frame& frame, uint32_t now_us) {
       return;
     // These are answered with what was asked for.
     case Type::hello:
-      if (frame.size == 0) return send_info(frame.sequence);
+      if (frame.size == 0) return send_info(frame.sequence, false);
       code = Code::bad_length;
       break;
     case Type::ping:

@@ -1,4 +1,6 @@
-// A frame: COBS( type, sequence number, payload, CRC-16 ) and a zero byte. Bytes to frames and back.
+// A frame: COBS( type, sequence number, payload ), its CRC-16, and three zeros. Bytes to frames and back.
+//
+// Any one or two flipped bits of a stream are found, whatever the frames hold; PROTOCOL.md has the argument.
 #pragma once
 
 #include "bytes.hpp"
@@ -9,8 +11,15 @@ namespace tensionlab {
 namespace firmware {
 
 constexpr size_t kMaxPayload = 56;
-constexpr size_t kMaxBody = 2 + kMaxPayload + 2;  // before stuffing
-constexpr size_t kMaxFrame = kMaxBody + 2;        // on the wire, the zero byte included
+constexpr size_t kMaxBody = 2 + kMaxPayload;  // before stuffing
+constexpr size_t kChecksum = 3, kDelimiter = 3;
+constexpr size_t kMinPiece = 2 + 1 + kChecksum;         // what lies between two delimiters, without a payload,
+constexpr size_t kMaxPiece = kMaxBody + 1 + kChecksum;  // and with the longest
+constexpr size_t kMaxFrame = kMaxPiece + kDelimiter;    // on the wire
+
+// Set in the first byte, so that it takes three flips to make it a zero. COBS leaves these bits free there.
+constexpr uint8_t kFirst = 0xC0;
+static_assert(kMaxBody + 1 < 0x40, "the first byte of COBS has two bits to spare");
 
 struct Frame {
   uint8_t type;
@@ -19,6 +28,20 @@ struct Frame {
   uint8_t payload[kMaxPayload];
 };
 
+// The CRC-16 of stuffed bytes in 7, 7 and 2 bits. All other bits are set: no byte is zero, nor the last nearly so.
+inline void write_checksum(const uint8_t* stuffed, size_t size, uint8_t* out) {
+  const uint16_t crc = crc16(stuffed, size);
+  out[0] = static_cast<uint8_t>(0x80 | (crc >> 9));
+  out[1] = static_cast<uint8_t>(0x80 | ((crc >> 2) & 0x7F));
+  out[2] = static_cast<uint8_t>(0xFC | (crc & 0x03));
+}
+
+// Ends what lies in `out`. Returns how many bytes it has then.
+inline size_t write_delimiter(uint8_t* out, size_t size) {
+  for (size_t i = 0; i < kDelimiter; ++i) out[size++] = 0;
+  return size;
+}
+
 // The frame on the wire; `out` needs kMaxFrame bytes. Returns how many it has.
 inline size_t write_frame(const Frame& frame, uint8_t* out) {
   uint8_t body[kMaxBody];
@@ -26,53 +49,30 @@ inline size_t write_frame(const Frame& frame, uint8_t* out) {
   writer.u8(frame.type);
   writer.u8(frame.sequence);
   writer.raw(frame.payload, frame.size);
-  writer.u16(crc16(body, writer.size()));
   const size_t size = cobs_encode(body, writer.size(), out);
-  out[size] = 0;
-  return size + 1;
+  out[0] |= kFirst;
+  write_checksum(out, size, out + size);
+  return write_delimiter(out, size + kChecksum);
 }
 
-// Picks frames out of a stream of bytes. Whatever is damaged, too long or too short is counted and left out, and
-// the next zero byte starts afresh.
-class FrameParser {
- public:
-  // Whether this byte completed a good frame.
-  bool take(uint8_t byte, Frame& frame) {
-    if (byte != 0) {
-      if (size_ < sizeof buffer_) buffer_[size_] = byte;
-      if (size_ <= sizeof buffer_) ++size_;  // one beyond: too long, whatever follows
-      return false;
-    }
-    const size_t size = size_;
-    size_ = 0;
-    if (size == 0) return false;  // zero bytes may be sent to start afresh
-    if (size <= sizeof buffer_ && read(size, frame)) return true;
-    if (bad_frames_ != 0xFFFF) ++bad_frames_;
-    return false;
+// Takes a frame from what was between two delimiters, which it overwrites; false if it is damaged.
+inline bool read_frame(uint8_t* piece, size_t size, Frame& frame) {
+  if (size < kMinPiece || size > kMaxPiece || (piece[0] & kFirst) != kFirst) return false;
+  const size_t stuffed = size - kChecksum;
+  uint8_t checksum[kChecksum];
+  write_checksum(piece, stuffed, checksum);
+  for (size_t i = 0; i < kChecksum; ++i) {
+    if (piece[stuffed + i] != checksum[i]) return false;
   }
-
-  // The rest of a frame will not come any more.
-  void restart() { size_ = 0; }
-
-  uint16_t bad_frames() const { return bad_frames_; }
-
- private:
-  bool read(size_t size, Frame& frame) {
-    const size_t body = cobs_decode(buffer_, size);
-    if (body < 4 || body > kMaxBody) return false;
-    Reader crc(buffer_ + body - 2, 2);
-    if (crc.u16() != crc16(buffer_, body - 2)) return false;
-    frame.type = buffer_[0];
-    frame.sequence = buffer_[1];
-    frame.size = static_cast<uint8_t>(body - 4);
-    memcpy(frame.payload, buffer_ + 2, frame.size);
-    return true;
-  }
-
-  uint8_t buffer_[kMaxFrame - 1];
-  size_t size_ = 0;
-  uint16_t bad_frames_ = 0;
-};
+  piece[0] ^= kFirst;
+  const size_t body = cobs_decode(piece, stuffed);
+  if (body < 2) return false;
+  frame.type = piece[0];
+  frame.sequence = piece[1];
+  frame.size = static_cast<uint8_t>(body - 2);
+  memcpy(frame.payload, piece + 2, frame.size);
+  return true;
+}
 
 }  // namespace firmware
 }  // namespace tensionlab

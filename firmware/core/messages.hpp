@@ -9,8 +9,8 @@
 namespace tensionlab {
 namespace firmware {
 
-constexpr uint8_t kProtocol = 1;
-constexpr uint16_t kFirmware = 0x0001;  // major, minor: 0.1
+constexpr uint8_t kProtocol = 2;
+constexpr uint16_t kFirmware = 0x0002;  // major, minor: 0.2
 
 enum class Type : uint8_t {
   hello = 0x01,

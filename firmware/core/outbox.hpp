@@ -1,7 +1,8 @@
 // Frames that wait to be sent: a ring of bytes that takes a frame whole or not at all.
 #pragma once
 
-#include "frame.hpp"
+#include <stddef.h>
+#include <stdint.h>
 
 namespace tensionlab {
 namespace firmware {
@@ -9,9 +10,7 @@ namespace firmware {
 class Outbox {
  public:
   // Takes a frame if `spare` bytes stay free; else it is lost, and counted.
-  void put(const Frame& frame, size_t spare) {
-    uint8_t bytes[kMaxFrame];
-    const size_t size = write_frame(frame, bytes);
+  void put(const uint8_t* bytes, size_t size, size_t spare) {
     if (size + spare > kCapacity - used_) {
       if (lost_ != 0xFFFF) ++lost_;
       return;

@@ -3,6 +3,7 @@
 #include <Arduino.h>
 #include <BluetoothSerial.h>
 
+#include "../core/frame.hpp"
 #include "board.hpp"
 
 namespace tensionlab {
@@ -29,7 +30,8 @@ bool Link::begin(uint32_t serial_number) {
   Serial.setRxBufferSize(1024);
   Serial.setTxBufferSize(1024);
   Serial.begin(board::kBaud);
-  Serial.write(static_cast<uint8_t>(0));  // whatever the chip printed as it started ends here
+  const uint8_t zeros[kDelimiter] = {};
+  Serial.write(zeros, sizeof zeros);  // whatever the chip printed as it started ends here
   char name[] = "tensionlab-00000000";
   for (size_t i = sizeof name - 2; serial_number != 0; --i, serial_number >>= 4) {
     name[i] = "0123456789abcdef"[serial_number & 0xF];

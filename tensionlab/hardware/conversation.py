@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
-from tensionlab.hardware.codes import Code, Fault, State
+from tensionlab.hardware import protocol_1
+from tensionlab.hardware.codes import Code, Fault, State, Type
 from tensionlab.hardware.frames import Decoder
 from tensionlab.hardware.link import Link, open_link
 from tensionlab.hardware.protocol import (
@@ -18,6 +19,7 @@ from tensionlab.hardware.protocol import (
     Event,
     Log,
     Message,
+    OtherProtocolError,
     SetImpedance,
     SetTension,
     Telemetry,
@@ -32,6 +34,8 @@ CLOCK_WRAP = 1 << 32
 """Where the clocks of modules, in us, begin anew."""
 LISTEN = 0.1
 """The reader looks up so often, in s, when nothing comes."""
+ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)
+"""What makes no sense among these is an error of who waits for it."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
 Said_co = TypeVar("Said_co", bound=Message, covariant=True)
@@ -92,8 +96,9 @@ class Conversation:
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
         self._set_point = self._armed = random.randrange(256)
-        self._answers: dict[int, Message] = {}
-        self._refused: list[Acknowledge] = []
+        self._listener: protocol_1.Listener | None = None
+        self._answers: dict[int, Message | ProtocolError] = {}
+        self._refused: Acknowledge | None = None  # a set-point: the latest
         self._strange = 0
         self._broken: LinkError | None = None
         self._news = threading.Condition()
@@ -119,6 +124,8 @@ class Conversation:
             The module refuses; the code says why.
         LinkTimeout, LinkError
             It does not answer; the link broke.
+        ProtocolError
+            The module speaks another protocol, or its answer makes no sense.
         """
         self.ask(command, Acknowledge, tries)
 
@@ -128,10 +135,11 @@ class Conversation:
         for timeout in tries:
             sequence = self.post(command, sequence)
             end = self.link.clock() + timeout
-            while (found := self.answer(command, sequence)) is None and (left := end - self.link.clock()) > 0:
-                if not self._wait(sequence, left):
+            while (found := self.answer(command, sequence, answer)) is None:
+                left = end - self.link.clock()
+                if left <= 0 or not self._wait(sequence, left):
                     break
-            if isinstance(found, answer):
+            if found is not None:
                 return found
         raise self.unanswered(command, len(tries))
 
@@ -143,16 +151,25 @@ class Conversation:
                 self._armed = sequence
             with self._news:
                 self._answers.pop(sequence, None)
-        self.link.send(command.frame(sequence).pack())
+            self.link.send(command.frame(sequence).pack())
+            return sequence
+        # Nobody answered: because the module speaks protocol 1?
+        self._listener = self._listener or protocol_1.Listener()
+        frame = command.frame(sequence)
+        self.link.send(frame.pack() + protocol_1.repetition(frame))
         return sequence
 
-    def answer(self, command: Message, sequence: int) -> Message | None:
-        """What has come in answer to a command? None if nothing yet; errors as those of `tell`."""
+    def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:
+        """Return what has come in answer to a command, None if nothing yet; errors as those of `tell`."""
         if self._broken is not None:
             raise self._broken
         with self._news:
             found = self._answers.pop(sequence, None)
-        if found is None or (isinstance(found, Acknowledge) and found.command is not command.type):
+        if isinstance(found, OtherProtocolError):
+            raise ProtocolError(f'module "{self.name}" {found}')
+        if isinstance(found, ProtocolError):
+            raise ProtocolError(f'module "{self.name}" answered what makes no sense: {found}')
+        if isinstance(found, Acknowledge) and found.command is not command.type:
             return None
         if isinstance(found, Acknowledge) and found.code is not Code.OK:
             raise ModuleFault(
@@ -161,7 +178,7 @@ class Conversation:
                 self.name,
                 found.code,
             )
-        return found
+        return found if isinstance(found, kind) else None
 
     def unanswered(self, command: Message, tries: int) -> LinkTimeout:
         """Make the error of a command that was sent so many times."""
@@ -236,18 +253,26 @@ class Conversation:
         if not content:
             return
         now = self.link.clock()
+        if self._listener is not None:
+            with self._news:
+                self._answers |= self._listener.feed(content)
+                self._news.notify_all()
         for frame in self._decoder.feed(content):
             try:
                 message = read(frame)
-            except ProtocolError:
+            except ProtocolError as error:
                 self._strange += 1
+                if frame.type in ANSWERS:
+                    with self._news:
+                        self._answers[frame.sequence] = error
+                        self._news.notify_all()
                 continue
             if not isinstance(message, Telemetry | Event | Log):
                 with self._news:
                     if isinstance(message, Acknowledge):
                         self.state = message.state
                         if message.command in (SetTension.type, SetImpedance.type):
-                            self._refused.append(message)
+                            self._refused = message
                             continue
                     self._answers[frame.sequence] = message
                     self._news.notify_all()

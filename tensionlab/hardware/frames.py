@@ -1,4 +1,7 @@
-"""Frames and bytes: COBS( type, sequence number, payload, CRC-16 ) and a zero byte."""
+"""Frames of the module protocol: COBS( type, sequence number, payload ), its CRC-16, and three zeros.
+
+One or two flipped bits of a stream are found, whatever the frames hold; `firmware/PROTOCOL.md` has the argument.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,19 @@ from typing import Any
 from tensionlab.errors import MissingDependency, ProtocolError
 
 MAX_PAYLOAD = 56
-MAX_FRAME = 2 + MAX_PAYLOAD + 2 + 2
-"""Bytes on the wire: type, sequence number, payload, CRC, the code byte of COBS and the zero."""
+"""Bytes of payload in a frame, at most."""
+DELIMITER = b"\0\0\0"
+"""End of a frame. It takes three flips to make one of other bytes, none of which is zero."""
+FIRST = 0xC0
+"""Bits that are set in a frame's first byte, so that it takes three flips to make it a zero."""
+CHECKSUM = 3
+"""Bytes of a checksum."""
+MIN_PIECE, MAX_PIECE = 2 + 1 + CHECKSUM, 2 + MAX_PAYLOAD + 1 + CHECKSUM
+"""Bytes between two delimiters: type, sequence number, payload, the code byte of COBS and the checksum."""
+MAX_FRAME = MAX_PIECE + len(DELIMITER)
+"""Bytes of a frame on the wire, at most."""
+TOO_LONG = b"\1" * (MAX_PIECE + 1)
+"""Stands for the begin of a piece that is too long already."""
 
 
 @cache
@@ -27,13 +41,28 @@ def _cobs() -> Any:
 
 
 def crc16(content: bytes) -> int:
-    """Which CRC-16/IBM-3740 do the bytes have? That of ``b"123456789"`` is 0x29B1."""
+    """Return the CRC-16/IBM-3740 of bytes; that of ``b"123456789"`` is 0x29B1."""
     return crc_hqx(content, 0xFFFF)
+
+
+def checksum(stuffed: bytes) -> bytes:
+    """Return the CRC-16 in 7, 7 and 2 bits. All others are set: no byte is zero, nor the last nearly so."""
+    crc = crc16(stuffed)
+    return bytes([0x80 | crc >> 9, 0x80 | crc >> 2 & 0x7F, 0xFC | crc & 0x03])
+
+
+def unstuff(stuffed: bytes) -> bytes | None:
+    """Return the bytes that COBS made these of; None if it cannot have."""
+    cobs = _cobs()
+    try:
+        return bytes(cobs.decode(stuffed))
+    except cobs.DecodeError:
+        return None
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What is sent in one piece, not yet understood.
+    """What is sent in one piece, its meaning aside.
 
     Attributes
     ----------
@@ -57,50 +86,61 @@ class Frame:
             raise ProtocolError(f"a payload has at most {MAX_PAYLOAD} bytes; got {len(self.payload)}")
 
     def pack(self) -> bytes:
-        """What is the frame on the wire?"""
-        body = bytes([self.type, self.sequence]) + self.payload
-        return bytes(_cobs().encode(body + crc16(body).to_bytes(2, "little"))) + b"\0"
+        """Return the frame's bytes on the wire."""
+        code, *rest = _cobs().encode(bytes([self.type, self.sequence]) + self.payload)
+        stuffed = bytes([code | FIRST, *rest])
+        return stuffed + checksum(stuffed) + DELIMITER
 
 
-def unpack(stuffed: bytes) -> Frame | None:
-    """Which frame do the bytes between two zero bytes hold? None if they are damaged."""
-    if not len(stuffed) < MAX_FRAME:
+def unpack(piece: bytes) -> Frame | None:
+    """Return the frame that lies between two delimiters; None if it is damaged."""
+    if not MIN_PIECE <= len(piece) <= MAX_PIECE or 0 in piece:
         return None
-    cobs = _cobs()
-    try:
-        body = bytes(cobs.decode(stuffed))
-    except cobs.DecodeError:
+    stuffed, found = piece[:-CHECKSUM], piece[-CHECKSUM:]
+    if stuffed[0] & FIRST != FIRST or found != checksum(stuffed):
         return None
-    if len(body) < 4 or crc16(body[:-2]) != int.from_bytes(body[-2:], "little"):
+    body = unstuff(bytes([stuffed[0] ^ FIRST]) + stuffed[1:])
+    return None if body is None or len(body) < 2 else Frame(body[0], body[1], body[2:])
+
+
+def pack_1(frame: Frame) -> bytes:
+    """Return the bytes of a frame in protocol 1, which ended with one zero; here with a delimiter."""
+    body = bytes([frame.type, frame.sequence]) + frame.payload
+    return bytes(_cobs().encode(body + crc16(body).to_bytes(2, "little"))) + DELIMITER
+
+
+def unpack_1(piece: bytes) -> Frame | None:
+    """Return the frame of protocol 1 that lies between two zeros; None if it is damaged, or none."""
+    body = unstuff(piece) if len(piece) <= MAX_PIECE else None
+    if body is None or len(body) < 4 or crc16(body[:-2]) != int.from_bytes(body[-2:], "little"):
         return None
     return Frame(body[0], body[1], body[2:-2])
 
 
 @dataclass
 class Decoder:
-    """Picks frames out of a stream of bytes, however it is cut into pieces.
+    """Pick frames out of a stream of bytes, however it is cut into pieces.
 
     Attributes
     ----------
     bad_frames : int
-        How many were damaged, too long or too short, and left out.
+        How many were damaged, too long or too short, and left out. Whole frames of protocol 1 are not counted.
     """
 
     bad_frames: int = 0
-    _rest: bytearray = field(default_factory=bytearray, repr=False)
+    _rest: bytes = field(default=b"", repr=False)
 
     def feed(self, content: bytes) -> list[Frame]:
-        """Which frames do these bytes complete?"""
+        """Return the frames that these bytes complete."""
         frames = []
-        *ended, begun = content.split(b"\0")
+        # More zeros than three belong to the delimiter before.
+        *ended, rest = (piece.lstrip(b"\0") for piece in (self._rest + content).split(DELIMITER))
         for piece in ended:
-            stuffed = bytes(self._rest) + piece
-            self._rest.clear()
-            frame = unpack(stuffed)
+            frame = unpack(piece)
             if frame is not None:
                 frames.append(frame)
-            elif stuffed:  # zero bytes may be sent to start afresh
+            elif piece and unpack_1(piece) is None:
                 self.bad_frames += 1
-        self._rest += begun
-        del self._rest[MAX_FRAME:]  # too long already, whatever follows
+        # Of what is too long already only its last zeros matter, with which a delimiter may begin.
+        self._rest = rest if len(rest) <= MAX_PIECE + 2 else TOO_LONG + rest[-2:]
         return frames

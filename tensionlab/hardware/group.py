@@ -119,7 +119,7 @@ class ModuleGroup:
             client.begin_session()
             commands[client] = Arm(client.session)
         taut = dict(zip(self.clients, tensions, strict=True))
-        _, failed = self._together(commands, taut)
+        _, failed = self._together(commands, Acknowledge, taut)
         for client in self.clients:
             client.forget_refusals()  # of set-points that were there before the module was armed
         for error in failed.values():
@@ -144,7 +144,7 @@ class ModuleGroup:
             list(threads.map(close, self.clients))
 
     def _let_go(self, command: Message) -> dict[str, HardwareError]:
-        _, failed = self._together(dict.fromkeys(self.clients, command), {})
+        _, failed = self._together(dict.fromkeys(self.clients, command), Acknowledge, {})
         there = {
             client for client in failed if isinstance(failed[client], ModuleFault) and client.state in BEYOND_STOP
         }
@@ -157,20 +157,22 @@ class ModuleGroup:
 
     def _all(self, command: Message, kind: type[AnswerType]) -> list[tuple[ModuleClient, AnswerType]]:
         """What does each answer? The first failure is raised."""
-        answers, failed = self._together(dict.fromkeys(self.clients, command), {})
+        answers, failed = self._together(dict.fromkeys(self.clients, command), kind, {})
         for error in failed.values():
             raise error
-        found = [(client, answers[client]) for client in self.clients]
-        return [(client, answer) for client, answer in found if isinstance(answer, kind)]
+        return [(client, answers[client]) for client in self.clients]
 
     def _together(
-        self, commands: Mapping[ModuleClient, Message], taut: Mapping[ModuleClient, float]
-    ) -> tuple[dict[ModuleClient, Message], dict[ModuleClient, HardwareError]]:
+        self,
+        commands: Mapping[ModuleClient, Message],
+        kind: type[AnswerType],
+        taut: Mapping[ModuleClient, float],
+    ) -> tuple[dict[ModuleClient, AnswerType], dict[ModuleClient, HardwareError]]:
         """Have commands carried out by all modules at the same time: answers, and why there is none.
 
         Meanwhile, modules in ``taut`` are sent that tension, so that none times out while another is waited for.
         """
-        answers: dict[ModuleClient, Message] = {}
+        answers: dict[ModuleClient, AnswerType] = {}
         failed: dict[ModuleClient, HardwareError] = {}
         waiting: dict[ModuleClient, int] = {}
         left = set(commands)
@@ -184,7 +186,7 @@ class ModuleGroup:
                 for client in left:
                     client.listen()
                     with _kept(failed, client):
-                        if (found := client.answer(commands[client], waiting[client])) is not None:
+                        if (found := client.answer(commands[client], waiting[client], kind)) is not None:
                             answers[client] = found
                             del waiting[client]
                 if time.monotonic() >= alive:

@@ -12,7 +12,6 @@ from tensionlab.hardware.codes import BEYOND_STOP, LET_GO, Calibration, Fault
 from tensionlab.hardware.conversation import Conversation
 from tensionlab.hardware.link import Link
 from tensionlab.hardware.protocol import (
-    PROTOCOL,
     Arm,
     Calibrate,
     Clear,
@@ -72,15 +71,11 @@ class ModuleClient(Conversation):
     # Questions and commands: each waits for its answer.
 
     def hello(self) -> Info:
-        """What is this module? A `ProtocolError` if it speaks another protocol."""
+        """Ask the module what it is; errors as those of `tell`."""
         return self.met(self.ask(Hello(), Info))
 
     def met(self, info: Info) -> Info:
-        """Take note of what the module said of itself. A `ProtocolError` if it speaks another protocol."""
-        if info.protocol != PROTOCOL:
-            raise ProtocolError(
-                f'module "{self.name}" speaks protocol {info.protocol}, this host {PROTOCOL}; update the older one'
-            )
+        """Take note of what the module said of itself."""
         self.state = info.state
         return info
 
@@ -177,14 +172,14 @@ class ModuleClient(Conversation):
                 self.name,
                 self.faults or self.state,
             )
-        if self._refused:
-            code = self._refused[-1].code
-            self._refused = []
+        if self._refused is not None:
+            code = self._refused.code
+            self._refused = None
             raise ModuleFault(f'module "{self.name}" refused a set-point: {code.name}', self.name, code)
 
     def forget_refusals(self) -> None:
         """Do not raise what the module has refused up to now."""
-        self._refused = []
+        self._refused = None
 
 
 def known(name: str) -> str:

@@ -16,7 +16,7 @@ from tensionlab.errors import ProtocolError
 from tensionlab.hardware.codes import BrakeState, Calibration, Code, Fault, Limit, ResetReason, State, Type
 from tensionlab.hardware.frames import MAX_PAYLOAD, Frame
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Version of all this; a module tells its own in `Info`."""
 MESSAGES: dict[int, type[Message]] = {}
 """Which class reads each type of frame."""
@@ -31,10 +31,37 @@ Flag = Annotated[bool, "?"]
 Text = Annotated[str, ""]
 
 
+class OtherProtocolError(ProtocolError):
+    """What a module of another protocol says.
+
+    Attributes
+    ----------
+    spoken : int
+        Version of that protocol.
+    state : State or None
+        Of the module, where the protocol is one that this host can read so much of.
+    """
+
+    def __init__(self, spoken: int, state: State | None = None) -> None:
+        super().__init__(spoken, state)
+        self.spoken, self.state = spoken, state
+
+    def __str__(self) -> str:
+        """Return which protocols these are, and what to do."""
+        advice = (
+            "put the firmware of this tensionlab on the module (firmware/README.md)"
+            if self.spoken < PROTOCOL
+            else "install the tensionlab that the module's firmware came with"
+        )
+        now = "" if self.state is None else f"; it is {self.state.name} now"
+        return f"speaks protocol {self.spoken}, this tensionlab {PROTOCOL}{now}: {advice}"
+
+
 class Message:
     """What one type of frame says. Each class below is a frozen dataclass of its fields."""
 
     type: ClassVar[Type]
+    _finite: ClassVar[bool] = True
     _layout: ClassVar[struct.Struct]
     _kinds: ClassVar[dict[str, Callable[[Any], Any]]]
 
@@ -58,18 +85,26 @@ class Message:
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """What does the payload say? A wrong length, or a value that has no name, is a `ProtocolError`."""
+        """Read a payload. A wrong length, and a value that has no name or is not finite, is a `ProtocolError`."""
         if len(payload) != cls._layout.size:
             raise ProtocolError(f"{cls.__name__} has {cls._layout.size} bytes of payload; got {len(payload)}")
-        values = zip(cls._kinds.values(), cls._layout.unpack(payload), strict=True)
+        values = cls._layout.unpack(payload)
+        for name, value in zip(cls._kinds, values, strict=True):
+            if cls._finite and not math.isfinite(value):
+                raise ProtocolError(f"{cls.__name__}: {name} is {value}; all its numbers must be finite")
         try:
-            return cls(*(kind(value) for kind, value in values))
+            return cls(*(kind(value) for kind, value in zip(cls._kinds.values(), values, strict=True)))
         except ValueError as error:
             raise ProtocolError(f"{cls.__name__}: {error}; does the module speak protocol {PROTOCOL}?") from error
 
     def frame(self, sequence: int) -> Frame:
         """Which frame says this?"""
         return Frame(self.type, sequence, self.pack())
+
+
+def printable(text: str) -> str:
+    """Replace what no terminal should be sent in what a device says."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
 def read(frame: Frame) -> Message:
@@ -195,6 +230,21 @@ class Info(Message, type=Type.INFO):
     newton_per_ampere: F32
     spool_radius: F32
 
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """Read a payload; besides the errors of others, another protocol is an `OtherProtocolError`."""
+        if payload and payload[0] != PROTOCOL:  # the rest may have changed
+            raise OtherProtocolError(payload[0])
+        info = super().unpack(payload)
+        for name in ("ttl_ms", "tension_lower", "newton_per_ampere", "spool_radius"):
+            if not getattr(info, name) > 0:
+                raise ProtocolError(f"Info: {name} is {getattr(info, name):g}; it must be above 0")
+        if info.tension_lower > info.tension_upper:
+            raise ProtocolError(
+                f"Info: tension_lower {info.tension_lower:g} is above tension_upper {info.tension_upper:g}"
+            )
+        return info
+
 
 @dataclass(frozen=True)
 class ParameterValue(Message, type=Type.PARAMETER):
@@ -222,6 +272,8 @@ class Telemetry(Message, type=Type.TELEMETRY):
     `thermal` the share of the winding's budget that is spent; `sequence` that of the last set-point;
     `lost_frames` those that found no room to be sent; `longest_step_us` the longest since the last telemetry.
     """
+
+    _finite = False  # a sensor that fails may say anything
 
     time_us: U32
     state: Annotated[State, "B"]
@@ -270,5 +322,5 @@ class Log(Message, type=Type.LOG):
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """What does the payload say?"""
-        return cls(payload.decode("ascii", "replace"))
+        """Read a payload. What no terminal should be sent is replaced."""
+        return cls(printable(payload.decode("ascii", "replace")))

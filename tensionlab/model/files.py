@@ -58,7 +58,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
                 if key not in keys:
                     elsewhere = "" if key == "attachment" else ", or a default in the table [limits]"
                     give = schema.ModuleTable.model_fields[key].description
-                    here = f'module {number} ("{own.name}")'
+                    here = f'module {number} ("{own.name:.40}")'
                     raise RigError(f'{here}: key "{key}" is missing; give {give}{elsewhere}')
             modules.append(Module(**keys))
         return Rig(

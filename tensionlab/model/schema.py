@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from tensionlab.errors import RigError
+from tensionlab.reading import brief
 
 
 class Table(BaseModel):
@@ -23,6 +24,10 @@ class Table(BaseModel):
 
 
 T = TypeVar("T", bound=Table)
+SHOWN = 5
+"""Problems of one file that are told."""
+ROOM = 220
+"""Characters for them; at least one is told."""
 
 
 class LimitsTable(Table):
@@ -92,8 +97,15 @@ def check(kind: type[T], document: dict[str, Any]) -> T:
     try:
         return kind.model_validate(document)
     except ValidationError as error:
-        lines = [_explain(problem, kind, document) for problem in error.errors()]
-        raise RigError("\n  ".join([f"{len(lines)} problems", *lines]) if len(lines) > 1 else lines[0]) from None
+        lines = [_explain(problem, kind, document) for problem in error.errors()[:SHOWN]]
+        count = error.error_count()
+        if count == 1:
+            raise RigError(lines[0]) from None
+        told = [
+            line for number, line in enumerate(lines) if number == 0 or sum(map(len, lines[: number + 1])) < ROOM
+        ]
+        more = [f"and {count - len(told)} more"] if len(told) < count else []
+        raise RigError("\n  ".join([f"{count} problems", *told, *more])) from None
 
 
 def _explain(problem: ErrorDetails, kind: type[Table], document: dict[str, Any]) -> str:
@@ -103,16 +115,16 @@ def _explain(problem: ErrorDetails, kind: type[Table], document: dict[str, Any])
     if problem["type"] == "extra_forbidden":
         close = get_close_matches(str(last), table.model_fields, n=1)
         remedy = f'did you mean "{close[0]}"?' if close else f"the keys here are {', '.join(table.model_fields)}"
-        return f'{where}unknown key "{last}"; {remedy}'
+        return f'{where}unknown key "{last!s:.40}"; {remedy}'
     # Inside a list the key is further up, and the last step is the number of the entry.
     keys = [str(step) for step in problem["loc"] if step in table.model_fields]
     if not keys:
-        return f"{where}is {problem['input']!r}; write it as a table of keys and values"
+        return f"{where}is {brief(problem['input'])}; write it as a table of keys and values"
     give = f"give {table.model_fields[keys[-1]].description}"
     if problem["type"] == "missing":
         return f'{where}key "{keys[-1]}" is missing; {give}'
     entry = f", entry {last + 1}," if isinstance(last, int) else ""
-    return f'{where}key "{keys[-1]}"{entry} is {problem["input"]!r}; {give}'
+    return f'{where}key "{keys[-1]}"{entry} is {brief(problem["input"])}; {give}'
 
 
 def _locate(path: Sequence[str | int], kind: type[Table], document: dict[str, Any]) -> tuple[type[Table], str]:
@@ -122,7 +134,7 @@ def _locate(path: Sequence[str | int], kind: type[Table], document: dict[str, An
             entry = document[key][index]
             name = entry.get("name") if isinstance(entry, dict) else None
             singular = key.removesuffix("s")
-            return inner, f'{singular} {index + 1} ("{name}"): ' if name else f"{singular} {index + 1}: "
+            return inner, f'{singular} {index + 1} ("{name!s:.40}"): ' if name else f"{singular} {index + 1}: "
         case [str(key), *_] if isinstance(document[key], dict) and (inner := _table_in(kind, key)):
             return inner, f"[{key}]: "
     return kind, ""

@@ -98,7 +98,7 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
         open_elements[-1].children.append(element)
         open_elements.append(element)
         if len(open_elements) > MAX_NESTING:
-            element.fail(f"is the {MAX_NESTING}th in one another; no robot needs that, give a flatter file")
+            element.fail(f"stands in {MAX_NESTING - 1} others; give a flatter file")
 
     def text(words: str) -> None:
         open_elements[-1].text += words

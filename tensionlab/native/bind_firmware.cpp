@@ -96,7 +96,7 @@ nb::tuple parse_frames(const nb::bytes& stream) {
   nb::list frames;
   const auto* bytes = reinterpret_cast<const std::uint8_t*>(stream.c_str());
   for (std::size_t i = 0; i < stream.size(); ++i) {
-    if (!parser.take(bytes[i], frame)) continue;
+    if (parser.take(bytes[i], frame) != firmware::FrameParser::Found::frame) continue;
     frames.append(nb::make_tuple(frame.type, frame.sequence,
                                  nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size)));
   }

@@ -10,12 +10,16 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.kinematics import Floats
+from tensionlab.model.module import MAX_LENGTH
+from tensionlab.reading import brief
 from tensionlab.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.workspace.pose_sets import Grid, PoseList
 
 POSE_FILES = (".csv", ".parquet", ".npz")
 TURNS = ["rx", "ry", "rz"]
 """Columns of an orientation in space."""
+MAX_ANGLE = 1000.0
+"""In rad. More is taken for another unit."""
 LONGEST_AXIS = 10_000_000
 """More poses along one axis than this are taken for a slip of the step."""
 
@@ -100,7 +104,7 @@ def read_poses(path: str | Path) -> PoseList:
     what = f"a file of poses (*{suffix})"
     try:
         if suffix == ".npz":
-            return _from_arrays(read_npz(path, what, ShapeError))
+            return _within(_from_arrays(read_npz(path, what, ShapeError)))
         if suffix == ".csv":
             return _from_columns(read_table(path, ["x", "y"], ["z", *TURNS, "angle"], error=ShapeError, what=what))
         table = read_parquet(path, what, ShapeError)
@@ -108,6 +112,14 @@ def read_poses(path: str | Path) -> PoseList:
         return _from_columns({name: table.numbers(name, ShapeError) for name in table.columns.column_names})
     except ShapeError as error:
         raise ShapeError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+
+
+def _within(poses: PoseList) -> PoseList:
+    """Refuse positions that no rig reaches, as of a file in other units."""
+    if (far := np.abs(poses.position).max(axis=1) > MAX_LENGTH).any():
+        row = int(np.flatnonzero(far)[0])
+        raise ShapeError(f"pose {row + 1} is {brief(poses.position[row].tolist())}; give m, within {MAX_LENGTH:g}")
+    return poses
 
 
 def _from_columns(columns: dict[str, Floats]) -> PoseList:
@@ -120,10 +132,14 @@ def _from_columns(columns: dict[str, Floats]) -> PoseList:
         raise ShapeError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
     position = np.stack([columns[name] for name in places], axis=-1)
     if len(wanted) == len(places):
-        return PoseList(position)
+        return _within(PoseList(position))
+    angles = np.stack([columns[name] for name in turns], axis=-1)
+    if (far := np.abs(angles).max(axis=1) > MAX_ANGLE).any():
+        row = int(np.flatnonzero(far)[0])
+        raise ShapeError(f"pose {row + 1} is turned by {brief(angles[row].tolist())}; give angles in rad")
     if not spatial:
-        return PoseList(position, columns["angle"])
-    return PoseList(position, kinematics.exponential(np.stack([columns[name] for name in TURNS], axis=-1)))
+        return _within(PoseList(position, columns["angle"]))
+    return _within(PoseList(position, kinematics.exponential(angles)))
 
 
 def _from_arrays(arrays: dict[str, Floats]) -> PoseList:
@@ -138,8 +154,10 @@ def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
     values = pose.numbers(ends, name)
     if values.ndim == 0:
         return values.reshape(1)
-    if values.shape != (2,) or values[0] > values[1]:
-        raise ShapeError(f"{name} is {ends!r}; give (from, to) in m with from <= to, or a number")
+    if values.shape != (2,):
+        raise ShapeError(f"{name} has shape {values.shape}; give two ends in m, such as (0, 1), or one number")
+    if values[0] > values[1]:
+        raise ShapeError(f"{name} goes from {values[0]:g} to {values[1]:g} m; give the lower end first")
     count = (values[1] - values[0]) / step
     if not count < LONGEST_AXIS:
         raise ShapeError(f"a step of {step:g} m gives {count:.3g} poses along {name}; give a larger one")

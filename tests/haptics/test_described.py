@@ -1,7 +1,9 @@
 """Effects from files and messages: what a client may describe, and how it hears that it may not."""
 
+import dataclasses
 import math
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 
 import pytest
 
@@ -9,27 +11,32 @@ from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import EFFECTS, SOLIDS, Box, Plane, Sphere, Wall
 from tensionlab.haptics.effects.described import effect_of
 from tensionlab.haptics.effects.parameters import bounds
+from tensionlab.model.files import load_rig
+from tensionlab.model.layouts import ring_plus_top
+
+RIG = dataclasses.replace(ring_plus_top(1.0), up="z")
+FLAT = load_rig(Path(__file__).parents[2] / "datasets" / "rigs" / "kntu-planar.toml")
 
 
 @pytest.mark.parametrize("kind", EFFECTS)
 def test_every_effect_has_its_defaults(kind):
-    assert effect_of("mine", {"kind": kind}, 3) == EFFECTS[kind]()
+    assert effect_of("mine", {"kind": kind}, RIG) == EFFECTS[kind]()
 
 
 def test_parameters_reach_the_parts_of_an_effect():
-    wall = effect_of("floor", {"kind": "wall", "stiffness": 100, "plane": {"point": [0, 0, 1]}}, 3)
+    wall = effect_of("floor", {"kind": "wall", "stiffness": 100, "plane": {"point": [0, 0, 1]}}, RIG)
     assert wall == Wall(Plane(point=(0.0, 0.0, 1.0)), stiffness=100.0)
 
 
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_a_shape_is_of_any_solid(kind):
-    assert isinstance(effect_of("it", {"kind": "shaped", "field": {"kind": kind}}, 3).field, SOLIDS[kind])
+    assert isinstance(effect_of("it", {"kind": "shaped", "field": {"kind": kind}}, RIG).field, SOLIDS[kind])
 
 
 def test_a_solid_has_its_parameters():
-    ball = effect_of("ball", {"kind": "shaped", "field": {"centre": [0, 0, 1], "radius": 0.08}}, 3)
+    ball = effect_of("ball", {"kind": "shaped", "field": {"centre": [0, 0, 1], "radius": 0.08}}, RIG)
     assert ball.field == Sphere(centre=(0.0, 0.0, 1.0), radius=0.08)
-    box = effect_of("box", {"kind": "shaped", "field": {"kind": "box", "size": [0.1, 0.2, 0.3]}}, 3)
+    box = effect_of("box", {"kind": "shaped", "field": {"kind": "box", "size": [0.1, 0.2, 0.3]}}, RIG)
     assert box.field == Box(size=(0.1, 0.2, 0.3))
 
 
@@ -74,16 +81,30 @@ def test_a_solid_has_its_parameters():
 )
 def test_what_cannot_be_is_refused_by_its_name(given, said):
     with pytest.raises(EffectError, match="effect 'mine'") as refused:
-        effect_of("mine", given, 3)
+        effect_of("mine", given, RIG)
     assert said in str(refused.value)
     assert len(str(refused.value)) <= 300
 
 
+@pytest.mark.parametrize(("up", "gravity"), [("y", (0.0, -9.81, 0.0)), ("-z", (0.0, 0.0, 9.81))])
+def test_a_weight_pulls_down_by_the_rig(up, gravity):
+    rig = dataclasses.replace(RIG, up=up)
+    assert effect_of("it", {"kind": "weight"}, rig).gravity == pytest.approx(gravity)
+    assert effect_of("it", {"kind": "weight", "gravity": [1, 0, 0]}, rig).gravity == (1.0, 0.0, 0.0)
+
+
+def test_a_rig_that_does_not_say_what_is_up_has_no_weights():
+    rig = dataclasses.replace(RIG, up=None)
+    with pytest.raises(EffectError, match=r"effect 'it': rig .* key \"up\" is missing; .* or give gravity"):
+        effect_of("it", {"kind": "weight"}, rig)
+    assert effect_of("it", {"kind": "weight", "gravity": [0, 0, -9.81]}, rig).gravity[2] == -9.81
+
+
 def test_in_the_plane_vectors_have_two_components_also_those_left_out():
     flat = {"point": [0, 0], "normal": [0, 1]}
-    assert effect_of("floor", {"kind": "wall", "plane": flat}, 2) == Wall(Plane((0.0, 0.0), (0.0, 1.0)))
+    assert effect_of("floor", {"kind": "wall", "plane": flat}, FLAT) == Wall(Plane((0.0, 0.0), (0.0, 1.0)))
     with pytest.raises(EffectError, match=r"'floor': plane.point is \(0.0, 0.0, 0.0\); give 2 components"):
-        effect_of("floor", {"kind": "wall"}, 2)
+        effect_of("floor", {"kind": "wall"}, FLAT)
 
 
 @pytest.mark.parametrize("kind", [*EFFECTS.values(), *SOLIDS.values()])

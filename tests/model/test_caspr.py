@@ -315,6 +315,16 @@ def test_files_that_cannot_be_read_are_named(write, tmp_path):
     bodies.write_bytes(b'<?xml version="1.0" encoding="martian"?><bodies_system/>')
     with pytest.raises(RigError, match="not well-formed XML"):
         load_caspr(bodies, cables)
+    for encoding in ("utf-7", "shift_jis", "big5", "gb18030", "utf-32"):  # several bytes a character
+        bodies.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?><bodies_system/>'.encode())
+        with pytest.raises(RigError, match="not well-formed XML"):
+            load_caspr(bodies, cables)
+    bodies.write_text("<bodies_system>" * 5000 + "</bodies_system>" * 5000)
+    with pytest.raises(RigError, match="stands in 31 others"):
+        load_caspr(bodies, cables)
+    bodies.write_text(f"<bodies_system>{'x' * 2_000_000}</bodies_system>")
+    with pytest.raises(RigError, match="has more than 1,000,000 bytes"):
+        load_caspr(bodies, cables)
     bodies.write_bytes(b"\x00\x01")
     with pytest.raises(RigError, match="not well-formed XML"):
         load_caspr(bodies, cables)

@@ -128,7 +128,7 @@ def test_allocated_tensions_accelerate_the_body_as_the_wrench_demands(rig, posit
     inside = np.random.default_rng(5).uniform(0.7 * lower + 0.3 * upper, upper, size=(4, rig.m))
     wrench = np.einsum("nm,km->kn", structure, inside)
     result = tl.allocate(structure, wrench, rig.limits).raise_for_status()
-    model, data = judge(rig, frames)
+    model, data = judge(dataclasses.replace(rig, up=None), frames)  # without weight
     for demanded, tensions in zip(wrench, result.tensions, strict=True):
         mujoco.mj_resetData(model, data)
         stand(data, frames)
@@ -169,11 +169,15 @@ def test_motors_only_pull_and_stay_within_their_limits():
         np.testing.assert_allclose(data.qfrc_actuator, rig.structure_matrix(rig.home) @ np.full(4, applied))
 
 
-def test_nothing_pushes_or_falls_by_itself():
-    model, data = judge(load_rig(RIGS / "ipanema-1.toml"), None)
-    for _ in range(10):
-        mujoco.mj_step(model, data)  # the lower limits of this rig are zero
-    np.testing.assert_array_equal(data.qvel, 0.0)
+@pytest.mark.parametrize(
+    ("up", "falls"), [(None, [0, 0, 0]), ("z", [0, 0, -9.81]), ("-z", [0, 0, 9.81]), ("y", [0, -9.81, 0])]
+)
+def test_the_body_falls_where_the_rig_says_that_down_is(up, falls):
+    rig = dataclasses.replace(load_rig(RIGS / "ipanema-1.toml"), up=up)
+    model, data = judge(rig, None)
+    mujoco.mj_forward(model, data)  # the lower limits of this rig are zero
+    np.testing.assert_allclose(data.qacc, [*falls, 0, 0, 0], atol=1e-9)
+    assert ("No gravity" in rig_to_mjcf(rig)) == (up is None)
 
 
 def test_a_planar_point_moves_in_its_plane():

@@ -1,6 +1,7 @@
 """What a rig accepts and refuses, built in Python and asked for poses."""
 
 import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -231,6 +232,24 @@ def test_an_attachment_on_its_anchor_is_named():
 def test_bad_poses_are_refused(call, error, words):
     with pytest.raises(error, match=words):
         call()
+
+
+@pytest.mark.parametrize(
+    ("up", "upward", "vertical"), [("z", [0, 0, 1], "z"), ("-y", [0, -1, 0], "y"), ("x", [1, 0, 0], "x")]
+)
+def test_a_rig_says_which_way_up_is(up, upward, vertical):
+    rig = replace(BOX, up=up)
+    assert rig.upward.tolist() == upward
+    assert rig.vertical == vertical
+
+
+def test_a_rig_that_does_not_say_which_axis_is_up_has_no_weight():
+    silent = replace(BOX, up=None, description="Z is up.")
+    assert silent.vertical == "y"
+    with pytest.raises(RigError, match=r'rig ".*": key "up" is missing; give the axis that points up'):
+        _ = silent.upward
+    with pytest.raises(RigError, match=r'key "up" is \'w\'; give the axis that points up: x, y, z, -x, -y, -z'):
+        replace(BOX, up="w")
 
 
 def test_a_frame_may_be_a_position_alone() -> None:

@@ -94,6 +94,12 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, swept):
         plot_shares(along, tmp_path / "c.svg")
 
 
+def test_a_grid_too_coarse_to_draw_is_refused(tmp_path):
+    coarse = tl.sweep(tl.box_corners((1, 1, 1)), Grid([0.0], [0.1], [0.2]), "capacity-margin", progress=False)
+    with pytest.raises(ShapeError, match=r"needs two positions or more along .*; give a smaller step"):
+        plot_slices(coarse, tmp_path / "s.svg")
+
+
 def test_the_same_sweep_makes_the_same_file(tmp_path, swept):
     for draw in (plot_slices, plot_volume, plot_shares):
         draw(swept, tmp_path / "one.png")

@@ -17,7 +17,7 @@ from tallied import Tallied, read
 import tensionlab as tl
 from tensionlab.errors import SweepError
 from tensionlab.workspace import Grid, run
-from tensionlab.workspace.store import LEDGER
+from tensionlab.workspace.ledger import LEDGER
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 POSES = Grid(np.linspace(-0.9, 0.9, 40), np.linspace(-0.4, 0.4, 5), np.linspace(-1.0, 1.0, 3))
@@ -167,7 +167,8 @@ def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, sc
     killer.join()
     only.kill()
     only.wait()
-    finished, evaluated = len((out / LEDGER).read_text().splitlines()), len(read(tally))
+    finished = len((out / LEDGER).read_text().splitlines()) - 1  # the first line names the sweep
+    evaluated = len(read(tally))
     assert tl.sweep(CUBE, POSES, **arguments)["Tallied"].notnull().all()
     assert len(read(tally)) - evaluated == COUNT - finished
 
@@ -182,6 +183,13 @@ def test_a_scheduler_that_does_not_answer_is_named(address, monkeypatch):
     monkeypatch.setattr(run, "PATIENCE", 0.5)
     with pytest.raises(SweepError, match=f"scheduler '{address}' does not answer"):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler=address)
+
+
+def test_where_nobody_listens_no_client_waits(monkeypatch):
+    """The client of Dask tries again and again until its time is over, 10 s."""
+    monkeypatch.setattr("distributed.Client", None)
+    with pytest.raises(SweepError, match=r"does not answer \(.*refused.*\); give one that runs"):
+        tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:1")
 
 
 def test_without_distributed_the_extra_is_named(monkeypatch):

@@ -12,6 +12,8 @@ from typing import Any
 from tensionlab import writing
 from tensionlab.errors import LogError, WriteError
 from tensionlab.experiments.validation.protocol import Measurement
+from tensionlab.reading import brief, parse_json, read_text
+from tensionlab.tables import MAX_FILE_BYTES, from_mappings
 
 FORMAT = "tensionlab validation 1"
 
@@ -42,7 +44,9 @@ class Journal:
         self.measurements: list[Measurement] = []
         head = {"format": FORMAT, **setup}
         try:
-            text = path.read_text(encoding="utf-8") if path.exists() else ""
+            text = (
+                read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES) if path.exists() else ""
+            )
             whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
             if whole:
                 found, self.measurements = _parsed(path, whole)
@@ -53,7 +57,7 @@ class Journal:
                 writing.write_text(path, whole)
         except WriteError as error:
             raise LogError(str(error)) from None
-        except (OSError, UnicodeDecodeError) as error:
+        except OSError as error:
             raise LogError(f"{path}: cannot be used ({error}); name another folder") from None
 
     def add(self, measurement: Measurement) -> None:
@@ -75,29 +79,25 @@ def _parsed(path: Path, text: str) -> tuple[dict[str, Any], list[Measurement]]:
     measurements: list[Measurement] = []
     head: dict[str, Any] = {}
     for number, line in enumerate(text.splitlines()):
-        try:
-            content = json.loads(line)
-            if number == 0:
-                head = dict(content)
-            else:
-                measurements.append(_measurement(content))
-                if measurements[-1].number != number - 1:
-                    raise ValueError(f"force {measurements[-1].number} where {number - 1} is due")
-        except (ValueError, TypeError) as error:
-            raise LogError(f"{path}, line {number + 1}: damaged ({error}); name another folder") from None
+        here = f"{path}, line {number + 1}"
+        content = parse_json(line, here, LogError)
+        if not isinstance(content, dict):
+            raise LogError(f"{here}: is {brief(content)}; it is damaged, name another folder")
+        if number == 0:
+            head = content
+            continue
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
+        measurements += from_mappings([values], Measurement, here, LogError)
+        if measurements[-1].number != number - 1:
+            due = f"force {measurements[-1].number} where {number - 1} is due"
+            raise LogError(f"{here}: damaged ({due}); name another folder")
     return head, measurements
-
-
-def _measurement(content: dict[str, Any]) -> Measurement:
-    values: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in content.items()
-    }
-    return Measurement(**values)
 
 
 def _require_same(path: Path, found: Mapping[str, Any], head: Mapping[str, Any]) -> None:
     other = [key for key in {**head, **found} if found.get(key) != head.get(key)]
     if other:
         raise LogError(
-            f"{path} is of a validation with other {', '.join(other)}; go on with the same, or name another folder"
+            f"{path} is of a validation with other {', '.join(other):.100}; go on with the same, "
+            "or name another folder"
         )

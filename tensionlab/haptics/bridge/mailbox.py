@@ -152,9 +152,7 @@ class Mailbox:
             return None
         known, before = self._effects, self._given
         return {
-            name: known[name]
-            if name in known and before.get(name) == given
-            else effect_of(name, given, self.rig.dimension)
+            name: known[name] if name in known and before.get(name) == given else effect_of(name, given, self.rig)
             for name, given in frame.effects.items()
         }
 

@@ -9,13 +9,15 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
-from tensionlab.errors import EffectError
+from tensionlab.errors import EffectError, RigError
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import require_dimension, shown
+from tensionlab.haptics.effects.tools import GRAVITY, Weight
+from tensionlab.model.rig import Rig
 
 
-def effect_of(name: str, given: object, dimension: int) -> Effect:
+def effect_of(name: str, given: object, rig: Rig) -> Effect:
     """Return the effect that a client or a file describes.
 
     Parameters
@@ -23,9 +25,9 @@ def effect_of(name: str, given: object, dimension: int) -> Effect:
     name : str
         What the client calls it.
     given : mapping
-        ``kind``, and parameters of that effect; those left out have their default.
-    dimension : int
-        Of the rig's space: so many components have all vectors.
+        ``kind``, and parameters of that effect; those left out have their default, and a weight pulls down.
+    rig : Rig
+        That renders it: its space has as many axes as all vectors components, and it says which of them is up.
 
     Raises
     ------
@@ -37,8 +39,10 @@ def effect_of(name: str, given: object, dimension: int) -> Effect:
     if isinstance(solid := parameters.get("field"), Mapping):
         shape, edges = _kind(f"{where}: field", {"kind": "sphere", **solid}, SOLIDS)
         parameters["field"] = read(f"{where}: field", shape, edges)
+    if kind is Weight and "gravity" not in parameters:
+        parameters["gravity"] = _gravity(where, rig)
     effect: Effect = read(where, kind, parameters)
-    require_dimension(effect, dimension, where)
+    require_dimension(effect, rig.dimension, where)
     return effect
 
 
@@ -46,6 +50,13 @@ def prepare() -> None:
     """Make the readers of all effects: made with the first message of a kind, they would hold up a cycle."""
     for kind in (*EFFECTS.values(), *SOLIDS.values()):
         _adapter(kind)
+
+
+def _gravity(where: str, rig: Rig) -> tuple[float, ...]:
+    try:
+        return tuple((-GRAVITY * rig.upward).tolist())
+    except RigError as error:
+        raise EffectError(f"{where}: {error}; or give gravity, in m/s²") from None
 
 
 def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, dict[str, Any]]:

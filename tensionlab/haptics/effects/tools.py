@@ -41,6 +41,10 @@ class Felt(NamedTuple):
     acceleration: Floats
 
 
+GRAVITY = 9.81
+"""In m/s²."""
+
+
 @dataclass(frozen=True)
 class Weight:
     """What does a mass in the hand feel like? Gravity, and its inertia: ``F = m (g - a)``.
@@ -54,7 +58,7 @@ class Weight:
     mass : float
         m in kg. 0.5 is a default of this project; 6 N, the most of one module right below, is 0.61 kg.
     gravity : tuple of d floats
-        g in m/s².
+        g in m/s². Left out of a message or a file, it points down, by the rig's ``up``.
     cutoff : float
         Of the low-pass, in Hz; 10 is a default of this project.
     limit : float
@@ -66,7 +70,7 @@ class Weight:
     """
 
     mass: Mass = 0.5
-    gravity: Gravity = (0.0, 0.0, -9.81)
+    gravity: Gravity = (0.0, 0.0, -GRAVITY)
     cutoff: Frequency = 10.0
     limit: Acceleration = 5.0
     grasped: TimeOrEver = -math.inf

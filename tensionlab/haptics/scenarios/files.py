@@ -14,6 +14,7 @@ from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
 from tensionlab.haptics.scenarios.scenario import Phase, Scenario
 from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 from tensionlab.reading import read_toml
 from tensionlab.solvers.contract import Nearest
 
@@ -79,22 +80,22 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
         name=path.stem,
         rig=loaded,
         person=read("person", PersonPlan, table["person"]),
-        phases=tuple(_phase(each, loaded.dimension) for each in table["phases"]),
+        phases=tuple(_phase(each, loaded) for each in table["phases"]),
         **{key: read(key, kind, table[key]) for key, kind in KEYS.items() if key in table},
     )
 
 
-def _phase(table: Any, dimension: int) -> Phase:
+def _phase(table: Any, rig: Rig) -> Phase:
     """Return a phase, whose effects have a kind and parameters as over the bridge."""
     if not isinstance(table, Mapping) or not isinstance(table.get("effects", {}), Mapping):
         raise ScenarioError("phases: each is a table, and its effects are tables too")
     name = table.get("name", "?")
-    effects = {each: effect_of(each, given, dimension) for each, given in table.get("effects", {}).items()}
+    effects = {each: effect_of(each, given, rig) for each, given in table.get("effects", {}).items()}
     hold = None
     if "hold" in table:
         where = f'phase "{name}": hold'
         hold = read(where, Hold, table["hold"])
-        require_dimension(hold, dimension, where)
+        require_dimension(hold, rig.dimension, where)
     rest = {key: value for key, value in table.items() if key not in ("effects", "hold")}
     if unknown := set(rest) - {"name", "begin", "end"}:
         raise ScenarioError(f'phase "{name}": no key "{min(unknown)}"; there are name, begin, end, effects, hold')

@@ -17,7 +17,7 @@ def write_table(path: str | Path, columns: Mapping[str, Floats | Sequence[float]
 
 
 def table_text(columns: Mapping[str, Floats | Sequence[float]]) -> str:
-    """Return columns of numbers as CSV, with as many digits as `tensionlab.tables.read_table` needs to find the same."""
+    """Return columns of numbers as CSV, with as many digits as reading needs to find the same."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -7,6 +7,7 @@ import numpy as np
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
+from tensionlab.reading import brief
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:
@@ -30,9 +31,9 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
     if demand.wrench is not None:
         wrench = np.asarray(demand.wrench)
         if wrench.shape != (rig.n,):
-            raise HardwareError(f"{here}: wrench is {demand.wrench!r}; this rig takes {rig.n} components")
+            raise HardwareError(f"{here}: wrench is {brief(wrench.tolist())}; this rig takes {rig.n} components")
         if not np.isfinite(wrench).all():
-            raise HardwareError(f"{here}: wrench is {wrench}; all of it must be finite")
+            raise HardwareError(f"{here}: wrench is {brief(wrench.tolist())}; all of it must be finite")
     if demand.impedances or demand.brakes:
         modules = {module.name: module for module in rig.modules}
         for name in (*demand.impedances, *demand.brakes):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from os import PathLike
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
-from tensionlab.model.module import Module
+from tensionlab.model.module import MAX_LENGTH, Module
 from tensionlab.model.pose import Frame
 from tensionlab.reading import read_toml
 from tensionlab.workspace.layout.objective import Objective
@@ -21,6 +22,9 @@ from tensionlab.workspace.pose_sets import Grid
 
 if TYPE_CHECKING:
     from tensionlab.workspace.layout.schema import FrameTable, SpaceFile
+
+MAX_POSES = 1_000_000
+"""Positions of a target: a search looks at each of them thousands of times."""
 
 
 class LayoutTask(NamedTuple):
@@ -115,7 +119,13 @@ def _target(table: SpaceFile) -> Grid:
             raise RigError(
                 f'[target]: key "{key}" has {len(ends)} numbers; give where it starts and where it ends'
             )
+    for key, (begin, end) in intervals.items():
+        if not max(abs(begin), abs(end)) <= MAX_LENGTH:
+            raise RigError(f'[target]: key "{key}" is {begin:g} to {end:g}; give m, within {MAX_LENGTH:g}')
     try:
-        return box(**{key: tuple(ends) for key, ends in intervals.items()}, step=target.step)
+        grid = box(**{key: tuple(ends) for key, ends in intervals.items()}, step=target.step)
     except ShapeError as error:
         raise RigError(f"[target]: {error}") from None
+    if (count := math.prod(grid.shape)) > MAX_POSES:
+        raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')
+    return grid

@@ -54,7 +54,7 @@ def test_a_file_of_ones_own_brings_its_rig(bow):
 def test_another_rig_may_take_its_place(bow):
     path, _ = bow
     with pytest.raises(ScenarioError, match="modules ride on"):
-        load_scenario(path, rig="datasets/rigs/bartels2026-validation.toml")
+        load_scenario(path, rig=FOLDER / "materials.rig.toml")
     with pytest.raises(RigError, match="no such file"):
         load_scenario(path, rig=path.with_name("nothing.toml"))
 

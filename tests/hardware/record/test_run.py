@@ -1,5 +1,6 @@
 import json
 import random
+import re
 import time
 from dataclasses import asdict
 
@@ -9,9 +10,10 @@ import runs
 
 import tensionlab as tl
 from tensionlab.demand import Pose
-from tensionlab.errors import LogError
+from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.record.columns import COLUMNS, TYPES, decode, encode, schema
+from tensionlab.hardware.record.mcap_file import McapWriter, read_records
 from tensionlab.hardware.record.run import read_run
 from tensionlab.hardware.run.settings import RunSettings
 from tensionlab.solvers.contract import Status
@@ -142,8 +144,61 @@ def test_what_is_no_log_is_refused(tmp_path):
         file.write_bytes(content)
         with pytest.raises(LogError, match=r"x\.mcap: not the log of a run"):
             read_run(file)
+    with pytest.raises(LogError, match="is a folder; give the log of a run"):
+        read_run(tmp_path)
     with pytest.raises(LogError, match=r"none\.mcap: cannot be read \(No such file"):
         read_run(tmp_path / "none.mcap")
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "said"),
+    [
+        ("setup", {"solver": 3}, '"lower" is missing'),
+        ("setup", None, "setup: row 1"),
+        ("modules", {"floor-1": 3}, "module 'floor-1' is 3"),
+        ("event", '{"cycle": 0}', 'event 1: row 1: "kind" is missing'),
+        ("event", "[" * 3000 + "]" * 3000, "nested more than 32 deep"),
+        ("cycle", '{"cycle": 0}', "a cycle in it is none of this rig"),
+        ("cycle", "[" * 100_000, "a cycle in it is none of this rig (RecursionError)"),
+        ("rig.toml", "a = " + "[" * 3000, "nested more than 32 deep"),
+    ],
+)
+def test_what_is_whole_and_makes_no_sense_is_refused(tmp_path, what, value, said):
+    """A log whose checksums are right: somebody else wrote it, or another version."""
+    good, bad = tmp_path / "good.mcap", tmp_path / "bad.mcap"
+    runs.logged(good, runs.four(), 2)
+    writer = McapWriter(bad, {"cycle": {"title": "c"}, "event": {"title": "e"}})
+    for record in read_records(good):
+        content = value if record.name == what else record.content
+        if record.kind == "attachment":
+            writer.attachment(record.name, "text/plain", content.encode() if isinstance(content, str) else content)
+        elif record.kind == "metadata":
+            writer.metadata(record.name, {"x": 0} if content is None else content)
+        elif record.kind == "message":
+            writer.message(record.name, 1, 1, content.encode() if isinstance(content, str) else content)
+    writer.finish()
+    with pytest.raises(TensionlabError, match=re.escape(said)) as refused:
+        read_run(bad)
+    assert "bad.mcap" in str(refused.value)
+
+
+def test_metadata_nested_too_deep_are_damage(tmp_path):
+    file = tmp_path / "x.mcap"
+    writer = McapWriter(file, {})
+    writer.metadata("first", {"a": 1})
+    writer._writer.add_metadata("deep", {"a": "[" * 100_000})
+    writer.finish()
+    assert [record.name for record in read_records(file)] == ["first"]
+
+
+def test_a_chunk_that_unpacks_to_more_than_the_memory_is_damage(tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.hardware.record.mcap_file.MAX_CHUNK_BYTES", 1000)
+    file = tmp_path / "x.mcap"
+    writer = McapWriter(file, {"numbers": {"title": "n"}})
+    writer.metadata("first", {"a": 1})
+    writer.message("numbers", 1, 1, b" " * 2000)
+    writer.finish()
+    assert [record.name for record in read_records(file)] == ["first"]
 
 
 def test_a_run_without_a_cycle_is_a_run(tmp_path):
