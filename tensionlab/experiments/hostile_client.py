@@ -14,6 +14,7 @@ import os
 import signal
 import socket
 import statistics
+import subprocess
 import sys
 import tempfile
 import threading
@@ -84,10 +85,13 @@ class Watcher:
         self._thread.start()
 
     def _watch(self) -> None:
-        from websockets.exceptions import ConnectionClosed
+        from websockets.exceptions import ConnectionClosed, InvalidStatus
         from websockets.sync.client import connect
 
-        with suppress(ConnectionClosed, OSError), connect(f"{self._url}/events", compression=None) as line:
+        with (
+            suppress(ConnectionClosed, InvalidStatus, OSError),
+            connect(f"{self._url}/events", compression=None) as line,
+        ):
             phase = ""
             while True:
                 event = json.loads(line.recv())
@@ -199,6 +203,8 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
                 a_round(speaker, url, port, rig, count // ROUNDS, draws + number, tally)
             except HardwareError as error:
                 tally.wrong.append(f"round {number + 1}, {tally.phase}: {error}")
+                with suppress(subprocess.TimeoutExpired):
+                    running.wait(30.0)  # it says why
                 break
             print(f"{' '.join(what)}: round {number + 1} of {ROUNDS}, {dict(tally.sent)}", flush=True)
         speaker.close()
@@ -209,7 +215,8 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
         tally.wrong.append(f"the server ended with {code}: {''.join(complaints)[-1000:]}")
     if tracebacks := sum("Traceback" in complaint for complaint in complaints):
         tally.wrong.append(f"{tracebacks} tracebacks: {''.join(complaints)[-3000:]}")
-    tally.wrong += beyond(log, rig)
+    if log.exists():
+        tally.wrong += beyond(log, rig)
     return tally
 
 

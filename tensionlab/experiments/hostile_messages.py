@@ -16,12 +16,12 @@ from tensionlab.haptics.effects.parameters import Bound, Many, Range, Vector, bo
 
 NEAR_M = 0.4
 """A hand is mostly so far from the rig's home."""
-ODD = st.sampled_from([
+Json = st.SearchStrategy[Any]
+ODD: Json = st.sampled_from([
     None, True, "", "x", "1.0", [], {}, [[]], {"kind": []}, [0.0, 0.0], [math.nan] * 3, [1e308] * 3, math.nan,
     math.inf, -math.inf, 1e308, -1e308, 5e-324, -1.0, 0, 10**300, list(range(101)),
 ])  # fmt: skip
 """What is of no parameter's type, or of no physical size."""
-Json = st.SearchStrategy[Any]
 
 
 def number(bound: Range) -> Json:

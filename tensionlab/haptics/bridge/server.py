@@ -265,7 +265,7 @@ class Bridge:
                 why = visitor.budget.refuses(len(content), time.monotonic())
                 refused = refused + 1 if why else 0
                 if refused >= PATIENCE:
-                    visitor.connection.transport.pause_reading()  # type: ignore[attr-defined]  # of a socket it can
+                    visitor.connection.transport.pause_reading()
                     await self._turn_away(visitor.connection, why)
                     break
                 visitor.pending.put_nowait(Refused(reason=why) if why else content)
