@@ -113,7 +113,7 @@ def texts(dimension: int, names: list[str], home: list[float]) -> st.SearchStrat
 def datagrams(dimension: int, names: list[str], home: list[float]) -> st.SearchStrategy[bytes]:
     """Draw datagrams of OSC: mostly what it takes, some of it damaged. None is a stop."""
     places = st.tuples(*(st.floats(each - NEAR_M, each + NEAR_M) for each in home)).map(list)
-    odd_places = st.lists(st.floats(width=32) | st.text(max_size=3), max_size=8)
+    odd_places = st.lists(st.floats() | st.text(max_size=3), max_size=8)
     body = st.builds(_osc, st.sampled_from([f"/body/{name}" for name in names]), places)
     odd_body = st.builds(
         _osc, st.sampled_from(["/body/nobody", "/body", "/x", "/effect", "/body/hand"]), odd_places
