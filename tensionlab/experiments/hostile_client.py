@@ -14,6 +14,7 @@ import os
 import signal
 import socket
 import statistics
+import subprocess
 import sys
 import tempfile
 import threading
@@ -26,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.errors import HardwareError
 from tensionlab.experiments.hostile_messages import datagrams, draw, texts
 from tensionlab.experiments.processes import process
 from tensionlab.haptics.bridge.messages import LARGEST, REASON_CHARACTERS
@@ -83,10 +85,13 @@ class Watcher:
         self._thread.start()
 
     def _watch(self) -> None:
-        from websockets.exceptions import ConnectionClosed
+        from websockets.exceptions import ConnectionClosed, InvalidStatus
         from websockets.sync.client import connect
 
-        with suppress(ConnectionClosed, OSError), connect(f"{self._url}/events", compression=None) as line:
+        with (
+            suppress(ConnectionClosed, InvalidStatus, OSError),
+            connect(f"{self._url}/events", compression=None) as line,
+        ):
             phase = ""
             while True:
                 event = json.loads(line.recv())
@@ -126,9 +131,8 @@ class Speaker:
             if gone.rcvd is None:
                 self._tally.wrong.append(f"a connection ended without a reason, in {self._tally.phase}")
             self.close()
-        except OSError:
-            self._tally.closed["it does not listen"] += 1
-            time.sleep(0.1)
+        except OSError as error:
+            raise HardwareError(f"the server does not listen any more: {error}") from None
 
     def close(self) -> None:
         """Go."""
@@ -195,12 +199,14 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
         Watcher(url, tally)
         speaker = Speaker(url, tally)
         for number in range(ROUNDS):
-            a_round(speaker, url, port, rig, count // ROUNDS, draws + number, tally)
-            print(f"{' '.join(what)}: round {number + 1} of {ROUNDS}, {dict(tally.sent)}", flush=True)
-            if running.poll() is not None:
-                print("\n".join(complaints), file=sys.stderr)
-                tally.wrong.append(f"the server ended in round {number + 1}")
+            try:
+                a_round(speaker, url, port, rig, count // ROUNDS, draws + number, tally)
+            except HardwareError as error:
+                tally.wrong.append(f"round {number + 1}, {tally.phase}: {error}")
+                with suppress(subprocess.TimeoutExpired):
+                    running.wait(30.0)  # it says why
                 break
+            print(f"{' '.join(what)}: round {number + 1} of {ROUNDS}, {dict(tally.sent)}", flush=True)
         speaker.close()
         running.send_signal(signal.SIGINT)
         code = running.wait(30.0)
@@ -209,7 +215,8 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
         tally.wrong.append(f"the server ended with {code}: {''.join(complaints)[-1000:]}")
     if tracebacks := sum("Traceback" in complaint for complaint in complaints):
         tally.wrong.append(f"{tracebacks} tracebacks: {''.join(complaints)[-3000:]}")
-    tally.wrong += beyond(log, rig)
+    if log.exists():
+        tally.wrong += beyond(log, rig)
     return tally
 
 

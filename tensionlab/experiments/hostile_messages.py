@@ -16,12 +16,12 @@ from tensionlab.haptics.effects.parameters import Bound, Many, Range, Vector, bo
 
 NEAR_M = 0.4
 """A hand is mostly so far from the rig's home."""
-ODD = st.sampled_from([
+Json = st.SearchStrategy[Any]
+ODD: Json = st.sampled_from([
     None, True, "", "x", "1.0", [], {}, [[]], {"kind": []}, [0.0, 0.0], [math.nan] * 3, [1e308] * 3, math.nan,
     math.inf, -math.inf, 1e308, -1e308, 5e-324, -1.0, 0, 10**300, list(range(101)),
 ])  # fmt: skip
 """What is of no parameter's type, or of no physical size."""
-Json = st.SearchStrategy[Any]
 
 
 def number(bound: Range) -> Json:
@@ -113,7 +113,7 @@ def texts(dimension: int, names: list[str], home: list[float]) -> st.SearchStrat
 def datagrams(dimension: int, names: list[str], home: list[float]) -> st.SearchStrategy[bytes]:
     """Draw datagrams of OSC: mostly what it takes, some of it damaged. None is a stop."""
     places = st.tuples(*(st.floats(each - NEAR_M, each + NEAR_M) for each in home)).map(list)
-    odd_places = st.lists(st.floats(width=32) | st.text(max_size=3), max_size=8)
+    odd_places = st.lists(st.floats() | st.text(max_size=3), max_size=8)
     body = st.builds(_osc, st.sampled_from([f"/body/{name}" for name in names]), places)
     odd_body = st.builds(
         _osc, st.sampled_from(["/body/nobody", "/body", "/x", "/effect", "/body/hand"]), odd_places

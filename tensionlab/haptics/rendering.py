@@ -161,7 +161,8 @@ class Renderer:
         before = self._kept.get(watched)
         memory = None if before is None else _matched(before, names)
         try:
-            done = stages.render(motion, memory)
+            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what is not finite is refused
+                done = stages.render(motion, memory)
         except EffectFailed as failed:
             raise EffectFailed(names[int(failed.effect)][0], failed.why) from failed.__cause__
         divided: Divided = done.memory.effect

@@ -14,7 +14,7 @@ from tensionlab.demand import Floats
 from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import Body, Frame
-from tensionlab.haptics.effects.described import effect_of
+from tensionlab.haptics.effects.described import effect_of, prepare
 from tensionlab.haptics.effects.effect import LEAP, Effect
 from tensionlab.model.rig import Rig
 
@@ -88,6 +88,9 @@ class Mailbox:
     _effects: dict[str, Effect] = field(default_factory=dict)
     count: int = 0
     stop_wanted: bool = False
+
+    def __post_init__(self) -> None:
+        prepare()
 
     def put(self, frame: Frame, now: float, commander: Commander | None = None) -> None:
         """Take a frame. One that is refused changes nothing.

@@ -23,7 +23,17 @@ from tensionlab.errors import HardwareError, MissingDependency, TensionlabError
 from tensionlab.haptics.bridge.budget import Budget
 from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
 from tensionlab.haptics.bridge.mailbox import Mailbox
-from tensionlab.haptics.bridge.messages import LARGEST, Event, Frame, Refused, State, Stop, Welcome, reason_of
+from tensionlab.haptics.bridge.messages import (
+    LARGEST,
+    REASON_CHARACTERS,
+    Event,
+    Frame,
+    Refused,
+    State,
+    Stop,
+    Welcome,
+    reason_of,
+)
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -265,7 +275,7 @@ class Bridge:
                 why = visitor.budget.refuses(len(content), time.monotonic())
                 refused = refused + 1 if why else 0
                 if refused >= PATIENCE:
-                    visitor.connection.transport.pause_reading()  # type: ignore[attr-defined]  # of a socket it can
+                    visitor.connection.transport.pause_reading()
                     await self._turn_away(visitor.connection, why)
                     break
                 visitor.pending.put_nowait(Refused(reason=why) if why else content)
@@ -313,7 +323,8 @@ class Bridge:
         from websockets.exceptions import ConnectionClosed
 
         try:
-            await asyncio.wait_for(connection.send(Refused(reason=reason).model_dump_json()), FAREWELL_S)
+            told = Refused(reason=reason[:REASON_CHARACTERS])
+            await asyncio.wait_for(connection.send(told.model_dump_json()), FAREWELL_S)
             await asyncio.wait_for(
                 connection.close(1008, reason.encode()[:CLOSE_BYTES].decode(errors="ignore")), FAREWELL_S
             )

@@ -46,6 +46,12 @@ def effect_of(name: str, given: object, rig: Rig) -> Effect:
     return effect
 
 
+def prepare() -> None:
+    """Make the readers of all effects: made with the first message of a kind, they would hold up a cycle."""
+    for kind in (*EFFECTS.values(), *SOLIDS.values()):
+        _adapter(kind)
+
+
 def _gravity(where: str, rig: Rig) -> tuple[float, ...]:
     try:
         return tuple((-GRAVITY * rig.upward).tolist())

@@ -242,9 +242,8 @@ def test_a_token_is_asked_for_and_needed_beyond_this_machine(tmp_path, monkeypat
         assert "give a token that clients must know" in running.stderr.read()
     monkeypatch.setenv("TENSIONLAB_BRIDGE_TOKEN", "secret")
     with served("--host", "0.0.0.0", "--osc", 0) as (url, running):
-        url = url.replace("0.0.0.0", "127.0.0.1")
         with pytest.raises(InvalidStatus):
-            connect(f"{url}/command")
+            connect(f"{url.replace('0.0.0.0', '127.0.0.1')}/command")
         port = int(running.stdout.readline().split()[-1])
         ports = Path("/proc/net/udp")
         if ports.exists():
