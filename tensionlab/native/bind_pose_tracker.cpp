@@ -63,9 +63,9 @@ void bind_pose_tracker(nb::module_& module) {
       .def("__init__",
            [](PoseTracker* self, const Table& anchors, const Table& attachments, const Lengths& position) {
              const std::size_t m = anchors.shape(0), d = position.size();
-             const bool attached = has_shape(attachments, m, d) || has_shape(attachments, 0, d);  // 0: of a point
-             require(m > 0 && (d == 2 || d == 3) && has_shape(anchors, m, d) && attached,
-                     "anchors and attachments must be (m, d), and position (d), with d = 2 or 3");
+             require(m > 0 && (d == 2 || d == 3) && has_shape(anchors, m, d) &&
+                         (has_shape(attachments, m, d) || has_shape(attachments, 0, d)),
+                     "anchors must be (m, d), attachments too or (0, d), and position (d), with d = 2 or 3");
              new (self) PoseTracker(copied(anchors), copied(attachments), copied(position));
            })
       .def("follow", &follow)
