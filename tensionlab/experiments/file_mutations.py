@@ -90,7 +90,7 @@ def _mutate(holder: Any, key: Any, rng: random.Random) -> None:
         return
     match rng.randrange(8):
         case 0 | 1:
-            holder[key] = rng.choice(ODD)
+            holder[key] = copy.deepcopy(rng.choice(ODD))  # which is spoilt further, and must not change
         case 2 | 3 if isinstance(value, int | float) and not isinstance(value, bool):
             holder[key] = value * rng.choice((-1, 0, 2, 0.5, 10, 1e-9, 1e9, 1 + 1e-12))
         case 2 | 3 if isinstance(value, str):
