@@ -18,10 +18,10 @@ MAX_LENGTH = 1e4
 """Largest coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
 squares and products of lengths, forces and torques lose digits that count."""
 MAX_TENSION = 1e11
-"""Largest tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N where
-they mean no limit."""
+"""Largest tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N
+where they mean no limit."""
 MAX_MASS = 1e8
-"""Largest mass of a platform, in kg, of which 100 cables of the largest tension hold a tenth."""
+"""Largest mass of a platform, in kg: that of a large ship."""
 MAX_NAME = 100
 """Characters of a name."""
 
