@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if figures docs checksums clean
+.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -41,6 +41,7 @@ bench-workspace: .venv/dev.stamp
 
 stress: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.stress
+	@$(BIN)/python -m tensionlab.experiments.verdicts
 
 file-fuzz: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.file_fuzz
@@ -50,6 +51,9 @@ soak: .venv/dev.stamp
 
 faults: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.telemetry_faults
+
+hostile: .venv/dev.stamp
+	@$(BIN)/python -m tensionlab.experiments.hostile_client
 
 impacts: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.experiments.scenarios.impacts

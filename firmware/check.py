@@ -27,6 +27,7 @@ ALLOWED = {"memcpy", "memset"}  # what the core may ask of a library: so there i
 BARE = ["-std=c++17", "-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-ffreestanding"]
 STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 CORTEX = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+CONTENTS = 7  # of frames of each length whose bits are flipped
 SANITIZERS = "address,undefined,float-divide-by-zero,float-cast-overflow"
 # Of a newlib and a picolibc for other processors: headers only.
 NEWLIB = Path("/usr/include/newlib/c++")
@@ -136,6 +137,15 @@ def esp32(folder: Path) -> Figures:
     return figures
 
 
+def flips(folder: Path) -> Figures:
+    """Flip every one and every two bits of frames of every length, as difficult as they come: do any pass?"""
+    program = folder / "flips"
+    run("c++", "-std=c++17", "-O2", *STRICT, FUZZ / "flips.cpp", "-o", program)
+    told = re.findall(r"(\d+) flips, (\d+) passed", run(program, CONTENTS, 1))
+    (count, passed), (_, passed_1) = [(int(flipped), int(through)) for flipped, through in told]
+    return {"flips": count, "passed": passed, "passed_protocol_1": passed_1}
+
+
 def fuzz(folder: Path, chunks: int) -> Figures:
     """So many chunks of bytes to modules, under the address and undefined behaviour sanitizers: any finding?"""
     program = folder / "fuzz"
@@ -172,6 +182,7 @@ def main() -> int:
         "arm": (arm, ("arm-none-eabi-g++",)),
         "hub": (hub, ("arm-none-eabi-g++", "qemu-arm", NEWLIB)),
         "esp32": (esp32, ("clang++-22", "llc-22", PICOLIBC)),
+        "flips": (flips, ("c++",)),
         "fuzzing": (lambda folder: fuzz(folder, options.chunks), ("c++",)),
         "libfuzzer": (lambda folder: libfuzzer(folder, options.seconds), ("clang++-22",)),
     }

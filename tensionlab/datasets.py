@@ -88,6 +88,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     RigError
         If a rig's or a space's file is.
     """
+    if not isinstance(name, str):
+        raise ShapeError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")
     known = names(folder=folder)
     if name not in known:
         import difflib

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab import _native
+from tensionlab.arrays import as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.solvers.contract import Floats
 
@@ -36,7 +37,7 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
         raise ShapeError(
             f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
         ) from None
-    low, high = finite("lower", lower, 0).copy(), finite("upper", upper, 0).copy()
+    low, high = frozen(finite("lower", lower, 0)), frozen(finite("upper", upper, 0))
     try:
         crossed = low > high
     except ValueError:
@@ -49,6 +50,13 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
     return low, high
 
 
+def frozen(array: Floats) -> Floats:
+    """Copy an array into one that nobody can change."""
+    copy = array.copy()
+    copy.flags.writeable = False
+    return copy
+
+
 def finite(name: str, array: ArrayLike, axes: int) -> Floats:
     """Which contiguous floats, with at least so many axes, are meant? Or an error that names the entry."""
     values = numbers(name, array, axes)
@@ -58,10 +66,7 @@ def finite(name: str, array: ArrayLike, axes: int) -> Floats:
 
 def numbers(name: str, array: ArrayLike, axes: int) -> Floats:
     """Which contiguous floats are meant, whatever their size?"""
-    try:
-        values: Floats = np.asarray(array, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name} is not an array of numbers: {error}") from None
+    values = as_floats(name, array)
     if values.ndim < axes:
         kind = "a matrix" if axes == 2 else "a vector"
         raise ShapeError(f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}")

@@ -40,11 +40,19 @@ class Allocation:
     wrench : (..., n) array
         What those tensions render: ``structure @ tensions``.
     residual : (...,) array
-        ``sqrt(sum(weights * (asked - wrench)**2))``. EXACT is judged without the weights.
+        ``sqrt(sum(weights * (desired - wrench)**2))``. EXACT is judged without the weights.
     status : (...,) array of `Status`
-        Measured, never the backend's claim.
+        Verified, never the backend's claim. EXACT promises tensions inside their limits and an error of the
+        wrench w of at most ``1e-6 max(1, |w|)``: a wrench that is out of reach by less is EXACT too, whatever
+        the policy if that is force or direction. The tensions are then those of a wrench so near, and no
+        closer to the reference than theirs may be; by how much another wrench so near would change them is the
+        error over the least singular value of the free cables' columns of W. A wrench within reach is rendered
+        to rounding: 1e-12 of what the cables pull with, at most.
     scale : (...,) array
-        1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere.
+        1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere, and where no s
+        from 0 to 1 keeps the direction. Where w is within 0.6 degrees of a face of what can be rendered, or the
+        rig is flat there, ``s w`` counts as rendered within ``1e-6 max(1, |w|)`` of it (nine tenths of that
+        towards s = 0): s then falls gradually as w leaves the face.
     iterations : (...,) array
         As the solver counts them.
     separation : (..., n) array

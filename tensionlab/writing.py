@@ -64,8 +64,14 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
         raise unwritable(path, error) from None
 
 
-def require_folder(path: str | PathLike[str]) -> None:
+def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
     """Check that files can be written to a folder, which need not be there yet. Nothing is made.
+
+    Parameters
+    ----------
+    path : path
+    parents : bool
+        Whether the folder that it is to be made in need not be there either.
 
     Raises
     ------
@@ -73,6 +79,8 @@ def require_folder(path: str | PathLike[str]) -> None:
         If there is something else, or the folder, or the one that it is to be made in, cannot be written to.
     """
     folder = Path(os.path.realpath(path))
+    if not parents and not os.path.lexists(folder.parent):
+        raise WriteError(f"{path}: no folder {folder.parent}; make it first")
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
     try:

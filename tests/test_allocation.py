@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -102,6 +104,42 @@ def test_allocator_equals_allocate() -> None:
         np.testing.assert_array_equal(now.tensions, then.tensions)
         np.testing.assert_array_equal(now.scale, then.scale)
         assert now.status == then.status
+
+
+def test_threads_may_share_an_allocator() -> None:
+    rng = np.random.default_rng(0)
+    sizes = ((2, 3), (3, 5))
+    structures = {size: rng.normal(size=(50, *size)) for size in sizes}
+    wrenches = {size: structures[size] @ rng.uniform(0.5, 6.0, size[1]) for size in sizes}
+    shared = tl.Allocator((0.5, 6.0))
+    wanted = {size: tl.allocate(structures[size], wrenches[size], (0.5, 6.0)).tensions for size in sizes}
+
+    def work(number: int) -> int:
+        wrong = 0
+        for turn in range(1500):
+            size, row = sizes[(turn + number) % 2], turn % 50
+            found = shared(structures[size][row], wrenches[size][row])
+            wrong += not np.array_equal(found.tensions, wanted[size][row])
+        return wrong
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as threads:
+            assert sum(threads.map(work, range(8))) == 0
+    finally:
+        sys.setswitchinterval(before)
+
+
+def test_an_allocator_does_not_follow_what_it_was_given() -> None:
+    lower, reference = np.ones(3), np.full(3, 5.0)
+    kept = tl.Allocator((lower, 10.0), reference=reference)
+    before = kept(PLANAR, REACHABLE).tensions.copy()
+    lower[:], reference[:] = 3.0, 9.0
+    np.testing.assert_array_equal(kept(PLANAR, REACHABLE).tensions, before)
+    for array in (kept.lower, kept.upper, kept.reference, kept.weights):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0
 
 
 def test_inputs_are_left_alone() -> None:

@@ -106,6 +106,8 @@ def test_committed_recordings_say_that_they_are_simulated():
 def test_a_name_that_is_not_there_is_refused_with_the_one_that_is_close():
     with pytest.raises(ShapeError, match="did you mean 'vectors/grid18'"):
         tl.datasets.load("vectors/grid-18")
+    with pytest.raises(ShapeError, match="is text, such as 'vectors/grid18'; got 5"):
+        tl.datasets.load(5)
     with pytest.raises(ShapeError, match="no data sets are called 'recording'"):
         tl.datasets.names("recording")
 

@@ -14,11 +14,12 @@ class FrameParser {
   // What did this byte complete?
   Found take(uint8_t byte, Frame& frame) {
     if (byte != 0) {
-      if (zeros_ > 0 && zeros_ < kDelimiter) damaged_ = true;  // no frame has a zero in it
-      if (zeros_ > 0) size_ = 0;
-      zeros_ = 0;
-      if (size_ < sizeof piece_) piece_[size_] = byte;
-      if (size_ <= sizeof piece_) ++size_;  // one beyond: too long, whatever follows
+      if (zeros_ != 0) {
+        damaged_ = zeros_ < kDelimiter;  // no frame has a zero in it
+        size_ = 0;
+        zeros_ = 0;
+      }
+      if (size_ < sizeof piece_) piece_[size_++] = byte;
       return Found::nothing;
     }
     if (zeros_ == kDelimiter) return Found::nothing;  // more zeros do no harm
@@ -45,10 +46,10 @@ class FrameParser {
   uint16_t bad_frames() const { return bad_frames_; }
 
  private:
-  uint8_t piece_[kMaxPiece];
-  size_t size_ = 0;            // bytes since the last zero
-  size_t zeros_ = kDelimiter;  // in a row, up to now
-  bool damaged_ = false;       // since the last delimiter there was a zero that ended nothing
+  uint8_t piece_[kMaxPiece + 1];  // one beyond: too long, whatever follows
+  size_t size_ = 0;               // bytes since the last zero
+  size_t zeros_ = kDelimiter;     // in a row, up to now
+  bool damaged_ = false;          // since the last delimiter there was a zero that ended nothing
   uint16_t bad_frames_ = 0;
 };
 

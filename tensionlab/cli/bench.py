@@ -39,7 +39,7 @@ def bench(
     out: Annotated[
         Path,
         typer.Option(
-            callback=output.output_folder(),
+            callback=output.output_folder(parents=True),
             help="Folder for the results; made if it is not there.",
             show_default=False,
         ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.ending import say
 from tensionlab.cli.reach import Json, ModulesFile, Words, targets
 
 
@@ -39,7 +40,7 @@ def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) 
         typer.echo("no process of yours uses a module; name the modules that are to stop")
     for name, each in outcomes.items():
         if each.error:
-            typer.echo(f"tensionlab: {name}: NOT CONFIRMED: {each.error}", err=True)
+            say(f"{name}: NOT CONFIRMED: {each.error}")
         elif not json:
             typer.echo(f"{name}: estop" + (f"; {each.holder} had it" if each.holder else ""))
     if not links or any(each.error for each in outcomes.values()):

@@ -111,7 +111,8 @@ def dump(
         with output.Keeper() as keeper:
             for name, text in texts.items():
                 file = file_of(folder, name)
-                keeper.write(name, file, partial(write_text, text=text))
+                if keeper.write("", file, partial(write_text, text=text)):
+                    typer.echo(file)
             complain(failed)
     complain(failed)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensionlab.cli import output
+from tensionlab.cli.ending import say
 from tensionlab.cli.reach import Json, ModulesFile, Words, complain, on_all, targets, until_interrupted
 
 if TYPE_CHECKING:
@@ -77,10 +78,9 @@ def ping(
         output.console().print(grid)
     for name, rate in rates.items():
         if rate is None:
-            typer.echo(
-                f"tensionlab: {name}: no rate is safe over this link; make it better, or raise the module's "
-                f"parameter ttl (`tensionlab module config set {links[name]} ttl=...`)",
-                err=True,
+            say(
+                f"{name}: no rate is safe over this link; make it better, or raise the module's "
+                f"parameter ttl (`tensionlab module config set {links[name]} ttl=...`)"
             )
     complain(failed)
     if None in rates.values():

@@ -86,7 +86,7 @@ def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
     return check
 
 
-def output_folder(suffix: str = "") -> Callable[[Path | None], Path | None]:
+def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
     """Return a callback for an option that names a folder to write to; as `output_file`."""
 
     def check(path: Path | None) -> Path | None:
@@ -94,7 +94,7 @@ def output_folder(suffix: str = "") -> Callable[[Path | None], Path | None]:
             with _as_bad_parameter():
                 if path.suffix.lower() != suffix and suffix:
                     raise WriteError(f"{path}: the name must end in {suffix}")
-                writing.require_folder(path)
+                writing.require_folder(path, parents=parents)
         return path
 
     return check

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
+from tensionlab.cli.ending import say
+
 if TYPE_CHECKING:
     from tensionlab.errors import HardwareError
     from tensionlab.hardware.module import ModuleClient
@@ -113,6 +115,6 @@ def complain(failed: Mapping[str, HardwareError]) -> None:
     """Say where it went wrong, a line each, and leave with exit status 1 if it did anywhere."""
     for name, error in failed.items():
         text = str(error)
-        typer.echo(f"tensionlab: {text if name in text else f'module {name!r}: {text}'}", err=True)
+        say(text if name in text else f"module {name!r}: {text}")
     if failed:
         raise typer.Exit(1)

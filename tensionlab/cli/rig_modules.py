@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -26,6 +27,19 @@ Modules = Annotated[
     ),
 ]
 Solver = Annotated[str, typer.Option(help="A name that `tensionlab solvers` lists.")]
+
+
+def positive(value: float | None) -> float | None:
+    """Refuse what is no finite number above 0, as a callback of an option.
+
+    Raises
+    ------
+    BadParameter
+        Before anything is done.
+    """
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"give a finite number above 0; got {value:g}")
+    return value
 
 
 class Reached(NamedTuple):

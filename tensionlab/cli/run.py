@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
 
 if TYPE_CHECKING:
     from tensionlab.demand import DemandSource
@@ -38,12 +38,16 @@ def run(
         str | None,
         typer.Option(metavar="X Y Z", help="Where the point is, in m; told by the lengths if left out."),
     ] = None,
-    rate: Annotated[float, typer.Option(help="Cycles a second.")] = 50.0,
+    rate: Annotated[float, typer.Option(callback=positive, help="Cycles a second.")] = 50.0,
     ttl: Annotated[
-        float, typer.Option(help="How long a set-point lives in a module, in s; so long may one be silent.")
+        float,
+        typer.Option(
+            callback=positive, help="How long a set-point lives in a module, in s; so long may one be silent."
+        ),
     ] = 0.25,
     seconds: Annotated[
-        float | None, typer.Option(help="How long; until the program's end or Ctrl-C if left out.")
+        float | None,
+        typer.Option(callback=positive, help="How long; until the program's end or Ctrl-C if left out."),
     ] = None,
     on_loss: Annotated[
         str, typer.Option(help="When a module drops out: stop all, or continue with the others.")
@@ -111,6 +115,8 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     if force is None:
         return lambda state: Demand()
     wrench = np.array(output.numbers(force))
+    if not np.isfinite(wrench).all():
+        raise typer.BadParameter(f"--force is {force}; give finite numbers, in N and N·m")
     if wrench.size not in (rig.dimension, rig.n):
         names = ", ".join(output.components(rig))
         raise typer.BadParameter(f"--force has {wrench.size} components; {rig.name} needs {rig.n}: {names}")

@@ -12,7 +12,7 @@ import typer
 from tensionlab import writing
 from tensionlab.cli import output
 from tensionlab.cli.ending import INTERRUPTED, say
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated, positive
 
 if TYPE_CHECKING:
     from tensionlab.experiments.scenarios import feel, play
@@ -29,7 +29,9 @@ def scenario(
     ],
     modules: Modules = None,
     solver: Solver = "newton",
-    seconds: Annotated[float | None, typer.Option(help="How much of it; all if left out.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(callback=positive, help="How much of it; all if left out.")
+    ] = None,
     osc: Annotated[
         int | None,
         typer.Option(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, reach_modules
+from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
 
 if TYPE_CHECKING:
     from tensionlab.haptics.scenarios import Scenario
@@ -41,9 +41,13 @@ def serve(
     solver: Solver = "newton",
     rate: Annotated[
         float | None,
-        typer.Option(help="Cycles a second.  [default: 50, or the scenario's]", show_default=False),
+        typer.Option(
+            callback=positive, help="Cycles a second.  [default: 50, or the scenario's]", show_default=False
+        ),
     ] = None,
-    seconds: Annotated[float | None, typer.Option(help="How long; until Ctrl-C if left out.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(callback=positive, help="How long; until Ctrl-C if left out.")
+    ] = None,
     host: Annotated[
         str, typer.Option(help=f"Where to listen; beyond this machine with a token only: {TOKEN} or --token-file.")
     ] = "127.0.0.1",
@@ -168,7 +172,7 @@ def _settings(played_one: Scenario | None, rate: float | None) -> RunSettings:
 
     if played_one is None:
         return RunSettings() if rate is None else RunSettings(rate=rate)
-    return RunSettings(rate=rate or played_one.rate, nearest=played_one.nearest)
+    return RunSettings(rate=played_one.rate if rate is None else rate, nearest=played_one.nearest)
 
 
 def _run(runner: Runner, seconds: float | None) -> bool:

@@ -158,6 +158,9 @@ def simulate(
             for index, (name, (module, settings_file)) in enumerate(simulated.items())
             if name in chosen
         ]
+        ports = opened.enter_context(ExitStack())
+        for opening in served:
+            ports.callback(opening.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         watchers = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
@@ -168,7 +171,7 @@ def simulate(
             watchers.append(opened.enter_context(Recording(record, chosen)).take)
         if modules is not None:
             writing.write_text(modules, text)
-
+        ports.pop_all()  # from here on, they are closed by serve
         ended = []
         for each in (signal.SIGINT, signal.SIGTERM):
             signal.signal(each, lambda number, _: ended.append(number))

@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli import output
+from tensionlab.writing import unwritable
 
 if TYPE_CHECKING:
     import xarray
@@ -104,7 +105,12 @@ def workspace(
     frames = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     asked = output.words(measures)
     asked = MEASURES if asked is None else asked
-    data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
+    try:
+        data = sweep(loaded, where, asked, frames=frames, out=out, scheduler=scheduler)
+    except OSError as error:  # as Zarr has it, without the name of a file
+        if out is None:
+            raise
+        raise unwritable(out, error) from None
     found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in asked]
     with output.Keeper(quiet=json) as keeper:
         if plot is not None:

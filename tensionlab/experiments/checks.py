@@ -7,12 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import allocate
+from tensionlab.haptics.brake_contact import ImpactCap
+from tensionlab.haptics.brakes import brake_strengths
 from tensionlab.model import directions
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import RANK_TOLERANCE, Floats, Status
 
 SLACK_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""
+
+
+HEAD_N = ImpactCap().force
+"""What all cables of a head may pull together, in N."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,14 @@ def _limits(rig: Rig) -> Finding:
     stuck = [module.name for module in rig.modules if module.lower == module.upper]
     if stuck:
         return Finding("limits", None, f"no choice of tension in {', '.join(stuck)}: lower equals upper")
-    return Finding("limits", True, f"{lower.min():g} N and more, {upper.max():g} N and less, room in all")
+    text = f"{lower.min():g} N and more, {upper.max():g} N and less, room in all"
+    most = float((upper + brake_strengths(rig)).sum())
+    if most > HEAD_N and any(module.brake for module in rig.modules):
+        text += (
+            f"; with brakes {most:g} N together, so not for a head, which may feel {HEAD_N:g} N: scenarios with a "
+            "head refuse this rig until breakaway links make `brake` less"
+        )
+    return Finding("limits", True, text)
 
 
 def _balance(structure: Floats, balanced: bool) -> Finding:

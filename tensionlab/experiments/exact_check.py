@@ -17,6 +17,7 @@ DIGITS = Context(prec=60)
 ROUNDING = Fraction(1, 10**6)
 """Share of a tolerance that its own computation in floating point may move."""
 ULP = Fraction(2) ** -52
+FARTHER = "NEAREST, and a nearer wrench may be feasible"
 SINGULAR = 1e-6
 """Least singular value over largest, below which the metric of the tension policy is not recomputed: its rank is a
 matter of rounding."""
@@ -79,10 +80,27 @@ def flaw(
         along, beyond = _moved(line, allowed * (1 - ROUNDING))
         if not (beyond < 0 and beyond < along):
             return "NEAREST without a scale, and one may be feasible"
-        d, length = error, _root(_dot(error, error))  # the nearest wrench has a proof of its own
-        reach = _support(W, d, a, b)
-    least = (_dot(d, w) - reach) / length
-    return None if _root(_dot(error, error)) - least <= near else "NEAREST, and a nearer wrench may be feasible"
+        # The nearest wrench has a proof of its own, the error without what free cables could still render of it.
+        own = [error, _cleaned(structure, tensions, limits, error)]
+        return None if any(_nearest(W, x, a, b, w, error) <= near for x in own) else FARTHER
+    return None if _nearest(W, d, a, b, w, error) <= near else FARTHER
+
+
+def _nearest(W: Matrix, d: Exact, a: Exact, b: Exact, w: Exact, error: Exact) -> Fraction:
+    """By how much may another wrench be nearer, as d shows."""
+    length = _root(_dot(d, d))
+    if not length:
+        return Fraction(10**100)
+    return _root(_dot(error, error)) - (_dot(d, w) - _support(W, d, a, b)) / length
+
+
+def _cleaned(structure: Floats, tensions: Floats, limits: tuple[Floats, Floats], error: Exact) -> Exact:
+    play = 1e-6 * np.abs(tensions).max()
+    free = structure[:, (tensions - limits[0] > play) & (limits[1] - tensions > play)]
+    d = np.array([float(x) for x in error])
+    for _ in range(2):
+        d -= free @ np.linalg.lstsq(free, d, rcond=1e-8)[0]
+    return _exact(d)
 
 
 def _tension_flaw(
@@ -115,8 +133,9 @@ def _direction_flaw(
     off = [x - scale * y for x, y in zip(rendered, w, strict=True)]
     if _root(_dot(off, off)) > max(near, allowed * (1 + ROUNDING) if share else near):
         return "NEAREST, and the direction is not kept"
-    along, reach = _moved(line, share * allowed * (1 - ROUNDING))
-    if (scale + near / length) * along >= reach:
+    along, reach = _moved(line, share * allowed * Fraction(98, 100) * (1 - ROUNDING))
+    more = scale + (near + _root(_dot(off, off)) * line[0] / length) / length
+    if more * along >= reach * (1 - ROUNDING):
         return None
     return "NEAREST, and more of the direction may be feasible"
 
@@ -126,7 +145,12 @@ def _exact(numbers: Floats) -> Exact:
 
 
 def _dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
-    return sum((p * q for p, q in zip(x, y, strict=True)), Fraction(0))
+    terms = [(p.numerator * q.numerator, p.denominator * q.denominator) for p, q in zip(x, y, strict=True)]
+    common = max((below for _, below in terms), default=1)
+    if any(common % below for _, below in terms):
+        return sum((Fraction(*term) for term in terms), Fraction(0))
+    # Denominators of floats are powers of two: one fraction is made at the end, not one for each term.
+    return Fraction(sum(above * (common // below) for above, below in terms), common)
 
 
 def _support(W: Matrix, d: Exact, lower: Exact, upper: Exact) -> Fraction:
@@ -146,7 +170,7 @@ def _root(square: Fraction) -> Fraction:
 
 
 def _solved(matrix: Matrix, right: Exact) -> Exact:
-    """X from ``matrix x = right``, by elimination; the matrix is positive definite."""
+    """Solution of ``matrix x = right``, by elimination; the matrix is positive definite."""
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
     for k, pivot in enumerate(rows):
         for row in rows[k + 1 :]:

@@ -77,9 +77,11 @@ def lineup(
     if nearest is not None and nearest not in POLICIES:
         raise ValueError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")
     every = every_solver() if solvers is None else _house()
+    if isinstance(solvers, str):
+        raise ValueError(f"solvers is {solvers!r}; give a list of names, such as [{solvers!r}]")
     names = list(every) if solvers is None else list(dict.fromkeys(solvers))
     if not names:
-        raise ValueError(f"no solver asked for; choose of {', '.join(every)}")
+        raise ValueError("no solver is named; leave the option out for all, or see `tensionlab solvers`")
     runs: list[Run] = []
     missing: dict[str, str] = {}
     for name in names:

@@ -280,7 +280,7 @@ def campaign(count: int, seed: int = 0, processes: int = 1) -> Iterator[Outcome]
 
 
 def main() -> None:
-    """Play a campaign from the command line; exit status 1 if a fault is missed, or noticed where there is none."""
+    """Play a campaign from the command line; exit status 1 if a fault is missed, or seen where there is none."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)

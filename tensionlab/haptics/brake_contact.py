@@ -77,9 +77,9 @@ class ImpactCap:
     """How hard may a body be stopped?
 
     A body of mass m, stopped by a cable of stiffness k, feels at most ``v sqrt(k m)``. That is the impact: who
-    goes on pushing is held with all that the brakes bear, and the host does not see it. So links that break away
-    below the cap are part of it; without them, 23 of 1,000 random heads felt more
-    (`tensionlab.experiments.scenarios.impacts`, ``--strength 186``).
+    goes on pushing is held with all that the brakes bear, and no sensor tells the host how much that is. So links
+    that break away below the cap are part of it: without them, 23 of 1,000 random heads felt more. A scenario
+    refuses a rig whose motors and brakes could together pull harder than its cap.
 
     Attributes
     ----------

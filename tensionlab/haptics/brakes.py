@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
+from tensionlab.arrays import as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brake_cones import Flags
 from tensionlab.model import pose
@@ -160,7 +161,7 @@ def choose_locks(
         raise ShapeError("normal is not a unit vector; divide it by its length")
     push = np.asarray(pushing, np.bool_)
     now = np.zeros(m, np.bool_) if held is None else np.asarray(held, np.bool_)
-    stiff = np.asarray(math.inf if crowding is None else crowding, np.float64)
+    stiff = as_floats("crowding", math.inf if crowding is None else crowding)
     if now.shape[-1:] != (m,):
         raise ShapeError(f"held has shape {now.shape}; give one bool for each of {m} cables")
     shape = pose.common_shape(

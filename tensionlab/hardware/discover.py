@@ -13,7 +13,7 @@ from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.claims import holder
 from tensionlab.hardware.link import SerialPort, serial_ports
 from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.protocol import Hello, Info
+from tensionlab.hardware.protocol import Hello, Info, printable
 
 BRIDGES = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
 """Makers of the chips by which an ESP32 hangs on USB."""
@@ -57,7 +57,7 @@ def ports(*, everything: bool = False) -> dict[str, str]:
     everything : bool
         Whether to take all serial ports, and not only those that look like a module's.
     """
-    found = {port.url: port.about for port in serial_ports() if everything or looks_like_ours(port)}
+    found = {port.url: printable(port.about) for port in serial_ports() if everything or looks_like_ours(port)}
     return {**found, **paired()}
 
 
@@ -76,7 +76,7 @@ def paired() -> dict[str, str]:
             ["bluetoothctl", "devices", "Paired"], capture_output=True, text=True, timeout=5.0, check=True
         ).stdout
         devices = re.findall(rf"Device ((?:[0-9A-F]{{2}}:){{5}}[0-9A-F]{{2}}) ({NAME}\S*)", told)
-        return {f"bt://{address}/1": name for address, name in devices}
+        return {f"bt://{address}/1": printable(name) for address, name in devices}
     return {}
 
 

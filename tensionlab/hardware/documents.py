@@ -16,7 +16,7 @@ from typing import get_type_hints
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware import codes
-from tensionlab.hardware.frames import crc16
+from tensionlab.hardware.frames import CHECKSUM, DELIMITER, checksum, crc16
 from tensionlab.hardware.meanings import EVENTS, MEANINGS, PARAMETER_MEANINGS
 from tensionlab.hardware.protocol import MESSAGES, Message, SetTension
 from tensionlab.hardware.simulated import PARAMETERS, PLANT, TRANSITIONS
@@ -74,15 +74,18 @@ def example() -> str:
     command, sequence = SetTension(session=0x1234, tension=3.0, ttl_ms=250), 7
     frame = command.frame(sequence)
     body = bytes([frame.type, frame.sequence]) + frame.payload
-    crc = crc16(body)
+    packed = frame.pack()
+    stuffed = packed[: -CHECKSUM - len(DELIMITER)]
+    crc = crc16(stuffed)
     rows = [
         ("type, sequence number", spaced(body[:2])),
         ("session 0x1234", spaced(body[2:4])),
         ("tension 3.0", spaced(body[4:8])),
         ("brake 0", spaced(body[8:9])),
         ("ttl_ms 250", spaced(body[9:])),
-        (f"CRC of these, 0x{crc:04X}", spaced(crc.to_bytes(2, "little"))),
-        ("stuffed, and the zero", spaced(frame.pack())),
+        ("stuffed, upper bits set", spaced(stuffed)),
+        (f"CRC 0x{crc:04X}: {crc >> 9:07b} {crc >> 2 & 0x7F:07b} {crc & 3:02b}", spaced(checksum(stuffed))),
+        ("on the wire", spaced(packed)),
     ]
     return table(("Part", "Bytes"), rows)
 
@@ -138,7 +141,7 @@ def drawing() -> str:
 def figures() -> str:
     """What did `firmware/check.py --write` measure?"""
     measured = json.loads((FOLDER / "figures.json").read_text())
-    arm, hub, esp32 = measured["arm"], measured["hub"], measured["esp32"]
+    arm, hub, esp32, flips = (measured[name] for name in ("arm", "hub", "esp32", "flips"))
     rows = (
         ("Core, Cortex-M4F, -Os: text", f"{arm['text_bytes']} bytes; below 16384 is required"),
         (
@@ -155,6 +158,10 @@ def figures() -> str:
         (
             "Exact solver, ESP32",
             f"{esp32['hub_instructions']} instructions; calls {', '.join(esp32['hub_calls'])}",
+        ),
+        (
+            "One and two bits flipped, frames of all lengths",
+            f"{flips['flips']:,} flips, {flips['passed']} passed; in protocol 1, {flips['passed_protocol_1']} did",
         ),
         ("Fuzzing under sanitizers", f"{measured['fuzzing']['chunks']:,} chunks of bytes, no finding"),
     )

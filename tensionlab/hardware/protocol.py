@@ -102,6 +102,11 @@ class Message:
         return Frame(self.type, sequence, self.pack())
 
 
+def printable(text: str) -> str:
+    """Replace what no terminal should be sent in what a device says."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
+
+
 def read(frame: Frame) -> Message:
     """What does the frame say? An unknown type, or a payload that does not fit it, is a `ProtocolError`."""
     if frame.type not in MESSAGES:
@@ -318,5 +323,4 @@ class Log(Message, type=Type.LOG):
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
         """Read a payload. What no terminal should be sent is replaced."""
-        text = payload.decode("ascii", "replace")
-        return cls("".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text))
+        return cls(printable(payload.decode("ascii", "replace")))

@@ -30,6 +30,7 @@ from tensionlab.hardware.run.released import ReleasedModules
 from tensionlab.hardware.run.roll import Roll
 from tensionlab.hardware.run.set_point_delays import SetPointDelays
 from tensionlab.hardware.run.settings import RunSettings
+from tensionlab.hardware.run.settling import reel_in
 from tensionlab.hardware.run.statistics import Statistics
 from tensionlab.hardware.run.watchdog import Watchdog
 from tensionlab.model.rig import Rig
@@ -46,12 +47,6 @@ WARM_UP_S = 30.0
 """How long a solver may take for its first answer, in s, while no module is armed: some import a lot for it."""
 HUNG_S = 0.5
 """A cycle that takes as long, in s, and no less than set-points live, has hung."""
-SETTLED_CYCLES = 3
-"""Lengths must fit a pose, and speeds a motion, for so many cycles before the run begins."""
-SETTLE_S = 4.0
-"""How long slack cables may take to be reeled in, in s."""
-REEL_IN_S = 0.5
-"""How long they take at least, in s, where any lengths fit a pose: no more cables than unknowns."""
 MISFIT_S = 0.25
 """How long lengths may fit no pose in a run, in s: a cable may be slack for a moment."""
 SWITCH = 5e-4
@@ -202,6 +197,7 @@ class Runner:
         home = self.rig.structure_matrix(self.rig.home, frames=self.rig.at_rest)
         self._allocator(home, np.zeros(self.rig.n), self._roll.active)
         self._rest()
+        self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
         self.modules.arm(self.rig.limits.lower)
         self._note("armed", f"{self.rig.m} modules")
@@ -210,21 +206,14 @@ class Runner:
 
     def _settle(self, tracker: PoseTracker) -> None:
         """Reel in slack cables, with the least tensions, until their lengths fit a pose."""
-        began, settled = self._clock.now(), 0
-        least = REEL_IN_S if self.rig.m == self.rig.n else 0.0
-        while settled < SETTLED_CYCLES or self._clock.now() - began < least:
+
+        def cycle() -> Observation:
             self._clock.wait_until(self._clock.now() + 1.0 / self.settings.rate)
             seen, _ = self._look()
             self._send(self.rig.limits.lower, Demand())
-            tracker.search(at_one_time(seen.lengths, seen.speeds, seen.ages), self._roll.active)
-            taut = tracker.fits and tracker.moves_as_one(seen.speeds, self._roll.active)
-            settled = settled + 1 if taut else 0
-            if self._clock.now() - began > SETTLE_S:
-                tracker.require_fit(
-                    "all cables are taut, so calibrate the lengths (`tensionlab module calibrate lengths`), and "
-                    "start near the rig's home"
-                )
-                break  # only the speeds do not fit: a hand that shakes, behind links that are late
+            return seen
+
+        reel_in(tracker, cycle, self._roll.active, self._clock, redundant=self.rig.m > self.rig.n)
         self._fitted_at = self._clock.now()
 
     def _render(self, seconds: float | None) -> str:

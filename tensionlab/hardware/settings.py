@@ -112,7 +112,11 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
     for name, value in values.items():
         if name not in PARAMETERS:
             close = difflib.get_close_matches(name, PARAMETERS)
-            advice = f"is it {' or '.join(close)}?" if close else "`tensionlab module config get` shows all"
+            advice = (
+                f"is it {' or '.join(close)}?"
+                if close
+                else "`tensionlab module config get MODULE` shows those that they have"
+            )
             raise HardwareError(f'{origin}: modules have no parameter "{name:.40}"; {advice}')
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")

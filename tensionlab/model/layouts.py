@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import as_floats
 from tensionlab.errors import RigError
 from tensionlab.model.kinematics import Floats
 from tensionlab.model.module import Module
@@ -95,7 +96,7 @@ def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMIT
 
 def _corners(size: Sequence[float]) -> dict[str, Floats]:
     """Name the corners of a box by their signs, as in "x- y+ z+"."""
-    edges = np.asarray(size, dtype=np.float64)
+    edges = as_floats("box corners: size", size)
     if edges.shape != (3,) or not (np.isfinite(edges) & (edges > 0)).all():
         raise RigError(f"box corners: size is {size!r}; give three finite lengths in m, above zero")
     signs = product((-1, 1), repeat=3)
@@ -108,4 +109,4 @@ def _corners(size: Sequence[float]) -> dict[str, Floats]:
 def _rig(name: str, places: dict[str, Floats], home: ArrayLike, limits: tuple[float, float]) -> Rig:
     lower, upper = limits
     modules = tuple(Module(name=key, anchor=anchor, lower=lower, upper=upper) for key, anchor in places.items())
-    return Rig(name=name, kind="point", modules=modules, home=np.asarray(home, dtype=np.float64), up="y")
+    return Rig(name=name, kind="point", modules=modules, home=as_floats("home", home), up="y")

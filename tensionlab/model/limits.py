@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import as_floats
 from tensionlab.errors import ShapeError
 
 
@@ -31,7 +32,9 @@ class TensionLimits:
     upper: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        lower, upper = np.array(self.lower, dtype=np.float64), np.array(self.upper, dtype=np.float64)
+        lower, upper = (
+            as_floats(f"tension limits: {name}", getattr(self, name)).copy() for name in ("lower", "upper")
+        )
         if lower.ndim != 1 or lower.shape != upper.shape:
             raise ShapeError(
                 f"tension limits: lower has shape {lower.shape} and upper {upper.shape}; "

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.errors import RigError
+from tensionlab.arrays import as_floats
+from tensionlab.errors import RigError, ShapeError
 from tensionlab.model.kinematics import Floats
 from tensionlab.reading import brief
 
@@ -177,7 +178,10 @@ class Platform:
         if self.com is not None:
             object.__setattr__(self, "com", vector(self.com, "[platform]", "com"))
         if self.inertia is not None:
-            inertia = np.array(self.inertia, dtype=np.float64)
+            try:
+                inertia = as_floats("inertia", self.inertia).copy()
+            except ShapeError as error:
+                raise RigError(f'[platform]: key "inertia": {error}') from None
             if inertia.size and np.abs(inertia).max() > MAX_MASS * MAX_LENGTH**2:
                 raise RigError('[platform]: key "inertia" has an entry that no body has; correct it (kg·m²)')
             square = inertia.ndim == 2 and inertia.shape[0] == inertia.shape[1]
@@ -221,7 +225,7 @@ def require_name(value: object, where: str, key: str, remedy: str) -> None:
 def vector(values: ArrayLike, where: str, key: str) -> Floats:
     """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
     try:
-        point = np.array(values, dtype=np.float64)
+        point = as_floats(key, values).copy()
     except (TypeError, ValueError):
         raise RigError(f'{where}: key "{key}" is {brief(values)}; give a list of coordinates in m') from None
     if point.ndim != 1 or not np.isfinite(point).all():

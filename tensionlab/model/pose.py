@@ -8,6 +8,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab.arrays import as_floats
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
 from tensionlab.model.kinematics import Floats
@@ -158,10 +159,7 @@ def rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
 
 def numbers(values: ArrayLike, what: str) -> Floats:
     """Turn anything into a float array, or name the first entry that is not a finite number."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{what} is not an array of numbers: {values!r}") from None
+    array = as_floats(what, values)
     bad = ~np.isfinite(array)
     if bad.any():
         raise ShapeError(f"{what}{first(bad)} is {array[bad].flat[0]}; every entry must be finite")

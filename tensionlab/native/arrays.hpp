@@ -1,4 +1,5 @@
-// NumPy arrays in and out of the kernels. The Python callers have checked shapes and entries.
+// NumPy arrays in and out of the kernels. The Python callers have checked entries, and shapes in words of their
+// own; here shapes are checked again, because a kernel that reads beyond an array says nothing.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -37,6 +38,34 @@ Out<T, 2> table_of(T* data, std::size_t rows, std::size_t columns) {
   return Out<T, 2>(data, {rows, columns}, owner(data));
 }
 
+inline void require(bool right, const char* otherwise) {
+  if (!right) throw std::invalid_argument(otherwise);
+}
+
+// Whether an array has these lengths.
+template <class Array, class... Lengths>
+bool has_shape(const Array& array, Lengths... lengths) {
+  const std::size_t wanted[] = {static_cast<std::size_t>(lengths)...};
+  if (array.ndim() != sizeof...(lengths)) return false;
+  for (std::size_t axis = 0; axis < array.ndim(); ++axis) {
+    if (array.shape(axis) != wanted[axis]) return false;
+  }
+  return true;
+}
+
+// The numbers of a vector, one after another.
+template <class Array>
+const double* contiguous(const Array& vector) {
+  require(vector.size() < 2 || vector.stride(0) == 1, "a vector must be contiguous; copy it first");
+  return vector.data();
+}
+
+inline void require_size(std::size_t n, std::size_t m) {
+  require(n >= 1 && n <= static_cast<std::size_t>(kMaxComponents) && m >= 1 &&
+              m <= static_cast<std::size_t>(kMaxCables),
+          "a problem has 1 to 6 wrench components and 1 to 32 cables");
+}
+
 template <class Array>
 Rows rows_of(const Array& array) {
   std::size_t inner = 1;
@@ -50,19 +79,13 @@ Rows rows_of(const Array& array) {
 
 inline Batch batch_of(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
                       const In<2>& reference, const In<1>& weights) {
-  Batch batch{structure.shape(0),
-              static_cast<int>(structure.shape(1)),
-              static_cast<int>(structure.shape(2)),
-              rows_of(structure),
-              rows_of(wrench),
-              rows_of(lower),
-              rows_of(upper),
-              rows_of(reference),
-              weights.data()};
-  if (batch.n < 1 || batch.n > kMaxComponents || batch.m < 1 || batch.m > kMaxCables) {
-    throw std::invalid_argument("at most 6 wrench components and 32 cables");
-  }
-  return batch;
+  const std::size_t size = structure.shape(0), n = structure.shape(1), m = structure.shape(2);
+  require_size(n, m);
+  require(has_shape(wrench, size, n) && has_shape(lower, size, m) && has_shape(upper, size, m) &&
+              has_shape(reference, size, m) && has_shape(weights, n),
+          "wrench, limits, reference and weights do not fit the structure matrices");
+  return {size,           static_cast<int>(n), static_cast<int>(m), rows_of(structure), rows_of(wrench),
+          rows_of(lower), rows_of(upper),      rows_of(reference),  contiguous(weights)};
 }
 
 }  // namespace tensionlab

@@ -44,8 +44,8 @@ bool allocate_rows(const Batch& batch, const Settings& settings, std::size_t beg
       !rows_within(batch.wrench, n, begin, end, settings.largest)) {
     return false;
   }
-  newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, settings.tolerance, begin,
-                              end, answer);
+  newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, settings.tolerance, begin, end,
+                              answer);
   judge_for_this_processor()(batch, settings.judge(), begin, end, findings);
   return true;
 }
@@ -55,6 +55,7 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
                           const In<2>& reference, const In<1>& weights, int policy, double largest,
                           double tolerance, double rank_tolerance) {
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
+  require(policy >= 0 && policy < kPolicies, "no such policy");
   const Settings settings{static_cast<Policy>(policy), largest, tolerance, rank_tolerance};
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
   std::atomic<bool> flawed{false}, strange{false};
@@ -93,9 +94,10 @@ class Single {
         reference_(copy(reference)),
         weights_(copy(weights)),
         settings_{static_cast<Policy>(policy), largest, tolerance, rank_tolerance} {
-    if (lower_.size() > kMaxCables || weights_.size() > kMaxComponents) {
-      throw std::invalid_argument("at most 6 wrench components and 32 cables");
-    }
+    require_size(weights_.size(), lower_.size());
+    require(upper_.size() == lower_.size() && reference_.size() == lower_.size(),
+            "limits and reference have not the same length");
+    require(policy >= 0 && policy < kPolicies, "no such policy");
   }
 
   // numbers: tensions (m), rendered wrench (n), separation (n), residual, scale. Returns status and iterations;
@@ -106,8 +108,9 @@ class Single {
     nb::ndarray<const double, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu> matrix;
     nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu> vector;
     if (!nb::try_cast(structure, matrix, false) || !nb::try_cast(wrench, vector, false)) return nb::none();
+    if (!matrix.is_valid() || !vector.is_valid()) return nb::none();  // of None
     if (matrix.shape(0) != n || matrix.shape(1) != m || vector.shape(0) != n) return nb::none();
-    if (numbers.size() != m + 2 * n + 2) throw std::invalid_argument("numbers has the wrong size");
+    require(numbers.size() == m + 2 * n + 2, "numbers has the wrong size");
     const Batch batch{1,
                       static_cast<int>(n),
                       static_cast<int>(m),

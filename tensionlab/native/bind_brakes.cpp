@@ -16,10 +16,11 @@ nb::tuple choose_locks(const Numbers<3>& structure, const Numbers<2>& normal, co
                        const Numbers<2>& limits, const Flags<1>& brake, double margin, int most, double price,
                        double hysteresis, double negligible, double rank_tolerance) {
   const std::size_t size = structure.shape(0), m = structure.shape(2);
-  if (structure.shape(1) > kMaxComponents || m < 1 || m > kMaxCables || limits.shape(0) != 3 ||
-      limits.shape(1) != m || held.shape(1) != m || brake.shape(0) != m || normal.shape(1) != structure.shape(1)) {
-    throw std::invalid_argument("at most 6 force components and 32 cables, with three limits and a brake each");
-  }
+  require_size(structure.shape(1), m);
+  require(has_shape(normal, size, structure.shape(1)) && has_shape(force, size) && has_shape(pushing, size) &&
+              has_shape(crowding, size) && has_shape(held, size, m) && has_shape(limits, 3, m) &&
+              has_shape(brake, m),
+          "normals, forces, flags, limits and brakes do not fit the structure matrices");
   const double ones[kMaxComponents] = {1, 1, 1, 1, 1, 1};
   const Rows lower{limits.data(), 0}, upper{limits.data() + m, 0};
   const Batch motors{size,

@@ -9,12 +9,15 @@ namespace {
 nb::tuple closest_pair(const In<4>& segments, nb::ndarray<const std::int64_t, nb::ndim<2>, nb::c_contig> pairs,
                        const In<1>& radius) {
   const std::size_t size = segments.shape(0);
-  if (segments.shape(1) > kMaxSegments || segments.shape(2) != 2 || segments.shape(3) != 3 ||
-      radius.shape(0) != segments.shape(1)) {
-    throw std::invalid_argument("segments must be (B, at most 64, 2, 3), with one radius each");
+  const std::size_t count = segments.shape(1);
+  require(count <= kMaxSegments && has_shape(segments, size, count, 2, 3) && has_shape(radius, count),
+          "segments must be (B, at most 64, 2, 3), with one radius each");
+  require(has_shape(pairs, pairs.shape(0), 2), "pairs must be (any number, 2)");
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    require(pairs.data()[i] >= 0 && pairs.data()[i] < static_cast<std::int64_t>(count), "a pair of no segments");
   }
   const Segments all{rows_of(segments), static_cast<int>(segments.shape(1)), static_cast<int>(pairs.shape(0)),
-                     pairs.data(), radius.data()};
+                     pairs.data(), contiguous(radius)};
   auto* distance = allocate<double>(size);
   auto* closest = allocate<std::int64_t>(size);
   {

@@ -46,6 +46,7 @@ Out<double, 2> solve_batch(const Batch& batch, const Solve& solve) {
 nb::tuple polygon(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
                   const In<2>& reference, const In<1>& weights, int goal, double rank_tolerance) {
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
+  require(goal >= 0 && goal <= static_cast<int>(Goal::least_squares), "no such goal");
   auto* redundancy = allocate<std::int64_t>(batch.size);
   auto* iterations = allocate<std::int64_t>(batch.size);
   const auto tensions = solve_batch(batch, [&](std::size_t row, const auto& loose, double* chosen) {

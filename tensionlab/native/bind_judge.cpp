@@ -15,6 +15,9 @@ nb::tuple judge_answers(const In<3>& structure, const In<2>& wrench, const In<2>
                         double rank_tolerance) {
   const Batch batch = batch_of(structure, wrench, lower, upper, lower, weights);
   const auto n = static_cast<std::size_t>(batch.n);
+  require(has_shape(tensions, batch.size, batch.m) && has_shape(separation, batch.size, n),
+          "tensions and separation do not fit the structure matrices");
+  require(rule >= 0 && rule <= static_cast<int>(Rule::direction), "no such rule");
   std::atomic<bool> flawed{false};
   const Findings findings{tensions.data(),
                           separation.data(),

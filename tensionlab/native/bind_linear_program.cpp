@@ -30,10 +30,11 @@ nb::tuple tightened_limits(const In<3>& structure, const In<2>& wrench, const In
   static constexpr decltype(&tighten<1>) kTighten[] = {tighten<1>, tighten<2>, tighten<3>, tighten<4>,
                                                        tighten<5>, tighten<6>, tighten<7>};
   const Batch batch = batch_of(structure, wrench, lower, upper, lower, weights);
+  require(program >= 0 && program <= static_cast<int>(Program::safe), "no such program");
+  const auto chosen = static_cast<Program>(program);
   const auto m = static_cast<std::size_t>(batch.m);
   const TightLimits out{allocate<double>(batch.size * m), allocate<double>(batch.size * m),
                         allocate<std::int64_t>(batch.size)};
-  const auto chosen = static_cast<Program>(program);
   {
     nb::gil_scoped_release unlocked;
     share_out(batch.size, [&](std::size_t begin, std::size_t end) {

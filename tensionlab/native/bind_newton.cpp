@@ -10,6 +10,7 @@ nb::tuple newton_tensions(const In<3>& structure, const In<2>& wrench, const In<
                           const In<2>& reference, const In<1>& weights, int policy, double rank_tolerance,
                           double tolerance) {
   const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
+  require(policy >= 0 && policy < kPolicies, "no such policy");
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
   const NewtonAnswer answer{allocate<double>(batch.size * m), allocate<double>(batch.size * n),
                             allocate<std::int64_t>(batch.size)};

@@ -17,7 +17,7 @@ std::vector<double> copied(const Array& array) {
 
 void require_size(const PoseTracker& tracker, std::size_t lengths, std::size_t known) {
   const auto m = static_cast<std::size_t>(tracker.cables());
-  if (lengths != m || known != m) throw std::invalid_argument("one entry for each cable");
+  require(lengths == m && known == m, "one entry for each cable");
 }
 
 Out<double, 1> one_row(const double* from, std::size_t size) {
@@ -62,6 +62,9 @@ void bind_pose_tracker(nb::module_& module) {
   nb::class_<PoseTracker>(module, "PoseTracker")
       .def("__init__",
            [](PoseTracker* self, const Table& anchors, const Table& attachments, const Lengths& position) {
+             const std::size_t m = anchors.shape(0), d = position.size();
+             require(m > 0 && (d == 2 || d == 3) && has_shape(anchors, m, d) && has_shape(attachments, m, d),
+                     "anchors and attachments must be (m, d), and position (d), with d = 2 or 3");
              new (self) PoseTracker(copied(anchors), copied(attachments), copied(position));
            })
       .def("follow", &follow)

@@ -7,6 +7,9 @@ namespace tensionlab {
 namespace {
 
 Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
+  const std::size_t size = structure.shape(0), m = structure.shape(2);
+  require_size(structure.shape(1), m);
+  require(has_shape(lower, size, m) && has_shape(upper, size, m), "limits do not fit the structure matrices");
   const Poses poses{structure.shape(0),
                     static_cast<int>(structure.shape(1)),
                     static_cast<int>(structure.shape(2)),
@@ -14,10 +17,14 @@ Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, d
                     rows_of(lower),
                     rows_of(upper),
                     rank_tolerance};
-  if (poses.n < 1 || poses.n > kMaxComponents || poses.m < 1 || poses.m > kMaxCables) {
-    throw std::invalid_argument("at most 6 wrench components and 32 cables");
-  }
   return poses;
+}
+
+// Wrenches (B, any number, n).
+Wrenches wrenches_of(const Poses& poses, const In<3>& wrenches) {
+  require(has_shape(wrenches, poses.size, wrenches.shape(1), poses.n),
+          "wrenches do not fit the structure matrices");
+  return {rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
 }
 
 // measure(begin, end, found) over all poses.
@@ -34,7 +41,7 @@ Out<double, 1> measured(const Poses& poses, const Measure& measure) {
 Out<double, 1> margins(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
                        double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const Wrenches required{rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+  const Wrenches required = wrenches_of(poses, wrenches);
   const auto kernel = capacity_margin_for_this_processor();
   return measured(poses, [&](std::size_t begin, std::size_t end, double* margin) {
     kernel(poses, required, begin, end, margin);
@@ -51,6 +58,7 @@ Out<double, 1> factors(const In<3>& structure, const In<2>& lower, const In<2>& 
 Out<double, 1> forces(const In<3>& structure, const In<2>& lower, const In<2>& upper, int dimension,
                       double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  require(dimension >= 1 && dimension <= poses.n, "no such dimension");
   const auto kernel = isotropic_force_for_this_processor();
   return measured(poses, [&](std::size_t begin, std::size_t end, double* force) {
     kernel(poses, dimension, begin, end, force);
@@ -60,7 +68,7 @@ Out<double, 1> forces(const In<3>& structure, const In<2>& lower, const In<2>& u
 Out<double, 1> shares(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
                       double tolerance, double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const Wrenches wanted{rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+  const Wrenches wanted = wrenches_of(poses, wrenches);
   const auto kernel = reachable_share_for_this_processor();
   return measured(poses, [&](std::size_t begin, std::size_t end, double* share) {
     kernel(poses, wanted, tolerance, begin, end, share);
@@ -70,7 +78,7 @@ Out<double, 1> shares(const In<3>& structure, const In<2>& lower, const In<2>& u
 nb::tuple active_facets(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
                         double rank_tolerance) {
   const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
-  const Wrenches required{rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+  const Wrenches required = wrenches_of(poses, wrenches);
   const auto n = static_cast<std::size_t>(poses.n), m = static_cast<std::size_t>(poses.m);
   const Active active{allocate<double>(poses.size), allocate<double>(poses.size * n),
                       allocate<std::int64_t>(poses.size), allocate<double>(poses.size * m)};

@@ -63,8 +63,9 @@ class DualStep {
  private:
   static constexpr Real kUlp = std::numeric_limits<Real>::epsilon();
   static constexpr bool kDouble = kUlp < Real(1e-10);
-  // Error of a rendered wrench, against wrench and tensions.
-  static constexpr Real kConverged = (kDouble ? 4096 : 64) * kUlp;
+  // Error of a rendered wrench, against wrench and tensions. One that is only close gets one more step: where W is
+  // nearly singular, what is missing of the wrench makes much more of the tensions.
+  static constexpr Real kClose = (kDouble ? 4096 : 64) * kUlp, kConverged = 64 * kUlp;
   // Least pivots of the factorisation, against the diagonal of W W': at first, what a step leaves of them, and to
   // finish with. While the free set is still being found, large ones keep steps short; proximal steps need none.
   // Cables to spare make it likelier that too few of them are free for a while.
@@ -94,6 +95,7 @@ class DualStep {
       path_[k] = fresh ? zero : path_[k];
       last_[k] = fresh ? zero : last_[k];
     }
+    close_ = fresh ? zero : close_;
     proximal_ = fresh ? (nearest ? kProximal * problem_.gain * problem_.gain : zero) : proximal_;
     looseness_ = fresh ? zero + (problem_.m < 2 * N ? kLoose : kLooser) : looseness_;
     unseen_ = fresh ? (nearest ? one : zero + Real(2)) : unseen_;
@@ -161,7 +163,9 @@ class DualStep {
     // What rounding leaves of a wrench: the multiplier of an unreachable one grows with every step.
     const V noise = 4 * kUlp * (size_ + problem_.gain * problem_.gain * furthest);
     const V root = kRoot * first_slope_ + noise * norm;
-    converged = (error <= kConverged * size_) & (unseen_ <= one) ? one : zero;
+    const auto close = (error <= kClose * size_) & (unseen_ <= one);
+    converged = close & ((error <= kConverged * size_) | (close_ > zero)) ? one : zero;
+    close_ = close ? one : zero;
     const auto maximal = (proximal_ > zero) & (steepest <= 4 * noise);
     // The dual is never above the cost of tensions that render w: where few cost more, its multiplier may
     // separate.
@@ -170,7 +174,7 @@ class DualStep {
     const auto lost = doubtful & (outside > zero);
     // Before the root of the slope the dual has grown; beyond it that must be seen.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
-    const V take = (unseen_ > zero) | maximal | flat | lost | (magnitude(slope) <= root) ? one : zero;
+    const V take = (unseen_ > zero) | maximal | flat | lost | close | (magnitude(slope) <= root) ? one : zero;
 
     separated = lost ? one : zero;
     settled = zero;
@@ -181,7 +185,7 @@ class DualStep {
     if (any(maximal)) recentre(residual, gradient, maximal, noise, error);
     found = converged + separated + settled;
 
-    looseness_ = proximal_ > zero ? zero + kSafe : looseness_;
+    looseness_ = (proximal_ > zero) | close ? zero + kSafe : looseness_;
     const auto taken = take > zero;
     const auto judged = taken & (unseen_ == zero);
     const V least = zero + kTight;
@@ -262,6 +266,7 @@ class DualStep {
   SideBySide<Real, L, N, M> problem_;
   V least_size_ = {}, wanted_[M] = {};
   V path_[N] = {}, trial_[N] = {}, centre_[N] = {}, last_[N] = {};
+  V close_ = {};  // whether the trial before was close
   V first_slope_ = {}, proximal_ = {}, looseness_ = {}, size_ = {};
   V value_ = {}, last_value_ = {};  // of the dual
   V unseen_ = {};                   // trials to take whatever their slope; above 1, without limits too

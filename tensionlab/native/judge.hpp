@@ -319,7 +319,8 @@ class Judge {
       double force[N] = {};
       return nearest_force(problem, tensions, error, tolerance, force);
     }
-    const auto most = line.moved_as_allowed(allowed, length);
+    constexpr double kEnough = 0.98;  // of what is allowed
+    const auto most = line.moved_as_allowed(kEnough * allowed, length);
     if (!(most.along > 0)) return false;
     const double scale = dot(rendered, problem.wrench) / (length * length);
     double off = 0;
@@ -328,8 +329,10 @@ class Judge {
       off += miss * miss;
     }
     const double near = tolerance_ * larger(1.0, std::sqrt(dot(rendered, rendered)));
-    const double aside = most.reach > line.reach ? larger(near, allowed) : near;
-    if ((most.largest() - scale) * length > near || std::sqrt(off) > aside || scale * length < -near) return false;
+    off = std::sqrt(off);
+    if (off > (most.reach > line.reach ? larger(near, allowed) : near) || scale * length < -near) return false;
+    // The wrench nearest to s w is a little shorter along w than s w is.
+    if ((most.largest() - scale) * length > near + off * line.along / length) return false;
     finding->scale = scale < 0 ? 0 : scale;
     return true;
   }

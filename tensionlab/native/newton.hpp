@@ -74,6 +74,9 @@ class Newton {
   // Whether lane l is done with a direction that separates its wrench, and no more.
   bool aside(int l) const { return control_[l].stage == Stage::aside; }
 
+  // Whether the tensions of lane l took more than Newton steps for its wrench as given.
+  bool astray(int l) const { return control_[l].astray; }
+
   // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
   int store(int l, Real* tensions, Real* separation) const {
     const Control& control = control_[l];

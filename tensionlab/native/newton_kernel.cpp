@@ -33,6 +33,7 @@ class NewtonBatch {
     for (; begin < end; begin += kChunk) {
       refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
         answer_.iterations[row] = block.store(l, tensions(row), separation(row));
+        if (policy_ == Policy::direction && block.astray(l)) give_up(row);
         if (!block.aside(l)) return;
         aside_[waiting_++] = row;
         if (waiting_ == kLanes) seek(face);
@@ -86,6 +87,52 @@ class NewtonBatch {
     }
     source.structure = coordinates.structure;
     source.wrench = coordinates.wrench;
+  }
+
+  // A direction is given up only where the nearest force would not be exact. That is seldom asked: the separation
+  // answers it but for wrenches that are nearly as good as rendered, and where the search for s has not ended.
+  void give_up(std::size_t row) const {
+    const Source<double> asked = problem(row);
+    const double most = tolerance_ * larger(1.0, std::sqrt(dot<N>(asked.wrench, asked.wrench)));
+    const double* d = separation(row);
+    if (least_error(asked, d) > most || !(error_of(asked, tensions(row)) > most)) return;
+    double tensions_of_force[kMaxCables], proof[N];
+    std::int64_t iterations;
+    const auto m = static_cast<std::ptrdiff_t>(batch_.m);
+    const Batch one{1,
+                    N,
+                    batch_.m,
+                    {asked.structure, N * m},
+                    {asked.wrench, N},
+                    {asked.lower, m},
+                    {asked.upper, m},
+                    {asked.reference, m},
+                    batch_.weights};
+    NewtonBatch(one, Policy::force, rank_tolerance_, tolerance_, {tensions_of_force, proof, &iterations})
+        .solve(0, 1);
+    answer_.iterations[row] += iterations;
+    if (error_of(asked, tensions_of_force) <= most) std::copy_n(tensions_of_force, m, tensions(row));
+  }
+
+  // What any tensions miss of the wrench at least, as d shows.
+  double least_error(const Source<double>& asked, const double* d) const {
+    double reach = 0;
+    for (int i = 0; i < batch_.m; ++i) {
+      double along = 0;
+      for (int k = 0; k < N; ++k) along += d[k] * asked.structure[k * batch_.m + i];
+      reach += along * (along > 0 ? asked.upper[i] : asked.lower[i]);
+    }
+    const double length = std::sqrt(dot<N>(d, d));
+    return length > 0 ? (dot<N>(d, asked.wrench) - reach) / length : 0;
+  }
+
+  double error_of(const Source<double>& asked, const double* tensions) const {
+    double error[N];
+    std::copy_n(asked.wrench, N, error);
+    for (int k = 0; k < N; ++k) {
+      for (int i = 0; i < batch_.m; ++i) error[k] -= asked.structure[k * batch_.m + i] * tensions[i];
+    }
+    return std::sqrt(dot<N>(error, error));
   }
 
   void make_sure() {

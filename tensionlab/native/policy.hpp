@@ -5,4 +5,6 @@ namespace tensionlab {
 
 enum class Policy { force, tension, direction };
 
+constexpr int kPolicies = 3;
+
 }  // namespace tensionlab

@@ -1,14 +1,14 @@
 // How much of a wrench can be rendered in its own direction: the largest s in [0, 1] for which tensions inside the
 // limits render s w.
 //
-// Any unit vector d shows that s d'w <= h(d) = sum_i max(d'W_i a_i, d'W_i b_i): the line of d. The nearest wrench to
-// s w gives the next d; s falls to the answer from above (Newton's method on the convex distance from s w to the
-// available wrench set).
+// Any unit vector d shows that s d'w <= h(d) = sum_i max(d'W_i a_i, d'W_i b_i): the line of d. The nearest wrench
+// to s w gives the next d; s falls to the answer from above (Newton's method on the convex distance from s w to
+// the available wrench set).
 //
-// Where w grazes a face of that set, or leaves a set that is flat, a hair off w would take s from 1 to 0. There s w
-// counts as rendered where tensions come within a tolerance of it, that of EXACT where s is 1: s then falls with the
-// distance. How much of the tolerance a line allows depends on its angle to w, so that s stays exact at a face which
-// w meets head on.
+// Where w grazes a face of that set, or leaves a set that is flat, a hair off w would take s from 1 to 0. There s
+// w counts as rendered where tensions come within a tolerance of it, that of EXACT where s is 1: s then falls with
+// the distance. How much of the tolerance a line allows depends on its angle to w, so that s stays exact at a face
+// which w meets head on.
 #pragma once
 
 #include <cmath>
@@ -86,7 +86,8 @@ class ScaleSearch {
     if (phase_ == Phase::exact) return cut_exactly(problem, m, d, line);
     if (phase_ == Phase::last) return Outcome::best;
     const Line most = line.moved(tolerance_);
-    const bool beyond = most.excludes(scale);
+    // What is beyond by rounding alone leaves no scale below.
+    const bool beyond = most.excludes(scale) && !(most.along > 0 && most.largest() >= scale);
     if (beyond && !(most.along > 0) && scale < 1) {
       // Too short already, and all that is longer has been excluded.
       mix(problem, d, line.along);
@@ -141,7 +142,8 @@ class ScaleSearch {
     return Outcome::less;
   }
 
-  // d shows that s w is too short, the proof that it is too long. Their mean that is normal to w shows it for all s.
+  // d shows that s w is too short, the proof that it is too long. Their mean that is normal to w shows it for all
+  // s.
   void mix(const Source<Real>& problem, Real* d, Real along) const {
     const Real other = dot<N>(proof, problem.wrench);
     for (int k = 0; k < N; ++k) d[k] = std::abs(other) * d[k] + std::abs(along) * proof[k];

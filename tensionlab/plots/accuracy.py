@@ -83,7 +83,7 @@ def draw_dots(figure: Any, dots: Sequence[Dot], across: str, up: str) -> None:
     axes.set(xscale="log", yscale="log", xlabel=across, ylim=(FLOOR, 10 * NO_ANSWER), ylabel=up)
     ticks = 10.0 ** np.arange(-15, 1, 3)
     powers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
-    axes.set_yticks([*ticks, NO_ANSWER], [*powers, "over $10^3$,\nor none"])
+    axes.set_yticks([*ticks, NO_ANSWER], [*powers, "over $10^3$,\nor none"], parse_math=True)
     axes.minorticks_off()
     axes.grid()
     times = [time for ends in points.values() for time, _ in ends]

@@ -57,6 +57,16 @@ def legend_beside(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None
     axes.legend(handles=lines_of(entries), loc="upper left", bbox_to_anchor=(1.005, 1.05))
 
 
+def _show_powers(figure: Figure) -> None:
+    """Let the powers along logarithmic axes be mathematics, as Matplotlib writes them."""
+    from matplotlib.axis import Axis
+
+    for axis in figure.findobj(Axis):
+        if axis.get_scale() != "linear":
+            for label in (*axis.get_majorticklabels(), *axis.get_minorticklabels()):
+                label.set_parse_math(True)
+
+
 @contextmanager
 def new_figure(path: str | Path, size: tuple[float, float], dpi: float | None = None) -> Iterator[Figure]:
     """Make a figure in the house's style, written without dates or versions when the block ends.
@@ -67,7 +77,7 @@ def new_figure(path: str | Path, size: tuple[float, float], dpi: float | None = 
     if metadata is None:
         raise ShapeError(f"{path}: pictures end in {', '.join(METADATA)}")
     try:
-        from matplotlib import style
+        from matplotlib import rc_context, style
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -75,7 +85,9 @@ def new_figure(path: str | Path, size: tuple[float, float], dpi: float | None = 
     with style.context(STYLE):
         figure = Figure(figsize=size, layout="constrained", dpi=dpi)
         FigureCanvasAgg(figure)
-        yield figure
+        with rc_context({"text.parse_math": False}):  # dollar signs in names are no mathematics
+            yield figure
+        _show_powers(figure)
         # The layout's solver leaves different last digits from run to run; the picture must not.
         figure.draw_without_rendering()
         figure.set_layout_engine("none")

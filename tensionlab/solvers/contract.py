@@ -16,8 +16,6 @@ from typing import ClassVar, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import _native
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -28,8 +26,8 @@ TOLERANCE = 1e-6
 """Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
 distance that remains, times max(1, norm of what is rendered)."""
 
-GRAZING = _native.GRAZING
-"""Cosine between a wrench and the normal of a face of the available wrench set below which the wrench grazes the face:
+GRAZING = 0.01
+"""Cosine between a wrench w and the normal of a face of the available wrench set, below which w grazes the face:
 there the direction policy counts ``s w`` as rendered where tensions come within `TOLERANCE` of it."""
 
 RANK_TOLERANCE = 1e-8
@@ -130,7 +128,11 @@ class Solver(Protocol):
         The ``nearest`` policies it can honour, its own first; empty if it promises no best substitute.
     """
 
-    objective: ClassVar[str]
+    @property
+    def objective(self) -> str:
+        """What it minimises among the tensions that render the wrench, in a few words."""
+        ...
+
     policies: ClassVar[tuple[Nearest, ...]]
 
     def solve(self, problem: Problem) -> Answer:

@@ -12,6 +12,7 @@ import numpy as np
 
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.contract import TOLERANCE, Answer, Floats, Nearest, Problem
+from tensionlab.solvers.grazing import Ray
 from tensionlab.solvers.linear import whitener
 from tensionlab.solvers.peer import Reply, own_tensions
 
@@ -31,8 +32,8 @@ class ConvexProgram:
     Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Where the measured answer misses w,
     the policy says what to render instead ("force": the least ``(W t - w)' Q (W t - w)``, Q the weights;
     "tension": the same with ``(W W')⁺`` for Q; "direction": the largest s in [0, 1] with ``W t = s w``, and
-    "force" without any such s), and the first program is solved again for that wrench. The programs are in
-    `_Blackboard`.
+    "force" without any such s, see `tensionlab.solvers.grazing`), and the first program is solved again for
+    that wrench. The programs are in `_Blackboard`.
 
     Sources: Oh and Agrawal, "Cable suspended planar robots with redundant cables: controllers with positive
     tensions", 2005, for the program; Diamond and Boyd, "CVXPY: a Python-embedded modeling language for convex
@@ -127,6 +128,7 @@ class _Run:
 
     board: _Blackboard
     backend: str
+    unit: float = 1.0
     iterations: int = 0
     reason: str = "gave no tensions, not even inside the limits alone"
 
@@ -160,6 +162,7 @@ def _allocate(run: _Run, problem: Problem, row: int) -> Floats | None:
     # and in the programs its place is taken by one that may do as it likes because it pulls nothing.
     free = lower < upper
     unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max())) or 1.0
+    run.unit = unit
     board, loose = run.board, W * free
     board.W.value, board.w.value = loose, w / unit
     board.held.value = W @ np.where(free, 0.0, lower) / unit
@@ -190,6 +193,7 @@ def _choose(run: _Run, problem: Problem, row: int, accepted: float) -> Floats | 
         best = run.solve(board.furthest)
         if best is not None and np.linalg.norm(W @ best + held - board.s.value * w) > accepted:
             best = None
+        best = _widened(run, w, best)
     if best is None:
         force = np.diag(np.sqrt(problem.weights))
         root = whitener(problem.structure[row]) if problem.nearest == "tension" else force
@@ -199,6 +203,24 @@ def _choose(run: _Run, problem: Problem, row: int, accepted: float) -> Floats | 
         return None
     tied = closest(W @ best + held)
     return best if tied is None else tied
+
+
+def _widened(run: _Run, w: Floats, best: Floats | None) -> Floats | None:
+    """Which tensions render more of the wrench where it grazes what can be rendered, or those given."""
+    board, unit = run.board, run.unit
+    W, held = board.W.value, board.held.value
+
+    def nearest(s: float) -> Floats | None:
+        board.root_W.value, board.root_w.value = W, s * w - held
+        t = run.solve(board.least_error)
+        return None if t is None else np.append(t, 1.0)
+
+    # The cables that are held are one more, with a tension of 1, and all is in newton again.
+    lower, upper = np.append(board.lower.value, 1.0), np.append(board.upper.value, 1.0)
+    ray = Ray(np.column_stack([W, held]) * unit, w * unit, lower, upper, nearest)
+    scale = 0.0 if best is None else float(board.s.value)
+    found = ray.widened(None if best is None else np.append(best, 1.0), scale)
+    return None if found is None else found[:-1]
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,12 @@ from tensionlab.solvers.contract import RANK_TOLERANCE, Answer, Nearest, Problem
 
 Goal = Literal["centroid", "1-norm", "2-norm"]
 
+OBJECTIVES: dict[Goal, str] = {
+    "centroid": "centroid of the polygon of possible tensions",
+    "1-norm": "least sum of tensions",
+    "2-norm": "least squared change from the reference",
+}
+
 LARGEST_REDUNDANCY = 2
 """Dimensions of a polygon."""
 
@@ -47,12 +53,16 @@ class Polygon:
 
     goal: Goal = "centroid"
 
-    objective: ClassVar[str] = "centroid, least sum or least squares of the polygon of possible tensions"
     policies: ClassVar[tuple[Nearest, ...]] = ()
 
     def __post_init__(self) -> None:
         if self.goal not in get_args(Goal):
             raise ValueError(f"Polygon(goal={self.goal!r}): must be one of {', '.join(get_args(Goal))}")
+
+    @property
+    def objective(self) -> str:
+        """What it minimises among the tensions that render the wrench."""
+        return OBJECTIVES[self.goal]
 
     def refuses(self, n: int, m: int) -> str | None:
         """Why are these too many cables? None if they are not."""

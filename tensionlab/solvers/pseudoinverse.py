@@ -34,12 +34,17 @@ class Pseudoinverse:
 
     start: Start = "reference"
 
-    objective: ClassVar[str] = "least squared change from the start, then clipped"
     policies: ClassVar[tuple[Nearest, ...]] = ()
 
     def __post_init__(self) -> None:
         if self.start not in get_args(Start):
             raise ValueError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
+
+    @property
+    def objective(self) -> str:
+        """What it minimises, before the limits are looked at."""
+        start = "reference" if self.start == "reference" else "middle of the limits"
+        return f"least squared change from the {start}, then clipped"
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""

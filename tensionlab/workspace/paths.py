@@ -154,8 +154,10 @@ def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
     values = pose.numbers(ends, name)
     if values.ndim == 0:
         return values.reshape(1)
-    if values.shape != (2,) or values[0] > values[1]:
-        raise ShapeError(f"{name} is {ends!r}; give (from, to) in m with from <= to, or a number")
+    if values.shape != (2,):
+        raise ShapeError(f"{name} has shape {values.shape}; give two ends in m, such as (0, 1), or one number")
+    if values[0] > values[1]:
+        raise ShapeError(f"{name} goes from {values[0]:g} to {values[1]:g} m; give the lower end first")
     count = (values[1] - values[0]) / step
     if not count < LONGEST_AXIS:
         raise ShapeError(f"a step of {step:g} m gives {count:.3g} poses along {name}; give a larger one")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab.arrays import as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.model import pose
 from tensionlab.model.kinematics import Floats
@@ -198,7 +199,7 @@ Poses = Grid | PoseList
 def _turns(values: ArrayLike, dimension: int, what: str) -> Floats:
     """Angles or matrices, checked."""
     pose.rotations(values, dimension, what)
-    return np.asarray(values, dtype=np.float64)
+    return as_floats(what, values)
 
 
 def _length(name: str, dims: tuple[str, ...], values: Floats) -> Coordinate:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import as_floats
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import layouts
 from tensionlab.model.kinematics import Floats
@@ -180,7 +181,7 @@ def _axis(name: str, values: list[Any], unit: str, title: str, parts: Sequence[s
 def _rows(what: str, values: ArrayLike, wanted: str) -> Floats:
     """A table of numbers, a row for each value."""
     try:
-        table = np.array(values, dtype=np.float64)
+        table = as_floats(what, values)
     except (TypeError, ValueError):
         table = np.empty(0)
     if table.ndim != 2 or table.size == 0:

@@ -1,4 +1,5 @@
 import json
+import re
 
 import pytest
 
@@ -46,6 +47,9 @@ def test_json_is_for_programs(run, tmp_path):
     assert found["lines"][0]["solved_1e6"] == 1.0
     assert found["sets"]["edge"]["reachable"] == "all"
     assert not (tmp_path / "figures" / "continuity.png").exists()
+    linked = re.findall(r"!\[.*?\]\((.*?)\)", (tmp_path / "report.md").read_text(encoding="utf-8"))
+    assert len(linked) == 3
+    assert all((tmp_path / name).is_file() for name in linked)
 
 
 @pytest.mark.parametrize(

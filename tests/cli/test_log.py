@@ -95,7 +95,7 @@ def test_a_picture_is_drawn(run, file, tmp_path):
         (("plot", "{file}", "--plot", "run.gif"), "run.gif: unsupported format; it must end in .png or .pdf"),
         (("replay", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
         (("replay", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
-        (("replay", "{file}", "--solver", ""), "no solver asked for"),
+        (("replay", "{file}", "--solver", ""), "no solver is named"),
     ],
 )
 def test_bad_input_is_refused(run, file, words, message):

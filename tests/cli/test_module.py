@@ -43,7 +43,7 @@ def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
     status, out, err = call("info")
     assert (status, err) == (0, "")
     assert [line.split()[:4] for line in out.splitlines()[3:]] == [
-        [name, f"0000000{index}", "0.1", "idle"] for index, name in enumerate(urls, 1)
+        [name, f"0000000{index}", "0.2", "idle"] for index, name in enumerate(urls, 1)
     ]
     status, out, err = run("module", "info", urls["top"], "socket://127.0.0.1:1", "--json")
     assert status == 1
@@ -223,6 +223,20 @@ def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
         ["slew", "60.0", "60.0", "N/s"],
         ["ttl", "250.0", "250.0", "ms"],
     ]
+
+
+def test_names_that_are_no_file_names_stay_inside_the_folder(run, tmp_path):
+    folder, file = tmp_path / "in" / "here", tmp_path / "modules.toml"
+    folder.parent.mkdir()
+    for name in ("../../../x", "a/b", "..", "100 %", "a\\b"):
+        file.write_text(f"[modules]\n'{name}' = 'sim:'\n")
+        status, out, err = run("module", "config", "dump", "--modules", file, "--folder", folder)
+        assert (status, err) == (0, "")
+        assert Path(out.strip()).parent == folder
+        said = run("module", "config", "restore", folder, "--modules", file)[1]
+        assert said == f"{name}: nothing to change\n"
+    files = ["..%2F..%2F..%2Fx.toml", "...toml", "100 %25.toml", "a%2Fb.toml", "a%5Cb.toml"]
+    assert sorted(path.name for path in folder.iterdir()) == files
 
 
 def test_parameters_of_all_modules_in_a_folder(call, tmp_path, urls):

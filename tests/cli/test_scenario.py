@@ -64,7 +64,7 @@ def test_it_says_no_where_it_feels_otherwise(run, tmp_path):
         (["bow", "--seconds", "6"], "at most 5"),
         (["bow", "--solver", "nobody"], "nobody"),
         (["bow", "--solver", "closed-form"], "closed-form"),
-        (["bow", "--plot", "bow.txt"], "no picture"),
+        (["bow", "--plot", "bow.txt"], "bow.txt: unsupported format"),
         (["bow", "--osc", "9000"], "--osc is for real modules"),
         (["bow", "--modules", "socket://127.0.0.1:1"], "have a tracker send /body/hand, /body/bow"),
     ],

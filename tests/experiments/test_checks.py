@@ -86,3 +86,10 @@ def test_every_rig_of_the_house_can_be_checked_and_has_full_rank(path):
     findings = check_rig(rig)
     assert findings[0].passed, findings[0]
     assert np.all([finding.text for finding in findings])
+
+
+def test_brakes_that_no_head_must_meet_are_told():
+    limits = next(finding for finding in check_rig(published()) if finding.name == "limits")
+    assert "with brakes 768 N together, so not for a head, which may feel 60 N" in limits.text
+    gentle = [dataclasses.replace(module, brake=4.0) for module in published().modules]
+    assert "head" not in check_rig(dataclasses.replace(published(), modules=tuple(gentle)))[1].text

@@ -43,7 +43,8 @@ def test_order_is_kept_and_repeats_are_not():
         (None, "closest", "force, tension, direction"),
         (["newton", "dykstra"], "force", "dykstra.*honours tension"),
         (["closed-form"], "force", "promises no best substitute"),
-        ([], None, "no solver asked for"),
+        ([], None, "no solver is named"),
+        ("newton", None, r"solvers is 'newton'; give a list of names"),
     ],
 )
 def test_what_cannot_be_honoured_is_a_value_error(solvers, nearest, message):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from modules import SESSION, Host, host_in
 
 from tensionlab.hardware.codes import Calibration, Code, Fault, Limit, State, Type
-from tensionlab.hardware.frames import Frame
+from tensionlab.hardware.frames import DELIMITER, Frame
 from tensionlab.hardware.protocol import (
     Acknowledge,
     Arm,
@@ -322,7 +322,7 @@ def test_telemetry_tells_the_truth():
     host = host_in(State.RUNNING, distance=1.0)
     assert host.code(ConfigureTelemetry(4)) == Code.BAD_VALUE
     assert host.code(ConfigureTelemetry(20)) == Code.OK
-    host.module.receive(b"rubbish\0")
+    host.module.receive(b"rubbish" + DELIMITER)
     host.pull(3.0)
     host.module.advance(0.1)
     told = host.hear()

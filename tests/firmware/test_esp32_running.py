@@ -253,7 +253,7 @@ def test_a_flood_does_not_hold_the_loop_up(program):
     with board(program, speed=1.0) as module:
         usb = module.usb
         for _ in range(20):
-            os.write(usb.into, bytes(reversed(range(256))) * 4)  # each piece ends a frame
+            os.write(usb.into, (bytes(reversed(range(256))) + bytes(2)) * 4)  # each piece ends a frame
         usb.ask(ConfigureTelemetry(20))
         telemetry = usb.wait(Telemetry)
         assert telemetry.bad_frames > 60

@@ -1,5 +1,6 @@
 """Golden frames: both sides agree on them, and no damage makes another command of one."""
 
+import itertools
 import json
 import runpy
 from pathlib import Path
@@ -10,7 +11,7 @@ from modules import Host
 from tensionlab import _native
 from tensionlab.hardware import protocol
 from tensionlab.hardware.codes import State
-from tensionlab.hardware.frames import Decoder, Frame
+from tensionlab.hardware.frames import DELIMITER, Decoder, Frame
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 VECTORS = json.loads((FIRMWARE / "vectors.json").read_text())
@@ -66,10 +67,21 @@ def test_no_damage_makes_another_frame_of_it(vector):
     whole = (vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
     follower = Frame(protocol.Type.PING, 9, bytes(8))
     for stream in damaged(wire):
-        found, bad = _native.parse_frames(stream + b"\0" + follower.pack())
+        found, bad = _native.parse_frames(stream + DELIMITER + follower.pack())
         assert found[-1] == (follower.type, 9, bytes(8)), "and the next frame is read"
         assert found[:-1] in ([whole], []), stream.hex()
         assert bad >= 1 or found[0] == whole
+
+
+@each_vector
+def test_no_two_flipped_bits_let_it_pass(vector):
+    """For frames of all lengths: `firmware/fuzz/flips.cpp`, which `make firmware-check` runs."""
+    wire = bytes.fromhex(vector["frame"])
+    whole = int.from_bytes(wire, "big")
+    bits = [1 << bit for bit in range(8 * len(wire))]
+    for one, other in itertools.combinations(bits, 2):
+        found, _ = _native.parse_frames((whole ^ one ^ other).to_bytes(len(wire), "big") + DELIMITER)
+        assert found == [], f"{whole ^ one ^ other:x}"
 
 
 @pytest.mark.parametrize("vector", [vector for vector in VECTORS if vector["type"] < 0x80])
@@ -77,12 +89,12 @@ def test_no_damage_moves_a_module(vector):
     """Damage to a stop does not stop, and to a set-point pulls nothing else; the frame itself is well heard."""
     whole = Frame(vector["type"], vector["sequence"], bytes.fromhex(vector["payload"]))
     for stream in damaged(whole.pack()):
-        if Decoder().feed(stream + b"\0") == [whole]:
+        if Decoder().feed(stream + DELIMITER) == [whole]:
             continue  # a zero more at its end is none
         host = Host(session=0x1234)
         host.calibrate(length=1.0)
         host.arm()
-        host.module.receive(stream + b"\0")
+        host.module.receive(stream + DELIMITER)
         assert host.hear() == []
         assert host.state == State.ARMED
         assert host.module.parameters["slew"] == 60.0

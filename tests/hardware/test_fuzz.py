@@ -3,16 +3,11 @@
 The full million: ``python -m tensionlab.experiments.codec_fuzz``.
 """
 
-import itertools
-import random
-
 import pytest
 
-from tensionlab.experiments import codec_fuzz
-from tensionlab.experiments.codec_fuzz import BY_CHANCE, CERTAIN, allowed, draw_frame, fuzz
+from tensionlab.experiments.codec_fuzz import BY_CHANCE, CERTAIN, allowed, fuzz
 from tensionlab.hardware import frames
-from tensionlab.hardware.codes import Type
-from tensionlab.hardware.frames import Decoder, Frame
+from tensionlab.hardware.frames import DELIMITER, Decoder, unpack_1
 
 
 def test_damaged_streams_raise_nothing_and_no_wrong_frame_passes():
@@ -20,51 +15,38 @@ def test_damaged_streams_raise_nothing_and_no_wrong_frame_passes():
         assert tally.streams > 8000
         assert tally.pieces > 6000
         assert tally.wrong <= allowed(kind, tally), kind
-        assert (tally.whole > 2000) == (kind != "random bytes")
+        # Where eight bits flip, a delimiter is often among them, and takes both its neighbours along.
+        assert (tally.whole > 1500) == (kind != "random bytes")
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_all_errors_of_one_and_two_bits_in_what_the_crc_covers_are_found(count):
-    rng = random.Random(2)
-    for frame in (draw_frame(rng) for _ in range(10 if count == 1 else 1)):
-        packed = frame.pack()
-        bits = list(itertools.product(codec_fuzz._covered(bytearray(packed)), range(8)))
-        for flipped in itertools.combinations(bits, count):
-            damaged = bytearray(packed)
-            for place, bit in flipped:
-                damaged[place] ^= 1 << bit
-            if 0 not in damaged[:-1]:
-                assert Decoder().feed(bytes(damaged)) == []
-
-
-def test_the_crc_does_not_cover_the_stuffing():
-    # Known: one bit of a stuffing byte moves several bytes, and then a CRC of 16 bits is right once in 65,536.
-    sent = "058d9c86fe010101010103a18201010101010322b402ed022201010429d87002f201010101010101027f03cbfa00"
-    damaged = bytearray.fromhex(sent)
-    damaged[8] ^= 1 << 4
-    [whole], [wrong] = Decoder().feed(bytes.fromhex(sent)), Decoder().feed(bytes(damaged))
-    assert whole.type == wrong.type == Type.TELEMETRY
-    assert whole != wrong
+def test_the_bit_that_passed_protocol_1_does_not_pass():
+    # There the CRC did not cover the stuffing, whose bytes move several others: it was right once in 65,536.
+    sent = bytes.fromhex(
+        "058d9c86fe010101010103a18201010101010322b402ed022201010429d87002f201010101010101027f03cbfa"
+    )
+    wrong = bytearray(sent)
+    wrong[8] ^= 1 << 4
+    whole = unpack_1(sent)
+    assert whole != unpack_1(bytes(wrong)) is not None
+    packed = whole.pack()
+    for bit in range(8 * len(packed)):
+        damaged = bytearray(packed)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert Decoder().feed(bytes(damaged) + DELIMITER) == []
 
 
 @pytest.mark.parametrize("bits", [0, 8])
 def test_it_finds_a_decoder_whose_crc_is_too_short(monkeypatch, bits):
-    def unpack(stuffed):
-        try:
-            body = bytes(frames.cobs.decode(stuffed))
-        except frames.cobs.DecodeError:
-            return None
-        short = (1 << bits) - 1
-        if not 4 <= len(body) <= 60 or (frames.crc16(body[:-2]) ^ int.from_bytes(body[-2:], "little")) & short:
-            return None
-        return Frame(body[0], body[1], body[2:-2])
+    def checksum(stuffed):
+        crc = frames.crc16(stuffed) & (1 << bits) - 1
+        return bytes([0x80 | crc >> 1, 0x80 | crc & 1, 0xFC])
 
-    monkeypatch.setattr(frames, "unpack", unpack)
+    monkeypatch.setattr(frames, "checksum", checksum)
     tallies = fuzz(6_000)
     assert any(tallies[kind].wrong > allowed(kind, tallies[kind]) for kind in CERTAIN)
 
 
 def test_it_finds_a_decoder_that_loses_its_way(monkeypatch):
-    monkeypatch.setattr(frames, "MAX_FRAME", 10)
+    monkeypatch.setattr(frames, "MAX_PIECE", 10)
     with pytest.raises(AssertionError, match="a whole frame was lost"):
         fuzz(len(CERTAIN) + len(BY_CHANCE))

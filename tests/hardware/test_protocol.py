@@ -16,7 +16,9 @@ from tensionlab.hardware.codes import Code, Fault, State, Type
 from tensionlab.hardware.frames import MAX_PAYLOAD, Frame
 from tensionlab.hardware.protocol import (
     MESSAGES,
+    PROTOCOL,
     Acknowledge,
+    Info,
     Log,
     Ping,
     SetTension,
@@ -41,6 +43,11 @@ def any_message(kind):
             values[name] = st.integers(0, 256 ** struct.calcsize(size) - 1)
         else:
             values[name] = st.booleans() if of is bool else FLOATS
+    if kind is Info:  # what no module has is refused
+        above = st.floats(2.0**-100, 2.0**100, width=32)
+        values |= {"protocol": st.just(PROTOCOL), "ttl_ms": st.integers(1, 0xFFFF)}
+        values |= dict.fromkeys(("newton_per_ampere", "spool_radius"), above)
+        values |= {"tension_lower": st.just(0.5), "tension_upper": st.floats(0.5, 2.0**100, width=32)}
     return st.builds(kind, **values)
 
 
@@ -66,14 +73,29 @@ def test_a_message_comes_back(message, sequence):
 
 
 @given(st.text(max_size=80))
-def test_a_line_of_text_is_cut_and_has_no_letters_beyond_ascii(text):
+def test_a_line_of_text_is_cut_and_has_only_printable_ascii(text):
     shown = text.encode("ascii", "replace").decode()[:MAX_PAYLOAD]
-    assert read(Log(text).frame(0)) == Log(shown)
+    assert read(Log(text).frame(0)) == Log(re.sub(r"[\0-\x1f\x7f]", "\ufffd", shown))
 
 
 def test_a_payload_worked_out_by_hand():
     assert SetTension(0x0102, 1.5, brake=True, ttl_ms=250).pack() == bytes.fromhex("0201 0000c03f 01 fa00")
     assert Telemetry.unpack(bytes(40)).faults == Fault(0)
+
+
+def parameter(value):
+    return Frame(Type.PARAMETER, 0, struct.pack("<Bfff", 0, value, 0.0, 1.0))
+
+
+def info(**changes):
+    numbers = {
+        "tension_lower": 0.5,
+        "tension_upper": 6.0,
+        "newton_per_ampere": 3.0,
+        "spool_radius": 0.02,
+    }
+    numbers |= changes
+    return Frame(Type.INFO, 0, struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, *numbers.values()))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e39])
@@ -91,10 +113,22 @@ def test_numbers_that_do_not_fit_are_not_sent(session):
 @pytest.mark.parametrize(
     ("frame", "message"),
     [
-        (Frame(0x7F, 0), "no message has type 0x7f in protocol 1"),
+        (Frame(0x7F, 0), "no message has type 0x7f in protocol 2"),
         (Frame(Type.PONG, 0, bytes(11)), "Pong has 12 bytes of payload; got 11"),
         (Frame(Type.ACKNOWLEDGE, 0, bytes([1, 99, 0])), "Acknowledge: 99 is not a valid Code; does the module"),
         (Frame(Type.EVENT, 0, bytes([9, 0, 0, 0])), "Event: 9 is not a valid State"),
+        (Frame(Type.INFO, 0), "Info has 30 bytes of payload; got 0"),
+        (
+            Frame(Type.INFO, 0, b"\3later, and longer"),
+            "speaks protocol 3, this tensionlab 2: install the tensionlab",
+        ),
+        (parameter(math.nan), "ParameterValue: value is nan; all its numbers must be finite"),
+        (parameter(math.inf), "value is inf"),
+        (info(tension_lower=-math.inf), "Info: tension_lower is -inf"),
+        (info(tension_lower=-1.0), "Info: tension_lower is -1; it must be above 0"),
+        (info(tension_lower=9.0), "Info: tension_lower 9 is above tension_upper 6"),
+        (info(spool_radius=0.0), "Info: spool_radius is 0; it must"),
+        (info(newton_per_ampere=-0.0), "Info: newton_per_ampere is -0"),
     ],
 )
 def test_what_cannot_be_understood_says_why(frame, message):

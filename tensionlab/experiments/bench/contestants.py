@@ -98,7 +98,10 @@ def contestants(
         try:
             solver = make(name)
         except UnknownSolver as error:
-            raise UnknownSolver(f"{error}; peers are {', '.join(PEERS)}") from None
+            said = str(error).partition(";")[0]
+            raise UnknownSolver(
+                f"{said}; `tensionlab solvers` lists solvers, and peers are {', '.join(PEERS)}"
+            ) from None
         missing = "" if installed.get(name, True) else "not installed"
         policies = solver.policies[: 1 if reachable == "all" else len(POLICIES)] or (None,)
         found += [Contestant(name, "proved", policy, solver.objective, missing) for policy in policies]

@@ -77,9 +77,9 @@ class Plan:
     def __post_init__(self) -> None:
         """Refuse what can't be measured, before any work."""
         if not self.sets:
-            raise ShapeError(f"no problem set asked for; choose of {', '.join(PROBLEM_SETS)}")
+            raise ShapeError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
         if self.solvers is not None and not self.solvers:
-            raise ShapeError("no solver asked for; leave it out for all of them")
+            raise ShapeError("no solver is named; leave the option out for all of them")
         for name in self.sets:
             if name not in PROBLEM_SETS:
                 raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
@@ -138,7 +138,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     TensionlabError
         If the process broke; what it said has gone to stderr.
     """
-    writing.require_folder(folder)
+    writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
     order = json.dumps({"plan": dataclasses.asdict(what), "folder": str(folder), "call": list(call)})
     command = [sys.executable, "-m", "tensionlab.experiments.bench", order]

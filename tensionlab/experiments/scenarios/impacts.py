@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, ScenarioError
 from tensionlab.experiments.scenarios.collision import hold_of
 from tensionlab.experiments.scenarios.play import fast_enough, perform, simulated
 from tensionlab.haptics.effects.contact import Plane
@@ -249,7 +249,10 @@ def main() -> None:
     options = parser.parse_args()
     scenario = load_scenario("collision")
     if options.strength is not None:
-        scenario = replace(scenario, rig=with_strength(scenario.rig, options.strength))
+        try:
+            scenario = replace(scenario, rig=with_strength(scenario.rig, options.strength))
+        except ScenarioError as error:
+            parser.error(str(error))
     began = time.monotonic()
     outcomes = list(impacts(scenario, options.count, options.seed, options.processes))
     print(report(outcomes))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from tensionlab.demand import Floats
+from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import Body, Frame
 from tensionlab.haptics.effects.described import effect_of
@@ -164,19 +165,21 @@ class Mailbox:
                     f"bodies: position of {name!r} has {given} numbers; give {rig.dimension}, as the rig has axes"
                 )
         if frame.bodies:
-            hand = frame.bodies.get(HAND)
-            lengths = rig.lengths(
-                rig.home if hand is None else np.array(hand.position),
-                frames={
-                    name: (np.array(frame.bodies[name].position), _turn(frame.bodies[name]))
-                    if name in frame.bodies
-                    else rest
-                    for name, rest in rig.at_rest.items()
-                },
-            )
-            if lengths.min() < NEAREST_M:
-                module = rig.modules[int(np.argmin(lengths))].name
-                raise FrameRefused(f'bodies: the cable of module "{module}" has no length; stay off its anchor')
+            self._require_cables(frame)
+
+    def _require_cables(self, frame: Frame) -> None:
+        """Refuse bodies at an anchor, where a cable has no direction."""
+        rig, hand = self.rig, frame.bodies.get(HAND)
+        frames: dict[str, tuple[Floats, Floats | None]] = dict(rig.at_rest)
+        for name in set(frames) & set(frame.bodies):
+            frames[name] = (np.array(frame.bodies[name].position), _turn(frame.bodies[name]))
+        try:
+            lengths = rig.lengths(rig.home if hand is None else np.array(hand.position), frames=frames)
+        except RigError as error:
+            raise FrameRefused(f"bodies: {error}") from None
+        if lengths.min() < NEAREST_M:
+            module = rig.modules[int(np.argmin(lengths))].name
+            raise FrameRefused(f'bodies: module "{module}" has a cable of no length; stay off its anchor')
 
     @property
     def effects(self) -> Mapping[str, Effect]:

@@ -18,7 +18,7 @@ MANY = 16
 FAR = 100.0
 """Coordinates in m are between minus and plus this."""
 
-CLOCK_S = 1e11
+CLOCK_S = 1e12
 """Times by a client's clock are between minus and plus this, in s: seconds, of any epoch."""
 LAST = 2**53
 """The largest number of a frame, which programs in any language can count up to."""

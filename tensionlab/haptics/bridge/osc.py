@@ -42,6 +42,8 @@ PAUSE_S = 0.02
 """How long nothing is read after what is too much, in s."""
 DROPPED_AT_ONCE = 1000
 """Datagrams that are thrown away then, at most."""
+WAITING_BYTES = 65_536
+"""Of datagrams that have not been read yet, with what the system needs for each."""
 SUMMARY_S = 5.0
 """How often it is said what was ignored, in s."""
 
@@ -111,6 +113,7 @@ class OscDoor:
         try:
             family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WAITING_BYTES)
             self._socket.bind(address)
         except OSError as error:
             raise HardwareError(f"OSC cannot listen at {host}, port {port}: {error.strerror}") from None

@@ -20,7 +20,7 @@ from urllib.parse import parse_qs, urlsplit
 from pydantic import Field, TypeAdapter
 
 from tensionlab.errors import HardwareError, MissingDependency, TensionlabError
-from tensionlab.haptics.bridge.budget import MESSAGES_AT_ONCE, Budget
+from tensionlab.haptics.bridge.budget import Budget
 from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
 from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import LARGEST, Event, Frame, Refused, State, Stop, Welcome, reason_of
@@ -39,6 +39,10 @@ CLOSE_BYTES = 120
 """Of the reason in a closing frame, which holds 123."""
 LOOK_S = 0.1
 """How long a message is waited for at least, in s."""
+READ_AHEAD = 16
+"""Messages that are read before it is their turn."""
+PAUSE_S = 0.02
+"""How long a client waits after each message that was too much, in s."""
 FAREWELL_S = 1.0
 """How long it may take to tell a client why it is sent away."""
 PATIENCE = 20
@@ -167,7 +171,7 @@ class Bridge:
             self._port,
             origins=origins,
             max_size=LARGEST,
-            max_queue=int(MESSAGES_AT_ONCE),
+            max_queue=READ_AHEAD,
             process_request=self._admit,
             logger=QUIET,
             compression=None,
@@ -261,9 +265,12 @@ class Bridge:
                 why = visitor.budget.refuses(len(content), time.monotonic())
                 refused = refused + 1 if why else 0
                 if refused >= PATIENCE:
+                    visitor.connection.transport.pause_reading()  # type: ignore[attr-defined]  # of a socket it can
                     await self._turn_away(visitor.connection, why)
                     break
                 visitor.pending.put_nowait(Refused(reason=why) if why else content)
+                if why:
+                    await asyncio.sleep(PAUSE_S)
         except ConnectionClosed:
             pass
         finally:

@@ -141,9 +141,13 @@ Gravity = Annotated[Components, Vector("m/s²", -100.0, 100.0)]
 Times = Annotated[Components, Many(Range("s", -CLOCK_S, CLOCK_S))]
 
 
-@cache
-def bounds(kind: Any) -> dict[str, Bound]:
+def bounds(kind: type) -> dict[str, Bound]:
     """Return the ranges of a class's parameters, by their names; those without one are left out."""
+    return _bounds(kind)
+
+
+@cache
+def _bounds(kind: type) -> dict[str, Bound]:
     found = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         for option in (hint, *get_args(hint)):  # also that of "a number, or None"
@@ -153,7 +157,7 @@ def bounds(kind: Any) -> dict[str, Bound]:
     return found
 
 
-def require_parameters(owner: Any, refusal: type[TensionlabError] = EffectError) -> None:
+def require_parameters(owner: object, refusal: type[TensionlabError] = EffectError) -> None:
     """Refuse parameters outside their physical range; None is a parameter that is left out.
 
     Parameters
@@ -184,7 +188,7 @@ def require_dimension(owner: object, dimension: int, where: str) -> None:
             )
 
 
-def _vectors(owner: Any) -> Iterator[tuple[str, tuple[float, ...]]]:
+def _vectors(owner: object) -> Iterator[tuple[str, tuple[float, ...]]]:
     for name, bound in bounds(type(owner)).items():
         if isinstance(bound, Vector) and getattr(owner, name) is not None:
             yield name, getattr(owner, name)

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from tensionlab.errors import ScenarioError
+from tensionlab.haptics.brake_contact import ImpactCap
+from tensionlab.haptics.brakes import brake_strengths
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
@@ -121,9 +123,22 @@ class Scenario:
             raise ScenarioError(
                 f'scenario "{self.name}": stands is {list(self.stands)}; give {rig.dimension} coordinates, in m'
             )
+        for phase in self.phases:
+            if phase.hold is not None and phase.hold.cap is not None:
+                self._require_gentle(phase.hold.cap)
         named = [name for phase in self.phases for name in phase.effects]
         if len(set(named)) < len(named):
             raise ScenarioError(f'scenario "{self.name}": the effects are {named}; give each a name of its own')
+
+    def _require_gentle(self, cap: ImpactCap) -> None:
+        """Refuse cables that could together pull harder than is allowed: a brake's force is not measured."""
+        most = float((self.rig.limits.upper + brake_strengths(self.rig)).sum())
+        if most > cap.force:
+            raise ScenarioError(
+                f'scenario "{self.name}": the motors and brakes of rig "{self.rig.name}" hold up to {most:g} N '
+                f"together, and a hold's cap allows {cap.force:g} N; put breakaway links on the cables with "
+                "brakes, and give the force at which they part as `brake` in the rig file"
+            )
 
     def now(self, time: float) -> tuple[Phase, ...]:
         """Which phases are on, at a time in s?"""

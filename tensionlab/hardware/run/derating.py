@@ -45,18 +45,24 @@ class Derating:
     def __init__(self, limits: TensionLimits, continuous: Floats, names: list[str]) -> None:
         self._own, self._continuous, self._names = limits, np.asarray(continuous, dtype=np.float64), names
         self._noted = limits.upper.copy()
+        self._thermal = np.zeros(len(names))
+        # Spent shares from which on limits are lower; infinite: modules have not told yet.
+        self._warm = 1.0 - ((limits.upper / (MARGIN * self._continuous)) ** 2 - 1.0) / HASTE
         self.limits = limits
         self.lowest: dict[str, float] = {}
 
     def update(self, thermal: Floats) -> list[tuple[int, str]]:
-        """Set the limits by the spent shares (m,) of the budgets, 0 to 1; NaN where one is not known.
+        """Set the limits by the spent shares (m,) of the budgets, 0 to 1; NaN where nothing new is known.
 
         Returns
         -------
         list of (int, str)
             Modules whose limit has changed by as much as is worth noting, and what to say of each.
         """
-        left = 1.0 - np.clip(np.nan_to_num(thermal), 0.0, 1.0)
+        if self.limits is self._own and not (thermal >= self._warm).any():
+            return []
+        self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
+        left = 1.0 - self._thermal
         stands = MARGIN * self._continuous * np.sqrt(1.0 + HASTE * left)
         upper = np.minimum(STEP_N * np.floor(stands / STEP_N), self._own.upper)
         upper = np.maximum(upper, self._own.lower)

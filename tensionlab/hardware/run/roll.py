@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tensionlab.demand import Demand, Floats, Integers
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.codes import State
+from tensionlab.hardware.conversation import Heard
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.hardware.protocol import SetImpedance, Stop, Telemetry
@@ -50,7 +51,7 @@ class Roll:
     ) -> None:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
         self._clients, self._ttl, self._on_loss, self._on_lost = group.clients, ttl, on_loss, on_lost
-        self._heard: list[Telemetry | None] = [None] * len(group.clients)
+        self._heard: list[Heard[Telemetry] | None] = [None] * len(group.clients)
         self._loops = LoopChecks([client.name for client in group.clients], ttl)
         self._stall = Stall(ttl)
 
@@ -88,9 +89,9 @@ class Roll:
             if fault.code is State.TIMEOUT and self._stall.seconds:
                 raise ModuleFault(f"{fault}: {self._stall}", fault.module, fault.code) from None
             raise
-        if client.telemetry is not None and (now := client.telemetry.message) is not self._heard[index]:
-            before, self._heard[index] = self._heard[index], now
-            require_plausible(client.name, before, now)
+        if client.telemetry is not None and client.telemetry is not self._heard[index]:
+            before, self._heard[index] = self._heard[index], client.telemetry
+            require_plausible(client.name, before, client.telemetry)
         if age > self._ttl + self._stall.seconds:
             raise LinkTimeout(f'module "{client.name}" at {client.link.url} {silence(client, age)}')
         if not self._stall.seconds:

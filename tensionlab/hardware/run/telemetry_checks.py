@@ -9,7 +9,7 @@ import numpy as np
 from tensionlab.demand import Floats
 from tensionlab.errors import LinkTimeout, ModuleFault
 from tensionlab.hardware.codes import Code, Fault
-from tensionlab.hardware.conversation import CLOCK_WRAP
+from tensionlab.hardware.conversation import CLOCK_WRAP, Heard
 from tensionlab.hardware.protocol import Telemetry
 
 NUMBERS = {
@@ -27,16 +27,17 @@ MAX_ACCELERATION = 100.0
 """Of a cable, in m/s²: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
 
 
-def require_plausible(name: str, before: Telemetry | None, now: Telemetry) -> None:
+def require_plausible(name: str, before: Heard[Telemetry] | None, heard: Heard[Telemetry]) -> None:
     """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, what it is, and the value.
 
     Parameters
     ----------
     name : str
         Of the module.
-    before, now : Telemetry
+    before, heard : Heard of Telemetry
         Two that came one after the other, of a module that follows set-points.
     """
+    now = heard.message
     for field, unit in NUMBERS.items():
         value = getattr(now, field)
         if not math.isfinite(value):
@@ -54,8 +55,10 @@ def require_plausible(name: str, before: Telemetry | None, now: Telemetry) -> No
         )
     if before is None:
         return
-    seconds = 1e-6 * ((now.time_us - before.time_us) % CLOCK_WRAP)
-    expected = before.length + 0.5 * (before.speed + now.speed) * seconds
+    said = before.message
+    # By the slower clock: that of a simulated module stands still while its computer gives it no time.
+    seconds = max(1e-6 * ((now.time_us - said.time_us) % CLOCK_WRAP), heard.time - before.time)
+    expected = said.length + 0.5 * (said.speed + now.speed) * seconds
     jump = now.length - expected
     if abs(jump) > JUMP_M + 0.25 * MAX_ACCELERATION * seconds**2:
         raise ModuleFault(

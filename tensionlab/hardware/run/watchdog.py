@@ -65,8 +65,10 @@ class Watchdog:
     ) -> None:
         """Leave off."""
         self._closed.set()
-        self._thread.join()
-        self._native.close()
+        try:
+            self._thread.join()
+        finally:  # whatever signal comes now
+            self._native.close()
 
     def begin(self, name: str, seconds: float) -> None:
         """Begin a step, which ends the one before. It may take so many s."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -9,16 +10,20 @@ import numpy as np
 from tensionlab.demand import Floats, Pose
 from tensionlab.model.pose import frame_of
 
-QUICKNESS = 25.0
-"""Natural frequency in rad/s: it is there within some 0.2 s, without overshoot."""
+NEARING = 20.0
+"""In 1/s: close to where it is to be, a hand is so many times as fast as it is far."""
 FASTEST = 1.5
 """In m/s; modules let the cable in and out at 2 m/s."""
+MAX_ACCELERATION = 10.0
+"""In m/s²: at twice that, with a body that moves as well, modules still keep their cables taut."""
+TINY = 1e-12
+"""A distance in m that is none."""
 LONGEST = 0.01
 """Time of one step of the integration, in s, at most."""
 
 
 class GuidedHand:
-    """Follows a pose, critically damped: positions of the hand and of body frames; rotations at once. A motion.
+    """Follows a pose without overshoot: positions of the hand and of body frames; rotations at once. A motion.
 
     Parameters
     ----------
@@ -46,8 +51,12 @@ class GuidedHand:
         place, velocity = self._places.get(name, (wanted, np.zeros_like(wanted)))
         while seconds > 0.0:
             step = min(seconds, LONGEST)
-            velocity = velocity + step * (QUICKNESS**2 * (wanted - place) - 2.0 * QUICKNESS * velocity)
-            velocity = velocity * min(1.0, FASTEST / max(float(np.linalg.norm(velocity)), FASTEST))
+            gap = wanted - place
+            far = float(np.linalg.norm(gap))
+            speed = min(FASTEST, math.sqrt(MAX_ACCELERATION * far), NEARING * far)  # so that it can brake in time
+            change = gap * (speed / max(far, TINY)) - velocity
+            most = MAX_ACCELERATION * step
+            velocity = velocity + change * (most / max(float(np.linalg.norm(change)), most))
             place = place + step * velocity
             seconds -= step
         self._places[name] = (place, velocity)

@@ -13,6 +13,7 @@ import numpy as np
 
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.contract import TOLERANCE, Answer, Floats, Nearest, Problem
+from tensionlab.solvers.grazing import Ray
 from tensionlab.solvers.linear import independent_rows, whitener
 from tensionlab.solvers.quadratic.backends import BACKENDS, Engine, NoTensions, installed_backends, raised_by
 
@@ -36,7 +37,8 @@ class QuadraticProgram:
 
     - "force" minimises ``(W t - w)' Q (W t - w)`` inside the limits, Q the weights of the problem;
     - "tension" does the same with ``(W W')⁺`` for Q;
-    - "direction" maximises s in [0, 1] subject to ``W t = s w``; without any such s it is "force";
+    - "direction" maximises s in [0, 1] subject to ``W t = s w``; without any such s it is "force"; a wrench that
+      grazes what can be rendered is kept as far as the tolerance allows (`tensionlab.solvers.grazing`);
 
     and ``|t - reference|²`` is minimised again among the tensions that render the same wrench. The costs in
     the list are not strictly convex, which some backends refuse, so both are minimised by proximal steps:
@@ -99,6 +101,7 @@ class _Loose:
     upper: Floats
     reference: Floats
     accepted: float
+    unit: float
 
 
 def _allocate(engine: Engine, problem: Problem, index: int) -> Floats:
@@ -119,13 +122,15 @@ def _allocate(engine: Engine, problem: Problem, index: int) -> Floats:
         upper=upper[free] / unit,
         reference=reference[free] / unit,
         accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(wrench))) / unit,
+        unit=unit,
     )
     found = _closest(engine, loose, loose.wrench - loose.held)
     if found is None:
-        best = _furthest(engine, loose) if problem.nearest == "direction" else None
+        best = _along(engine, loose) if problem.nearest == "direction" else None
         if best is None:
             force = np.diag(np.sqrt(problem.weights))
-            best = _least_error(engine, loose, whitener(structure) if problem.nearest == "tension" else force)
+            root = whitener(structure) if problem.nearest == "tension" else force
+            best = _least_error(engine, loose, root, loose.wrench)
         tied = _closest(engine, loose, loose.structure @ best)
         found = best if tied is None else tied
     tensions[free] = np.clip(found * unit, lower[free], upper[free])
@@ -143,12 +148,12 @@ def _closest(engine: Engine, loose: _Loose, wrench: Floats) -> Floats | None:
     return found
 
 
-def _least_error(engine: Engine, loose: _Loose, root: Floats) -> Floats:
+def _least_error(engine: Engine, loose: _Loose, root: Floats, wrench: Floats) -> Floats:
     """Which tensions inside the limits make ``|root (W t - w)|`` least."""
     weighted = root @ loose.structure
     basis, strength = independent_rows(weighted)
     size = strength[0]
-    rows, values = basis.T @ weighted / size, basis.T @ root @ (loose.wrench - loose.held) / size
+    rows, values = basis.T @ weighted / size, basis.T @ root @ (wrench - loose.held) / size
     count, cables = rows.shape
     # The error is a variable of its own, x = (t, error), so that the cost stays diagonal.
     cost = np.concatenate([np.full(cables, PROXIMAL), np.ones(count)])
@@ -177,8 +182,31 @@ def _least_error(engine: Engine, loose: _Loose, root: Floats) -> Floats:
     return best
 
 
-def _furthest(engine: Engine, loose: _Loose) -> Floats | None:
-    """Which tensions render ``s w`` with the largest s in [0, 1]; None if no s is found."""
+def _along(engine: Engine, loose: _Loose) -> Floats | None:
+    """Which tensions render the most of the wrench, within tolerance where it grazes what can be rendered."""
+    best, scale = _furthest(engine, loose)
+    # The cables that are held are one more, with a tension of 1, and all is in newton again.
+    identity = np.eye(len(loose.wrench))
+
+    def nearest(s: float) -> Floats | None:
+        try:
+            return np.append(_least_error(engine, loose, identity, s * loose.wrench), 1.0)
+        except NoTensions:
+            return None
+
+    ray = Ray(
+        np.column_stack([loose.structure, loose.held]) * loose.unit,
+        loose.wrench * loose.unit,
+        np.append(loose.lower, 1.0),
+        np.append(loose.upper, 1.0),
+        nearest,
+    )
+    found = ray.widened(None if best is None else np.append(best, 1.0), scale)
+    return None if found is None else found[:-1]
+
+
+def _furthest(engine: Engine, loose: _Loose) -> tuple[Floats | None, float]:
+    """Which tensions render ``s w`` with the largest s in [0, 1], and that s; None if no s is found."""
     matrix = np.hstack([loose.structure, -loose.wrench[:, None]])
     basis, strength = independent_rows(matrix)
     rows, values = basis.T @ matrix / strength[:, None], -basis.T @ loose.held / strength
@@ -193,4 +221,4 @@ def _furthest(engine: Engine, loose: _Loose) -> Floats | None:
         best = centre = found
         if settled:
             break
-    return None if best is None else best[:-1]
+    return (None, 0.0) if best is None else (best[:-1], float(best[-1]))

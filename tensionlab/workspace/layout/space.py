@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import as_floats
 from tensionlab.errors import RigError
 from tensionlab.model import pose
 from tensionlab.model.kinematics import Floats
@@ -51,7 +52,7 @@ class Surface:
             raise RigError('surface: key "name" is empty; give every surface a name')
         corner = vector(self.corner, here, "corner")
         try:
-            edges = np.array(self.edges, dtype=np.float64)
+            edges = as_floats("edges", self.edges).copy()
         except (TypeError, ValueError):
             edges = np.empty(0)
         d = corner.size

@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,7 +13,7 @@ from tensionlab import records
 from tensionlab.errors import ShapeError, TensionlabError, UnknownSolver
 from tensionlab.experiments.bench import results
 from tensionlab.experiments.bench.rows import EVIDENCE
-from tensionlab.experiments.bench.run import ONE_THREAD, Plan, plan, run
+from tensionlab.experiments.bench.run import ONE_THREAD, Plan, measure_all, plan, run
 from tensionlab.experiments.problem_sets import PROBLEM_SETS
 
 
@@ -122,8 +123,19 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
     script = (
         "import os, sys; from tensionlab.experiments.bench import __main__ as worker; "
         "old = worker.measure_all; "
-        "worker.measure_all = lambda *a: (os.write(1, b'loud\\n'), old(*a)); worker.main()"
+        "worker.measure_all = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
     )
     done = subprocess.run([sys.executable, "-c", script, order], capture_output=True, text=True, check=True)
-    assert all(0 <= float(line) <= 1 for line in done.stdout.splitlines())
+    *shares, last = map(json.loads, done.stdout.splitlines())
+    assert shares
+    assert all(0 <= line["share"] <= 1 for line in shares)
+    assert last == {"folder": str(tmp_path)}
     assert "loud" in done.stderr
+
+
+def test_results_that_their_folder_does_not_take_are_kept_elsewhere(tmp_path):
+    what = Plan(("edge",), ("closed-form",), count=2, seconds=0.01, repeats=1, rounds=0)
+    kept = measure_all(what, tmp_path / "gone", [], lambda done: None)
+    assert kept != tmp_path / "gone"
+    assert results.read(kept).sets.keys() == {"edge"}
+    shutil.rmtree(kept)

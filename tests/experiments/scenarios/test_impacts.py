@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tensionlab.errors import ScenarioError
 from tensionlab.experiments.scenarios.collision import hold_of
 from tensionlab.experiments.scenarios.impacts import (
     MOST,
@@ -66,6 +67,13 @@ def test_without_refusal_and_breakaway_the_same_head_feels_too_much():
     found = outcome(HEAD_ON, careless)
     assert found.force > MOST
     assert "1 above 60 N" in report([found])
+
+
+def test_a_head_on_brakes_without_breakaway_links_is_refused():
+    said = "hold up to 380 N together, and a hold's cap allows 60 N; put breakaway links"
+    with pytest.raises(ScenarioError, match=said):
+        replace(COLLISION, rig=with_strength(COLLISION.rig, 186.0))
+    replace(COLLISION, rig=with_strength(COLLISION.rig, 26.0))
 
 
 def test_impacts_are_drawn_as_said():

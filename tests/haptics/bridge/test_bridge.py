@@ -26,6 +26,7 @@ from tensionlab.experiments.processes import process
 from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.haptics.bridge.messages import LARGEST, Stop
 from tensionlab.haptics.scenarios import load_scenario
+from tensionlab.hardware.record.run import read_run
 
 ROOT = Path(__file__).parents[3]
 RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
@@ -141,6 +142,10 @@ BAD = [
     ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stiffness": -1}}}', "stiffness is -1"),
     ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "wall", "stiffness": "x"}}}', "valid number"),
     ("[" * 5000, "not JSON"),
+    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": []}}}', "kind is []"),
+    ('{"type": "frame", "time": 0, "effects": {"a": {"kind": "spring", "centre": [0, 0]}}}', "give 3 components"),
+    ('{"type": "frame", "time": 0, "bodies": {"hand": {"position": [0, 0]}}}', "has 2 numbers; give 3"),
+    ('{"type": "frame", "time": 0, "bodies": {"head": {"position": [0, 0, 0]}}}', "no body 'head'"),
 ]
 
 
@@ -220,8 +225,10 @@ def test_a_page_of_this_machine_may_connect(bridge):
         assert json.loads(line.recv())["type"] == "welcome"
 
 
-def test_a_token_is_asked_for_and_needed_beyond_this_machine():
-    with served("--token", "secret") as (url, _):
+def test_a_token_is_asked_for_and_needed_beyond_this_machine(tmp_path, monkeypatch):
+    file = tmp_path / "token"
+    file.write_text("secret\n")
+    with served("--token-file", file) as (url, _):
         for path, headers in (("/command", {}), ("/command?token=wrong", {})):
             with pytest.raises(InvalidStatus) as caught:
                 connect(url + path, additional_headers=headers)
@@ -231,29 +238,53 @@ def test_a_token_is_asked_for_and_needed_beyond_this_machine():
         with BridgeClient(url, "secret") as client:
             assert client.frame(0.0).type == "state"
     with process("serve", RIG, "--host", "0.0.0.0", "--port", 0) as running:
-        assert running.wait(20.0) == 2
+        assert running.wait(60.0) == 2
         assert "give a token that clients must know" in running.stderr.read()
-
-
-def test_osc_asks_for_the_same():
-    with served("--osc", 0) as (url, running):
+    monkeypatch.setenv("TENSIONLAB_BRIDGE_TOKEN", "secret")
+    with served("--host", "0.0.0.0", "--osc", 0) as (url, running):
+        url = url.replace("0.0.0.0", "127.0.0.1")
+        with pytest.raises(InvalidStatus):
+            connect(f"{url}/command")
         port = int(running.stdout.readline().split()[-1])
-        with (
-            SimpleUDPClient("127.0.0.1", port) as sender,
-            connect(f"{url}/command", compression=None) as line,
-        ):
-            line.recv()
-            for number in range(90):
+        ports = Path("/proc/net/udp")
+        if ports.exists():
+            assert f"0100007F:{port:04X}" in ports.read_text(), "OSC, which knows no token, is on loopback"
+
+
+@pytest.mark.parametrize(("content", "said"), [("", "is empty"), (None, "cannot be read")])
+def test_a_token_file_without_a_token_is_refused(run, tmp_path, content, said):
+    file = tmp_path / "token"
+    if content is not None:
+        file.write_text(content)
+    status, _, err = run("serve", RIG, "--token-file", file)
+    assert status == 2
+    assert said in err
+
+
+def test_osc_asks_for_the_same(tmp_path):
+    log = tmp_path / "osc.mcap"
+    with served("--osc", 0, "--log", log) as (url, running):
+        port = int(running.stdout.readline().split()[-1])
+        with SimpleUDPClient("127.0.0.1", port) as sender, connect(f"{url}/events", compression=None) as watch:
+            for number in range(120):
                 sender.send_message("/body/hand", list(HAND))
                 if number == 0:
                     sender.send_message("/effect/pull", ["spring", "centre", 0.0, 0.36, 0.0, "stiffness", 20.0])
                 time.sleep(1.0 / 90.0)
-            line.send(Stop().model_dump_json())  # it tells the state as well
-            while (said := json.loads(line.recv()))["type"] != "state":
-                continue
-            asked = said["asked"]
-        assert asked == pytest.approx([0.0, 1.0, 0.0], abs=0.02)
-        assert running.wait(20.0) == 0
+            with pytest.raises(HardwareError, match="another client commands"):
+                BridgeClient(url)
+            sender.send_message("/nowhere", [1.0])
+            assert "/nowhere" in heard(watch, "ignored")["text"]
+            sender.send_message("/stop", [])
+        assert running.wait(60.0) == 0
+    assert read_run(log).demanded[-1] == pytest.approx([0.0, 1.0, 0.0], abs=0.02)
+
+
+def test_a_client_that_commands_and_says_nothing_loses_its_place(bridge):
+    with connect(f"{bridge}/command", compression=None) as idle:
+        assert closed(idle, 20.0) == (1008, "silent for 5 s: no frame that could be taken")
+    with BridgeClient(bridge) as client:
+        assert client.frame(0.0, HAND).type == "state"
 
 
 def test_the_loop_keeps_its_rate_while_clients_misbehave():

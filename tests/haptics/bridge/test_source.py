@@ -1,7 +1,8 @@
 """How what is in the mailbox becomes a demand."""
 
+import logging
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,8 @@ from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.haptics.effects import Vibration, Viscous
+from tensionlab.haptics.effects.effect import Rendered
+from tensionlab.haptics.effects.on_module import EffectFailed
 from tensionlab.haptics.rendering import Renderer
 from tensionlab.haptics.scenarios import ScenarioDemand, load_scenario
 
@@ -93,3 +96,80 @@ def test_a_hand_that_is_put_elsewhere_has_no_speed():
     there = replace(state, time=1.01, pose=Pose(np.array([0.0, 0.0, 1.05])))
     wrench = demand(there).wrench
     assert np.linalg.norm(wrench) < 4.0  # a magnet's pull; its damper would have made 10 N of it
+
+
+@dataclass(frozen=True)
+class Faulty:
+    """An effect that pulls up with 2 N for 20 cycles; then it is at fault, in one way or another."""
+
+    then: object
+    count: list
+
+    def render(self, motion, memory=None):
+        self.count.append(1)
+        if len(self.count) > 20:
+            if isinstance(self.then, Exception):
+                raise self.then
+            return Rendered(np.array(self.then))
+        return Rendered(np.array([0.0, 2.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("then", "why"),
+    [
+        (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero"),
+        ([0.0, np.nan, 0.0], "its force is not finite"),
+        ([0.0, 1.0], "ValueError"),
+        ([0.0, 1e300, 0.0], None),
+    ],
+)
+def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_is_told(then, why, caplog):
+    caplog.set_level(logging.CRITICAL)
+    box, told, noted = Mailbox(RIG), [], []
+    client = box.command.take("client", time.monotonic(), told.append)
+    demand = BridgedDemand(box, FreeEffects(RIG, box), note=lambda *news: noted.append(news))
+    forces = []
+    for cycle in cycles(RIG, 40):
+        if not client.dismissed:
+            box.put(frame(), time.monotonic(), client)
+            box._effects = {"bad": Faulty(then, demand.__dict__.setdefault("count", []))}
+        wrench = demand(replace(cycle.state, lengths=RIG.lengths(RIG.home))).wrench
+        forces.append(0.0 if wrench is None else wrench[1])
+    assert forces[19] == pytest.approx(2.0)
+    assert np.abs(np.diff(forces)).max() <= 200.0 / 50 + 1e-9, "as fast as the slew, and no faster"
+    if why is None:
+        assert max(forces) <= RIG.limits.upper.sum() + 1e-9, "no more than all cables together could pull"
+        return
+    assert forces[-1] == 0.0
+    assert not box.effects
+    assert client.dismissed.startswith("the effects are removed: effect 'bad' failed: ")
+    assert why in client.dismissed
+    assert told == [client.dismissed]
+    assert noted[0][0] == "removed"
+
+
+def test_a_scenarios_own_effect_that_fails_ends_the_run_in_words():
+    scenario = load_scenario("materials")
+    phase = replace(scenario.phases[0], effects={"bad": Faulty(RuntimeError("no way"), [1] * 99)})
+    box = Mailbox(scenario.rig)
+    client = box.command.take("client", time.monotonic(), print)
+    demand = BridgedDemand(box, ScenarioDemand(replace(scenario, phases=(phase,))))
+    box.put(
+        Frame.model_validate({"time": 0.0, "effects": {"mine": {"kind": "viscous"}}}), time.monotonic(), client
+    )
+    with pytest.raises(EffectFailed, match="effect 'bad' failed: RuntimeError: no way"):
+        demand(next(cycles(scenario.rig, 2)).state)
+    assert not client.dismissed
+
+
+def test_far_from_a_wall_no_module_is_asked_for_what_it_would_refuse():
+    box = Mailbox(RIG)
+    free = FreeEffects(RIG, box)
+    floor = {"kind": "wall", "plane": {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}}
+    state = next(cycles(RIG, 2)).state
+    for height in (0.1, 2.0, 90.0):
+        there = {"hand": {"position": [0.0, height, 0.0]}}
+        box.put(Frame.model_validate({"time": 0.0, "bodies": there, "effects": {"a": floor}}), time.monotonic())
+        springs = free(state, box.effects, 1.0).impedances
+        assert ("top" in springs) == (height == 0.1)
+        assert all(spring.rest <= 5.0 and spring.feed_forward <= 6.0 for spring in springs.values())

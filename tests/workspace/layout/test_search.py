@@ -62,6 +62,12 @@ def test_the_rig_has_the_score_and_its_modules_the_contributions():
         assert (module.lower, module.upper) == LIMITS
 
 
+def test_a_module_without_which_nothing_can_be_rendered_has_all_of_the_score_and_not_more():
+    found = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=2, starts=2).best
+    assert found.score > 0.0  # three cables in the plane: without any of them, not even the force zero
+    assert found.contributions == pytest.approx([found.score] * 3)
+
+
 def test_the_text_of_a_layout_is_the_rig_with_the_score_above_it():
     found = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=2, starts=2).best
     text = found.to_toml()

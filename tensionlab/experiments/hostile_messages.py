@@ -1,0 +1,200 @@
+"""Messages to a bridge, drawn from its schema and around it: what a client may say, nearly may, and may not."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any
+
+from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
+from hypothesis import strategies as st
+
+from tensionlab.haptics.effects import EFFECTS, SOLIDS
+from tensionlab.haptics.effects.parameters import Bound, Many, Range, Vector, bounds
+
+NEAR_M = 0.4
+"""A hand is mostly so far from the rig's home."""
+ODD = st.sampled_from([
+    None, True, "", "x", "1.0", [], {}, [[]], {"kind": []}, [0.0, 0.0], [math.nan] * 3, [1e308] * 3, math.nan,
+    math.inf, -math.inf, 1e308, -1e308, 5e-324, -1.0, 0, 10**300, list(range(101)),
+])  # fmt: skip
+"""What is of no parameter's type, or of no physical size."""
+Json = st.SearchStrategy[Any]
+
+
+def number(bound: Range) -> Json:
+    """Draw numbers of a range, mostly small ones; its ends, and what is just beyond them."""
+    low, high = max(bound.low, -1e3), min(bound.high, 1e3)
+    inside = st.floats(low, min(high, low + 20.0), exclude_min=bound.positive)
+    edges = [bound.low, bound.high, math.nextafter(bound.low, -math.inf), math.nextafter(bound.high, math.inf)]
+    return st.one_of(inside, inside, inside, st.floats(low, high), st.sampled_from(edges))
+
+
+def value(bound: Bound, dimension: int) -> Json:
+    """Draw values of a parameter: mostly what is allowed."""
+    if isinstance(bound, Range):
+        return number(bound)
+    if isinstance(bound, Many):
+        return st.lists(number(bound.each), max_size=4).map(sorted) | st.just([0.5 * each for each in range(99)])
+    assert isinstance(bound, Vector)
+    component = st.floats(max(bound.low, -1.0), min(bound.high, 1.0))
+    fitting = st.lists(component, min_size=dimension, max_size=dimension)
+    far = st.lists(st.floats(bound.low, bound.high), min_size=1, max_size=4)
+    return st.one_of(fitting, fitting, fitting, far)
+
+
+def table(kind: type, dimension: int, odd: bool) -> Json:
+    """Draw parameters of a class, and of its parts; with ``odd``, also such as cannot be."""
+    choices: dict[str, Json] = {}
+    for each in fields(kind):
+        default = each.default_factory() if each.default_factory is not MISSING else each.default
+        if each.name in (known := bounds(kind)):
+            choices[each.name] = value(known[each.name], dimension)
+        elif each.name == "field":
+            choices[each.name] = st.one_of(
+                *(_of_kind(table(solid, dimension, odd), name) for name, solid in SOLIDS.items())
+            )
+        elif is_dataclass(default):
+            choices[each.name] = table(type(default), dimension, odd)
+    if odd:
+        choices = {name: choice | ODD for name, choice in choices.items()} | {"colour": ODD}
+    return st.fixed_dictionaries({}, optional=choices)
+
+
+def effect(dimension: int) -> Json:
+    """Draw an effect: a kind and parameters."""
+    known = [
+        _of_kind(table(kind, dimension, odd), name)
+        for name, kind in EFFECTS.items()
+        for odd in (False, False, True)
+    ]
+    return st.one_of(*known, ODD, ODD.map(lambda kind: {"kind": kind}))
+
+
+def _of_kind(parameters: Json, kind: str) -> Json:
+    return parameters.map(lambda found: {"kind": kind, **found})
+
+
+def frames(dimension: int, names: list[str], home: list[float]) -> Json:
+    """Draw frames, as objects: bodies by their names, and effects."""
+    near = st.tuples(*(st.floats(each - NEAR_M, each + NEAR_M) for each in home)).map(list)
+    place = st.one_of(
+        near, near, near, near, st.lists(st.floats(-100.0, 100.0), min_size=dimension, max_size=dimension)
+    )
+    turn = st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4)
+    body = st.fixed_dictionaries({"position": place}, optional={"rotation": turn})
+    odd_body = st.fixed_dictionaries({"position": place | ODD}, optional={"rotation": turn | ODD, "x": ODD})
+    bodies = st.dictionaries(st.sampled_from(names), body, max_size=3)
+    odd_bodies = st.dictionaries(st.sampled_from([*names, "nobody"]), odd_body | ODD, max_size=3)
+    effects = st.dictionaries(st.sampled_from("abcd"), effect(dimension), max_size=3)
+    time = st.floats(0.0, 1e4)
+    fitting = st.fixed_dictionaries(
+        {"type": st.just("frame"), "time": time, "bodies": bodies}, optional={"effects": effects}
+    )
+    odd = st.fixed_dictionaries(
+        {"type": st.just("frame") | ODD, "time": time | ODD},
+        optional={"bodies": odd_bodies | ODD, "effects": effects | ODD, "sequence": st.integers() | ODD, "y": ODD},
+    )
+    return st.one_of(fitting, fitting, fitting, odd)
+
+
+def texts(dimension: int, names: list[str], home: list[float]) -> st.SearchStrategy[str]:
+    """Draw messages of the WebSocket: mostly JSON of frames, some of it damaged. None is a stop."""
+    whole = frames(dimension, names, home).map(json.dumps)
+    cut = st.tuples(whole, st.integers(0, 200)).map(lambda pair: pair[0][: -1 - pair[1]])
+    odd = st.one_of(
+        cut, ODD.map(json.dumps), st.integers(1, 3000).map(lambda depth: "[" * depth), st.text(max_size=40)
+    )
+    return st.one_of(*[whole] * 7, odd)
+
+
+def datagrams(dimension: int, names: list[str], home: list[float]) -> st.SearchStrategy[bytes]:
+    """Draw datagrams of OSC: mostly what it takes, some of it damaged. None is a stop."""
+    places = st.tuples(*(st.floats(each - NEAR_M, each + NEAR_M) for each in home)).map(list)
+    odd_places = st.lists(st.floats(width=32) | st.text(max_size=3), max_size=8)
+    body = st.builds(_osc, st.sampled_from([f"/body/{name}" for name in names]), places)
+    odd_body = st.builds(
+        _osc, st.sampled_from(["/body/nobody", "/body", "/x", "/effect", "/body/hand"]), odd_places
+    )
+    told = st.builds(_osc, st.sampled_from(["/effect/a", "/effect/b"]), effect(dimension).map(_words))
+    message = st.one_of(body, body, told, told, odd_body)
+    size = st.integers(-(2**31), 2**31 - 1)
+    bundle = st.builds(_bundle, st.lists(message, max_size=4), st.none() | size)
+    nested = st.builds(_nest, bundle, st.integers(1, 12))
+    flipped = st.builds(_flip, message | bundle, st.integers(0, 400), st.integers(1, 255))
+    return st.one_of(message, message, bundle, flipped, nested, st.binary(max_size=64))
+
+
+def draw(strategy: st.SearchStrategy[Any], count: int, number_of_draw: int) -> list[Any]:
+    """Return so many examples of a strategy, the same ones for the same number."""
+    found: list[Any] = []
+
+    @seed(number_of_draw)
+    @settings(
+        max_examples=count,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        verbosity=Verbosity.quiet,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(strategy)
+    def collect(one: Any) -> None:
+        found.append(one)
+
+    collect()
+    return found[:count]
+
+
+def _words(given_effect: Any) -> list[Any]:
+    """Return an effect as the arguments of OSC, as far as that can be said there."""
+    if not isinstance(given_effect, dict):
+        return [given_effect]
+    words: list[Any] = [given_effect.get("kind")]
+    for name, each in given_effect.items():
+        if name != "kind":
+            words += [name, *(each if isinstance(each, list) else [each])]
+    return words
+
+
+def _osc(address: str, values: list[Any]) -> bytes:
+    tags, content = ",", b""
+    for each in values:
+        if isinstance(each, bool):
+            tags += "T" if each else "F"
+        elif isinstance(each, str):
+            tags, content = tags + "s", content + _padded(each.encode())
+        elif isinstance(each, int | float) and abs(each) < 1e300:
+            tags, content = tags + "d", content + struct.pack(">d", float(each))
+        elif isinstance(each, float):
+            tags, content = tags + "d", content + struct.pack(">d", each)
+        else:
+            tags += "N"
+    return _padded(address.encode()) + _padded(tags.encode()) + content
+
+
+def _padded(text: bytes) -> bytes:
+    return text + b"\0" * (4 - len(text) % 4)
+
+
+def _bundle(elements: list[bytes], size: int | None) -> bytes:
+    """Return a bundle, the first of whose sizes may be another one than it is."""
+    sizes = [len(each) if size is None or index else size for index, each in enumerate(elements)]
+    parts = [struct.pack(">i", length) + each for length, each in zip(sizes, elements, strict=True)]
+    return b"#bundle\0" + struct.pack(">Q", 1) + b"".join(parts)
+
+
+def _nest(inner: bytes, depth: int) -> bytes:
+    for _ in range(depth):
+        inner = _bundle([inner], None)
+    return inner
+
+
+def _flip(data: bytes, at: int, by: int) -> bytes:
+    return (
+        data
+        if not data
+        else data[: at % len(data)] + bytes([data[at % len(data)] ^ by]) + data[at % len(data) + 1 :]
+    )

@@ -1,0 +1,317 @@
+"""Every verb that writes, on every kind of place that cannot be written.
+
+The verbs are found in the program itself: an option that writes and has no recipe here fails a test. Ordinary
+tests let a disk fill up between check and writing; with TENSIONLAB_FAULTS=all, folders vanish there as well.
+"""
+
+import builtins
+import errno
+import inspect
+import io
+import os
+import re
+import shutil
+import signal
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import runs
+import typer
+
+from tensionlab import writing
+from tensionlab.cli import app
+from tensionlab.experiments.bench import run as bench
+from tensionlab.hardware.calibration.tables import write_table
+from tensionlab.hardware.simulation import serve as serving
+from tensionlab.model.files import load_rig
+
+resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+RIG = RIGS / "bartels2026-validation.toml"
+CUBE = RIGS / "cube-8.toml"
+SPACE = """
+name = "flat"
+counts = [3]
+limits = { lower = 1.0, upper = 5.0 }
+target = { x = [-0.1, 0.1], y = [0.0, 0.0], step = 0.1 }
+search = { seed = 5, generations = 2, starts = 2 }
+surfaces = [
+  { name = "south", corner = [-1, -1], edges = [[2, 0]] },
+  { name = "north", corner = [-1, 1], edges = [[2, 0]] },
+]
+"""
+COMPARE = f"compare {RIG} --solvers closed-form --directions fibonacci:2"
+SWEEP = f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --measure wrench-closure"
+PLAYED = "scenario materials --seconds 0.2"
+RECIPES = {
+    ("compare", "--plot"): (COMPARE, ".png"),
+    ("compare", "--out"): (COMPARE, ".parquet"),
+    ("workspace", "--out"): (SWEEP, ".zarr"),
+    ("workspace", "--plot"): (SWEEP, ".png"),
+    ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
+    ("run", "--log"): (f"run {RIG} --seconds 0.3", ".mcap"),
+    ("scenario", "--log"): (PLAYED, ".mcap"),
+    ("scenario", "--plot"): (PLAYED, ".svg"),
+    ("serve", "--log"): (f"serve {RIG} --seconds 0.3 --port 0", ".mcap"),
+    ("simulate", "--modules"): (f"simulate {RIG}", ".toml"),
+    ("simulate", "--record"): (f"simulate {RIG}", ".csv"),
+    ("simulate", "--config-file"): ("simulate", ".bin"),
+    ("validate", "--out"): (f"validate {RIG} --preset ideal --hold 0.35", ""),
+    ("module calibrate staircase", "--out"): ("module calibrate staircase sim:", ".csv"),
+    ("module calibrate record", "--out"): (f"module calibrate record {RIG} --modules modules.toml", ".csv"),
+    ("module calibrate anchors", "--out"): (f"module calibrate anchors {RIG} lengths.csv --known", ".toml"),
+    ("module config dump", "--folder"): ("module config dump --modules modules.toml", ""),
+    ("rig show", "--plot"): (f"rig show {RIG}", ".pdf"),
+    ("rig check", "--plot"): (f"rig check {CUBE}", ".png"),
+    ("rig import", "--out"): ("rig import --caspr bodies.xml cables.xml", ".toml"),
+    ("rig export", "--mjcf"): (f"rig export {CUBE}", ".xml"),
+    ("layout search", "--out"): ("layout search space.toml", ".toml"),
+    ("log export", "--to"): ("log export run.mcap", ".nc"),
+    ("log plot", "--plot"): ("log plot run.mcap", ".png"),
+    ("log replay", "--out"): ("log replay run.mcap --solver closed-form", ".parquet"),
+    ("problems export", "--out"): ("problems export --set edge --count 2", ".parquet"),
+}
+"""What makes each option write something, and the suffix of its file; none for a folder."""
+IN_PLACE = {".mcap", ".csv", ".zarr"}
+"""What is written bit by bit under its own name, so that it outlives the process."""
+READS = {
+    "rig",
+    "rigs",
+    "path",
+    "poses",
+    "program",
+    "modules",
+    "scenario",
+    "sensor",
+    "staircase",
+    "caspr",
+    "measured",
+}
+"""Parameters that are paths of what is read."""
+MADE = {("bench", "--out"), ("module config dump", "--folder")}
+"""Folders that are made where they are not."""
+QUICK = [key for key in RECIPES if key != ("validate", "--out")]
+
+
+def parameters(group=None, words=()):
+    """All parameters of all verbs: words of the verb, the parameter, and how it is annotated."""
+    group = typer.main.get_command(app) if group is None else group
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from parameters(command, (*words, name))
+        else:
+            annotations = inspect.unwrap(command.callback).__annotations__
+            for each in command.params:
+                yield " ".join((*words, name)), each, str(annotations.get(each.name, ""))
+
+
+def writes(parameter):
+    """Whether a parameter is checked as one that names a file or a folder to write."""
+    callback = parameter.callback
+    while hasattr(callback, "__wrapped__"):
+        callback = callback.__wrapped__
+    name = getattr(callback, "__qualname__", "")
+    return name.startswith(("output_file.", "output_folder.", "picture_file"))
+
+
+def test_every_option_that_writes_is_tried_here_and_every_path_is_known():
+    found = {(verb, each.opts[0]) for verb, each, _ in parameters() if writes(each)}
+    assert found == set(RECIPES)
+    unknown = {
+        (verb, each.name)
+        for verb, each, annotation in parameters()
+        if re.search(r"\bPath|ModulesFile|RigFile|RunFile", annotation)
+        and not writes(each)
+        and each.name not in READS
+    }
+    assert not unknown, "an option that writes needs output_file or output_folder as its callback"
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory):
+    """A folder with what the verbs read."""
+    folder = tmp_path_factory.mktemp("prepared")
+    rig = load_rig(RIG)
+    (folder / "space.toml").write_text(SPACE)
+    names = "\n".join(f'"{module.name}" = "sim:"' for module in rig.modules[:1])
+    (folder / "modules.toml").write_text(f"[modules]\n{names}\n")
+    places = rig.home + np.random.default_rng(1).uniform([-0.3, 0.0, -0.3], [0.3, 1.2, 0.3], (8, 3))
+    lengths = {module.name: column for module, column in zip(rig.modules, rig.lengths(places).T, strict=True)}
+    write_table(folder / "lengths.csv", {**dict(zip("xyz", places.T, strict=True)), **lengths})
+    runs.logged(folder / "run.mcap", runs.four(), 20)
+    return folder
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Leave out what takes long, wants hardware or never ends; all that writes is real."""
+    from tensionlab.cli import calibrate_rig, rig
+    from tensionlab.hardware.calibration import lengths
+    from tensionlab.model import caspr
+
+    def measured(what, folder, call, progress):
+        writing.require_folder(folder, parents=True)
+        writing.make_folder(folder)
+        brief = replace(what, count=2, seconds=0.01, repeats=1, rounds=0)
+        return bench.measure_all(brief, folder, call, progress)
+
+    def served(modules, speed, stopped, watchers, *_):
+        for each in modules:
+            each.port.close()
+            if each._settings_file is not None:
+                writing.write_bytes(each._settings_file, b"what a module saves")
+        for _ in range(3):
+            for watch in watchers:
+                watch([each.module for each in modules])
+
+    @contextmanager
+    def nobody(*_):
+        yield None
+
+    monkeypatch.setattr(bench, "measure", measured)
+    monkeypatch.setattr(serving, "serve", served)
+    monkeypatch.setattr(calibrate_rig, "_group", nobody)
+    monkeypatch.setattr(lengths, "record_lengths", lambda *_: np.ones((3, 4)))
+    monkeypatch.setattr(caspr, "load_caspr", lambda *_: load_rig(RIG))
+    assert rig
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def place(tmp_path, prepared, monkeypatch):
+    """A folder to write to; the working directory has what is read."""
+    monkeypatch.chdir(prepared)
+    (tmp_path / "out").mkdir()
+    return tmp_path / "out"
+
+
+@contextmanager
+def full_disk():
+    """No file may grow."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@contextmanager
+def refusing(monkeypatch, folder, number):
+    """The system lets nobody write to a folder: permissions do not stop who runs as root."""
+
+    def guarded(function, writes):
+        def call(path, *words, **options):
+            if (
+                isinstance(path, (str, os.PathLike))
+                and str(path).startswith(str(folder))
+                and writes(words, options)
+            ):
+                raise OSError(number, os.strerror(number), str(path))
+            return function(path, *words, **options)
+
+        return call
+
+    with monkeypatch.context() as patched:
+        opened = guarded(io.open, lambda words, options: set("wxa+") & set((*words, options.get("mode", "r"))[0]))
+        patched.setattr(io, "open", opened)
+        patched.setattr(builtins, "open", opened)
+        patched.setattr(os, "mkdir", guarded(os.mkdir, lambda words, options: True))
+        yield
+
+
+def invoke(run, key, target):
+    command = RECIPES[key][0]
+    code, out, err = run(*command.split(), key[1], target)
+    lines = [line for line in err.splitlines() if line.startswith(("tensionlab:", "Error:"))]
+    assert all(len(line) <= 300 for line in lines), lines
+    assert "Traceback" not in err
+    return code, out, lines
+
+
+@pytest.mark.parametrize("key", RECIPES, ids=" ".join)
+def test_what_cannot_be_written_is_refused_before_the_work(run, place, quick, monkeypatch, key):
+    suffix = RECIPES[key][1]
+    folder = suffix in ("", ".zarr")
+    target = place / f"x{suffix}"
+    cases = {"a file in the place of a folder": place / "file" / f"x{suffix}"}
+    (place / "file").write_text("precious")
+    if folder:
+        target.mkdir()
+        cases |= {"a file": place / f"file{suffix}"} if not suffix else {}
+    else:
+        target.write_text("precious")
+        (place / f"folder{suffix}").mkdir()
+        os.mkfifo(place / f"pipe{suffix}")
+        (place / f"null{suffix}").symlink_to("/dev/null")
+        cases |= {
+            "no folder": place / "none" / f"x{suffix}",
+            "a folder": place / f"folder{suffix}",
+            "a pipe": place / f"pipe{suffix}",
+            "a device": place / f"null{suffix}",
+            "another suffix": place / "x.docx",
+        }
+    if key[1] == "--config-file":
+        del cases["another suffix"]
+    for what, at in cases.items():
+        code, _, lines = invoke(run, key, at)
+        assert (code, len(lines)) == (2, 1), what
+        assert at.name in lines[0] or at.parent.name in lines[0], (what, lines)
+    for number in (errno.EROFS, errno.EACCES, errno.ENOSPC):
+        with refusing(monkeypatch, place, number):
+            code, _, lines = invoke(run, key, target)
+        assert (code, len(lines)) == (2, 1), lines
+        assert os.strerror(number) in lines[0]
+    with full_disk():
+        code, _, lines = invoke(run, key, target)
+    assert (code, len(lines)) == (2, 1)
+    assert "File too large" in lines[0]
+    assert Path("/dev/null").is_char_device()
+    assert (place / "file").read_text() == "precious"
+    assert folder or target.read_text() == "precious"
+    assert not list(place.glob(".tensionlab-*"))
+
+
+@pytest.mark.parametrize("key", QUICK, ids=" ".join)
+@pytest.mark.parametrize(
+    "fault", ["fills up", "vanishes"] if os.environ.get("TENSIONLAB_FAULTS") == "all" else ["fills up"]
+)
+def test_what_fails_after_the_work_is_said_and_spoils_nothing(run, place, quick, monkeypatch, key, fault):
+    suffix = RECIPES[key][1]
+    target = place / f"x{suffix}"
+    if suffix and suffix not in IN_PLACE:
+        target.write_text("precious")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def then(check):
+        def call(*words, **options):
+            check(*words, **options)
+            if fault == "vanishes":
+                shutil.rmtree(place, ignore_errors=True)
+            else:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+
+        return call
+
+    monkeypatch.setattr(writing, "require_writable", then(writing.require_writable))
+    monkeypatch.setattr(writing, "require_folder", then(writing.require_folder))
+    try:
+        code, _, lines = invoke(run, key, target)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    if fault == "vanishes" and key in MADE:
+        assert code == 0
+        return
+    assert code in (1, 2)
+    assert lines
+    if suffix not in IN_PLACE and fault == "fills up":
+        assert not suffix or target.read_text() == "precious"
+        assert not list(place.rglob(".tensionlab-*"))
+        assert all(path.stat().st_size for path in place.rglob("*") if path.is_file())

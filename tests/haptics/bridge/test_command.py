@@ -1,0 +1,143 @@
+"""One client commands at a time, whichever door it comes by."""
+
+import pytest
+from pythonosc.osc_message_builder import build_msg
+from runs import four
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.bridge.command import SILENCE_S, FrameRefused
+from tensionlab.haptics.bridge.mailbox import Mailbox
+from tensionlab.haptics.bridge.messages import Frame
+from tensionlab.haptics.bridge.osc import OscDoor
+
+FRAME = Frame.model_validate({"time": 0.0, "bodies": {"hand": {"position": [0.0, 0.31, 0.0]}}})
+PULL = build_msg("/effect/pull", ["spring", "centre", 0.0, 0.36, 0.0, "stiffness", 20.0]).dgram
+STOP = build_msg("/stop", []).dgram
+
+
+@pytest.fixture
+def box():
+    return Mailbox(four())
+
+
+@pytest.fixture
+def door(box):
+    """OSC, without its thread: the test hands it datagrams. What it complains of is in `said`."""
+    said = []
+    opened = OscDoor(box, "127.0.0.1", 0, said.append)
+    opened.said = said
+    yield opened
+    opened._socket.close()
+
+
+def test_a_second_one_waits_until_the_first_has_gone_or_been_silent(box):
+    told = []
+    first = box.command.take("first", 0.0, told.append)
+    with pytest.raises(
+        FrameRefused, match="another client commands; watch at /events, or wait until first has gone"
+    ):
+        box.command.take("second", SILENCE_S - 0.1, told.append)
+    box.put(FRAME, 3.0, first)
+    with pytest.raises(FrameRefused):
+        box.command.take("second", SILENCE_S + 1.0, told.append)
+    second = box.command.take("second", 3.0 + SILENCE_S, told.append)
+    assert told == ["silent for 5 s: second commands now"]
+    with pytest.raises(FrameRefused, match="silent for 5 s"):
+        box.put(FRAME, 9.0, first)
+    box.command.leave(second)
+    box.command.take("third", 9.0, told.append)
+
+
+def test_the_next_client_begins_anew(box):
+    first = box.command.take("first", 0.0, print)
+    box.put(Frame.model_validate({"time": 0.0, "effects": {"a": {"kind": "viscous"}}}), 0.0, first)
+    assert set(box.effects) == {"a"}
+    box.command.leave(first)
+    box.put(FRAME, 1.0, box.command.take("second", 1.0, print))
+    assert not box.effects
+
+
+def test_osc_sets_no_force_while_another_client_commands(box, door):
+    first = box.command.take("first", 0.0, print)
+    door._take(PULL, "127.0.0.1", 1.0)
+    door._take(STOP, "127.0.0.1", 1.0)
+    assert not box.effects
+    assert not box.stop_wanted
+    assert door.said == [
+        "OSC: clients that do not command ignored: another client commands; watch at /events, or wait until first "
+        "has gone or been silent for 5 s"
+    ]
+    box.command.leave(first)
+    door._take(PULL, "127.0.0.1", 2.0)
+    assert set(box.effects) == {"pull"}
+    with pytest.raises(FrameRefused):
+        box.command.take("third", 3.0, print)
+    door._take(PULL, "127.0.0.2", 3.0)
+    assert box.count == 1
+
+
+def test_an_unknown_address_or_a_bad_message_changes_nothing(box, door):
+    door._take(PULL, "127.0.0.1", 0.0)
+    bad = [
+        build_msg("/nowhere", [1.0]),
+        build_msg("/effect/pull", ["spring", "centre", 0.0, 0.0]),
+        build_msg("/effect/pull", ["spring", 3.0]),
+        build_msg("/effect/pull", [2.0]),
+        build_msg("/body/hand", [0.0, 0.0]),
+        build_msg("/body/nobody", [0.0, 0.0, 0.0]),
+    ]
+    for message in bad:
+        door._take(message.dgram, "127.0.0.1", 1.0)
+    for _ in range(3000):
+        door._take(b"garbage", "127.0.0.1", 1.0)
+    assert set(box.effects) == {"pull"}
+    assert box.count == 1
+    assert len(door.said) == 4  # one of each kind
+    assert any("no address '/nowhere'" in line for line in door.said)
+    assert any("'pull': centre is (0.0, 0.0); give 3 components" in line for line in door.said)
+    door._complaints.summarise(now=True)
+    assert "2999 x malformed datagrams" in door.said[-1]
+    box.put(FRAME, 2.0, door._commander)
+
+
+def test_a_single_shot_can_be_fired_over_osc(box, door):
+    door._take(build_msg("/effect/gun", ["recoil", "shots", 2.5]).dgram, "127.0.0.1", 0.0)
+    assert box.effects["gun"].shots == (2.5,)
+
+
+def test_who_was_sent_away_stays_away_until_a_silence(box, door):
+    door._take(PULL, "127.0.0.1", 0.0)
+    box.dismiss("it failed")
+    assert not box.effects
+    for now in (1.0, 5.0, 9.0):
+        door._take(PULL, "127.0.0.1", now)
+    assert not box.effects
+    assert door.said == ["OSC: clients that do not command ignored: it failed"]
+    door._take(PULL, "127.0.0.1", 9.0 + SILENCE_S)
+    assert set(box.effects) == {"pull"}
+
+
+@pytest.mark.parametrize(
+    ("bodies", "said"),
+    [
+        ({"hand": {"position": [0.0, 0.3]}}, "position of 'hand' has 2 numbers; give 3"),
+        ({"hnad": {"position": [0.0, 0.3, 0.0]}}, "no body 'hnad'; there are: hand"),
+        ({"hand": {"position": four().modules[0].anchor}}, "lies on the anchor"),
+        ({"hand": {"position": four().modules[0].anchor + 1e-4}}, 'module "floor-1" has a cable of no length'),
+    ],
+)
+def test_bodies_that_the_rig_does_not_have_are_refused(box, bodies, said):
+    with pytest.raises(FrameRefused) as refused:
+        box.put(Frame.model_validate({"time": 0.0, "bodies": bodies}), 0.0)
+    assert said in str(refused.value)
+    assert box.count == 0
+
+
+def test_an_effect_that_is_said_again_is_not_read_again(box):
+    frame = Frame.model_validate({"time": 0.0, "effects": {"a": {"kind": "recoil", "shots": [1.0]}}})
+    box.put(frame, 0.0)
+    before = box.effects["a"]
+    box.put(frame, 0.1)
+    assert box.effects["a"] is before
+    with pytest.raises(EffectError):
+        box.put(Frame.model_validate({"time": 0.0, "effects": {"a": {"kind": "recoil", "shots": 1.0}}}), 0.2)

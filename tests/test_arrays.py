@@ -1,0 +1,138 @@
+"""Arrays at every public door: nothing of them is dropped in silence, and refusals are in the house's words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import Decimal
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab import _native
+from tensionlab.arrays import as_floats
+from tensionlab.model import pose
+from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE
+
+W, w, LIMITS = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]]), np.array([2.0, 1.0]), (1.0, 10.0)
+LOSSY: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "complex": (lambda x: np.asarray(x) + 1e-3j, "complex"),
+    "complex list": (lambda x: (np.asarray(x) + 0j).tolist(), "complex"),
+    "masked": (lambda x: np.ma.masked_equal(np.asarray(x), np.asarray(x).ravel()[0]), "masked"),
+    "list of masked": (lambda x: [np.ma.masked_equal(np.asarray(x), np.asarray(x).ravel()[0])], "masked"),
+    "None": (lambda x: None, "None"),
+    "text": (lambda x: np.asarray(x).astype(str), "numbers"),
+    "dates": (lambda x: np.asarray(x).astype("datetime64[s]"), "numbers"),
+    "dictionary": (lambda x: {"x": x}, "numbers"),
+    "object": (lambda x: object(), "numbers"),
+}
+RIG = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+
+
+@pytest.mark.parametrize("kind", LOSSY)
+@pytest.mark.parametrize("name", ["structure", "wrench", "lower", "upper", "reference", "wrench_weights"])
+def test_allocate_refuses_what_would_be_lost(name: str, kind: str) -> None:
+    spoil, word = LOSSY[kind]
+    given: dict[str, Any] = {"lower": 1.0, "upper": 10.0, "reference": w[:1], "wrench_weights": [1.0, 2.0]}
+    given |= {"structure": W, "wrench": w}
+    given[name] = spoil(given[name])
+    if given["reference"] is None or given["wrench_weights"] is None:
+        return  # that is their default
+    with pytest.raises(tl.ShapeError, match=rf"{name}.*{word}") as caught:
+        tl.allocate(
+            given["structure"],
+            given["wrench"],
+            (given["lower"], given["upper"]),
+            reference=given["reference"],
+            wrench_weights=given["wrench_weights"],
+        )
+    assert len(str(caught.value)) <= 300
+
+
+@pytest.mark.parametrize("kind", LOSSY)
+@pytest.mark.parametrize(
+    "door",
+    [
+        lambda x: RIG.structure_matrix(x(RIG.home)),
+        lambda x: tl.TensionLimits(x([1.0, 2.0]), [3.0, 4.0]),
+        lambda x: tl.workspace.capacity_margin(x(np.ones((2, 3))), (1.0, 2.0)),
+        lambda x: tl.Module(name="a", anchor=x([1.0, 2.0, 3.0]), lower=1.0, upper=2.0),
+        lambda x: pose.rotations(x(np.eye(3)), 3, "rotation"),
+    ],
+    ids=["structure_matrix", "TensionLimits", "capacity_margin", "Module", "rotations"],
+)
+def test_so_does_every_other_door(door: Callable[[Callable[[Any], Any]], object], kind: str) -> None:
+    spoil, _ = LOSSY[kind]
+    with pytest.raises((tl.ShapeError, tl.RigError)):
+        door(spoil)
+
+
+def test_numbers_of_any_other_kind_are_taken() -> None:
+    want = np.array([1.0, 2.0])
+    for given in ([1, 2], (True, 2), np.array([1, 2], "int8"), np.array([1, 2], ">f4"), [Decimal(1), Decimal(2)]):
+        np.testing.assert_array_equal(as_floats("x", given), want)
+    nothing_masked = np.ma.array([1.0, 2.0], mask=False)
+    np.testing.assert_array_equal(as_floats("x", nothing_masked), want)
+    assert as_floats("x", want) is want
+    assert np.isnan(as_floats("x", [np.nan]))
+
+
+@pytest.mark.parametrize("wrench", [None, "up", [None, 1.0], {}, np.zeros(3), 1.0, [[1.0]], object(), print])
+def test_no_wrong_wrench_shows_the_words_of_the_binding(wrench: Any) -> None:
+    for prepared in (tl.Allocator(LIMITS), tl.Allocator(LIMITS, "dykstra")):
+        for _ in range(2):  # the second call finds what the first has prepared
+            with pytest.raises(tl.ShapeError, match="wrench"):
+                prepared(W, wrench)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"solver": None}, {"solver": 3}, {"nearest": ["force"]}, {"nearest": 1}, {"nearest": np.array(["force"])}],
+)
+def test_a_wrong_solver_or_policy_is_a_type_error(change: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match=next(iter(change))):
+        tl.allocate(W, w, LIMITS, **change)
+
+
+@pytest.mark.parametrize("short", ["wrench", "lower", "upper", "reference", "weights"])
+@pytest.mark.parametrize(
+    "function", ["newton", "allocate", "judge", "dykstra", "polygon", "puncture", "slack_norm"]
+)
+def test_bindings_read_nothing_beyond_an_array(function: str, short: str) -> None:
+    arrays = {
+        "structure": np.ones((2, 2, 3)),
+        "wrench": np.ones((2, 2)),
+        "lower": np.ones((2, 3)),
+        "upper": np.ones((2, 3)),
+        "reference": np.ones((2, 3)),
+        "weights": np.ones(2),
+    }
+    arrays[short] = arrays[short][..., :-1]
+    rest: dict[str, list[Any]] = {
+        "newton": [0, RANK_TOLERANCE, TOLERANCE],
+        "allocate": [0, 1e100, TOLERANCE, RANK_TOLERANCE],
+        "judge": [np.ones((2, 3)), np.ones((2, 2)), 1, TOLERANCE, RANK_TOLERANCE],
+        "dykstra": [1e-6, 10, RANK_TOLERANCE],
+        "polygon": [0, RANK_TOLERANCE],
+        "puncture": [RANK_TOLERANCE],
+        "slack_norm": [2.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+    }
+    if function in ("judge", "puncture"):
+        arrays["reference"] = arrays["lower"]
+    taken = [
+        value for name, value in arrays.items() if function not in ("judge", "puncture") or name != "reference"
+    ]
+    if short == "reference" and function in ("judge", "puncture"):
+        return
+    with pytest.raises(ValueError, match="fit"):
+        getattr(_native, function)(*taken, *rest[function])
+
+
+def test_a_prepared_solver_wants_as_many_limits_of_each_kind() -> None:
+    three, two = np.ones(3), np.ones(2)
+    for limits in ((three, two, three), (two, three, three), (three, three, two)):
+        with pytest.raises(ValueError, match="length"):
+            _native.Single(*limits, two, 0, 1e100, TOLERANCE, RANK_TOLERANCE)
+    with pytest.raises(ValueError, match="policy"):
+        _native.Single(three, three, three, two, 3, 1e100, TOLERANCE, RANK_TOLERANCE)
