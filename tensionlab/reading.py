@@ -119,9 +119,9 @@ def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str
         It is not valid TOML, too large, nested too deep, or has a whole number of more than 64 bits.
     """
     if len(text) > MAX_TEXT_BYTES:
-        raise error(f"{source}: has more than {MAX_TEXT_BYTES:,} characters; shorten it")
+        raise error(f"{source}: has more than {MAX_TEXT_BYTES:,} characters; shorten it") from None
     if LONG_KEY.search(text):
-        raise error(f"{source}: a key has more than {MAX_KEY_PARTS} parts with dots between; shorten it")
+        raise error(f"{source}: a key has more than {MAX_KEY_PARTS} parts with dots between; shorten it") from None
     try:
         document = tomllib.loads(text)
     except RecursionError:
@@ -152,11 +152,11 @@ def _require_bounded(document: Any, source: str, error: type[TensionlabError]) -
     for _ in range(MAX_NESTING):
         for where, value in level:
             if type(value) is int and not -MAX_INTEGER <= value < MAX_INTEGER:
-                raise error(f"{source}: {where}: a whole number beyond 64 bits; correct it")
+                raise error(f"{source}: {where}: a whole number beyond 64 bits; correct it") from None
         level = [inner for where, value in level for inner in _inside(where, value)]
         if not level:
             return
-    raise _too_deep(source, error)
+    raise _too_deep(source, error) from None
 
 
 def _inside(where: str, value: Any) -> Iterator[tuple[str, Any]]:

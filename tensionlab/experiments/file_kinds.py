@@ -377,9 +377,10 @@ def _read_log(place: Path) -> object:
 
 
 def _sweep(place: Path) -> object:
-    import tensionlab as tl
+    from tensionlab.workspace.paths import box
+    from tensionlab.workspace.sweep import sweep
 
-    return tl.sweep(RIG, tl.workspace.box((-0.1, 0.1), 0.3, 0.0, step=0.1), "wrench-closure", out=place, chunk=2)
+    return sweep(RIG, box((-0.1, 0.1), 0.3, 0.0, step=0.1), "wrench-closure", out=place, chunk=2)
 
 
 def _store(folder: Path) -> dict[str, bytes]:

@@ -23,7 +23,20 @@ NUMBERS = (0, 1, -1, 2, 2**31, 2**63, -(2**63), 10**30, 0.0, -0.0, 0.5, 1e300, -
 NO_NUMBERS = (float("nan"), float("inf"), float("-inf"), True, False, None)
 TEXTS = ("", " ", "x", "0", "nan", "inf", "world", "hand", "../../x", "a" * 3000)
 STRANGE = ("\x00", "\x1b[2J", "\n", "[/x]", "$x$", "\u202e", "\ufeff", "e\u0301", "\U0001f600", "\ud800")
-LISTS = ([], [[]], [{}], [0.0], [0.0, 0.0], [0.0, 0.0, 0.0], [0.0] * 4, ["x"], [None], {}, {"x": 0}, {"kind": "x"})
+LISTS: tuple[Any, ...] = (
+    [],
+    [[]],
+    [{}],
+    [0.0],
+    [0.0, 0.0],
+    [0.0, 0.0, 0.0],
+    [0.0] * 4,
+    ["x"],
+    [None],
+    {},
+    {"x": 0},
+    {"kind": "x"},
+)
 PIECES = ("1979-05-27T07:32:00Z", "07:32:00", "0x", "=", "[", '"', "<!--", "&a;", "9" * 5000)
 NESTED = ("[" * DEEP + "]" * DEEP, "{a=" * DEEP + "1" + "}" * DEEP, '{"a":' * DEEP + "1" + "}" * DEEP)
 ODD: tuple[Any, ...] = (*NUMBERS, *NO_NUMBERS, *TEXTS, *STRANGE, *LISTS, *map(Raw, PIECES + NESTED))
@@ -90,7 +103,7 @@ def _mutate(holder: Any, key: Any, rng: random.Random) -> None:
         return
     match rng.randrange(8):
         case 0 | 1:
-            holder[key] = rng.choice(ODD)
+            holder[key] = copy.deepcopy(rng.choice(ODD))  # which is spoilt further, and must not change
         case 2 | 3 if isinstance(value, int | float) and not isinstance(value, bool):
             holder[key] = value * rng.choice((-1, 0, 2, 0.5, 10, 1e-9, 1e9, 1 + 1e-12))
         case 2 | 3 if isinstance(value, str):

@@ -18,10 +18,11 @@ WORLD = "world"
 MAX_LENGTH = 1e4
 """Largest coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
 squares and products of lengths, forces and torques lose digits that count."""
-MAX_TENSION = 1e6
-"""Largest tension and holding force, in N: what a steel rope of 4 cm bears."""
+MAX_TENSION = 1e11
+"""Largest tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N
+where they mean no limit."""
 MAX_MASS = 1e8
-"""Largest mass of a platform, in kg, of which 100 cables of the largest tension hold a tenth."""
+"""Largest mass of a platform, in kg: that of a large ship."""
 MAX_NAME = 100
 """Characters of a name."""
 
@@ -106,7 +107,7 @@ class Module:
             if not np.isfinite(value):
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite tension in N')
             if value > MAX_TENSION:
-                raise RigError(f'{here}: key "{key}" is {value:g} N; no cable bears more than {MAX_TENSION:g}')
+                raise RigError(f'{here}: key "{key}" is {value:g} N; give {MAX_TENSION:g} or less')
         if self.lower < 0:
             raise RigError(f'{here}: key "lower" is {self.lower}; a cable cannot push, so give 0 N or more')
         if self.lower > self.upper:
@@ -214,7 +215,7 @@ class Platform:
 def require_name(value: object, where: str, key: str, remedy: str) -> None:
     """Refuse what names nothing, or would not be one line on a terminal, in a picture, or in a file."""
     if not isinstance(value, str) or not value:
-        raise RigError(f'{where}: key "{key}" is {brief(value)}; {remedy}')
+        raise RigError(f'{where}: key "{key}" is {"empty" if value == "" else brief(value)}; {remedy}')
     if not value.isprintable() or len(value) > MAX_NAME:
         raise RigError(
             f'{where}: key "{key}" is {brief(value)}; give at most {MAX_NAME} characters, all of them printable'

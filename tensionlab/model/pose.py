@@ -147,6 +147,7 @@ def rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
         return kinematics.planar_rotation(array)
     if array.shape[-2:] != (3, 3):
         raise ShapeError(f"{what} has shape {array.shape}; give rotation matrices of shape (..., 3, 3)")
+    array = np.clip(array, -2.0, 2.0)  # none has such entries, and their squares would overflow
     off = np.abs(array @ np.swapaxes(array, -1, -2) - np.eye(3)).max(axis=(-2, -1))
     wrong = (off > ORTHOGONALITY) | (np.linalg.det(array) < 0)
     if wrong.any():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import get_close_matches
+from itertools import accumulate
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -24,10 +25,8 @@ class Table(BaseModel):
 
 
 T = TypeVar("T", bound=Table)
-SHOWN = 5
-"""Problems of one file that are told."""
 ROOM = 220
-"""Characters for them; at least one is told."""
+"""Characters for the problems of one file."""
 
 
 class LimitsTable(Table):
@@ -97,15 +96,20 @@ def check(kind: type[T], document: dict[str, Any]) -> T:
     try:
         return kind.model_validate(document)
     except ValidationError as error:
-        lines = [_explain(problem, kind, document) for problem in error.errors()[:SHOWN]]
-        count = error.error_count()
-        if count == 1:
-            raise RigError(lines[0]) from None
-        told = [
-            line for number, line in enumerate(lines) if number == 0 or sum(map(len, lines[: number + 1])) < ROOM
-        ]
-        more = [f"and {count - len(told)} more"] if len(told) < count else []
-        raise RigError("\n  ".join([f"{count} problems", *told, *more])) from None
+        raise RigError(_together([_explain(problem, kind, document) for problem in error.errors()])) from None
+
+
+def _together(lines: list[str]) -> str:
+    """Return all problems in one message: without advice where that is too long, and then as many as fit."""
+    if len(lines) == 1:
+        return lines[0]
+    count = len(lines)
+    if sum(map(len, lines)) > ROOM:
+        lines = [line.partition("; ")[0] for line in lines]
+        fitting = sum(length <= ROOM for length in accumulate(map(len, lines)))
+        lines = lines[: max(fitting, 1)]
+    more = [f"and {count - len(lines)} more"] if len(lines) < count else []
+    return "\n  ".join([f"{count} problems", *lines, *more])
 
 
 def _explain(problem: ErrorDetails, kind: type[Table], document: dict[str, Any]) -> str:

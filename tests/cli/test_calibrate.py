@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensionlab.errors import CalibrationError
 from tensionlab.experiments.processes import simulated
 from tensionlab.hardware.calibration import staircase
-from tensionlab.hardware.calibration.tables import read_table, write_table
+from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.modules_file import modules_to_toml
 from tensionlab.model.files import load_rig
+from tensionlab.tables import read_table
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 
@@ -138,7 +140,7 @@ def test_over_tcp_lengths_are_told_and_recorded(run, tmp_path):
         assert code == 0, err
         assert "1 poses" in out
     rig = load_rig(RIG)
-    table = read_table(where, [module.name for module in rig.modules])
+    table = read_table(where, [module.name for module in rig.modules], error=CalibrationError)
     np.testing.assert_allclose([table[m.name][0] for m in rig.modules], rig.lengths(rig.home), atol=2e-3)
 
 

@@ -201,7 +201,7 @@ MISTAKES = {
     ),
     "anchor too far": (GOOD.replace("-0.5", "1e300"), ['module "left"', '"anchor"', "within 10000"]),
     "whole number too large": (GOOD.replace("-0.5", "9" * 400), ["modules", "beyond 64 bits"]),
-    "tension no cable bears": (GOOD.replace("3.0\n", "1e9\n"), ['module "right"', '"upper" is 1e+09 N']),
+    "tension no cable bears": (GOOD.replace("3.0\n", "1e12\n"), ['module "right"', '"upper" is 1e+12 N']),
     "spool too large": (GOOD + "spool_radius = 1e5", ['"spool_radius" is 100000', "10000 or less"]),
     "heavy platform": (GOOD + "[platform]\nmass = 1e9", ["[platform]", '"mass" is 1e+09 kg']),
     "name with a control character": (GOOD.replace('"left"', '"le\\u001bft"'), ['"name"', "printable"]),

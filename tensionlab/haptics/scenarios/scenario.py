@@ -13,6 +13,7 @@ from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.scenarios.hold import Hold
 from tensionlab.haptics.scenarios.person import PersonPlan
 from tensionlab.model.rig import Rig
+from tensionlab.reading import brief
 from tensionlab.solvers.contract import Nearest
 
 
@@ -100,12 +101,13 @@ class Scenario:
             )
         if given != set(rig.frames):
             raise ScenarioError(
-                f'scenario "{self.name}": the person has the bodies {sorted(given)}, but modules ride on '
-                f"{sorted(rig.frames)}; give a script for each of these"
+                f'scenario "{self.name}": the person has the bodies {brief(sorted(given))}, but modules ride on '
+                f"{brief(sorted(rig.frames))}; give a script for each of these"
             )
         if self.seen_from is not None and self.seen_from not in rig.frames:
             raise ScenarioError(
-                f'scenario "{self.name}": seen_from is "{self.seen_from}"; give one of {sorted(rig.frames)}'
+                f'scenario "{self.name}": seen_from is "{self.seen_from:.40}"; '
+                f"give one of {brief(sorted(rig.frames))}"
             )
         if not self.phases:
             raise ScenarioError(f'scenario "{self.name}" has no phases; give at least one')
@@ -121,14 +123,15 @@ class Scenario:
             )
         if self.stands is not None and len(self.stands) != rig.dimension:
             raise ScenarioError(
-                f'scenario "{self.name}": stands is {list(self.stands)}; give {rig.dimension} coordinates, in m'
+                f'scenario "{self.name}": stands is {brief(list(self.stands))}; '
+                f"give {rig.dimension} coordinates, in m"
             )
         for phase in self.phases:
             if phase.hold is not None and phase.hold.cap is not None:
                 self._require_gentle(phase.hold.cap)
         named = [name for phase in self.phases for name in phase.effects]
         if len(set(named)) < len(named):
-            raise ScenarioError(f'scenario "{self.name}": the effects are {named}; give each a name of its own')
+            raise ScenarioError(f'scenario "{self.name}": the effects are {brief(named)}; give each its own name')
 
     def _require_gentle(self, cap: ImpactCap) -> None:
         """Refuse cables that could together pull harder than is allowed: a brake's force is not measured."""
