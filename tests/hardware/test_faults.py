@@ -124,7 +124,7 @@ def test_a_module_too_hot_to_hold_its_cable_taut_is_lost(rehearsal):
 def test_nan_from_the_demand(rehearsal):
     wrong = Demand(np.array([0.0, np.nan, 0.0]))
     with pytest.raises(
-        HardwareError, match=r"demand of cycle 2[56]: wrench is \[ 0. nan  0.\]; all of it must be"
+        HardwareError, match=r"demand of cycle 2[56]: wrench is \[0.0, nan, 0.0\]; all of it must be"
     ):
         rehearsal.runner(rehearsal.demand(trouble=lambda: wrong)).run(2.0)
     assert_let_go(rehearsal)
