@@ -39,7 +39,7 @@ class Element:
     def fail(self, problem: str) -> NoReturn:
         """Raise a RigError about this element."""
         name = self.attributes.get("name") or self.attributes.get("id")
-        raise RigError(f"{self.where}: <{self.tag:.40}>{f' {brief(name)}' if name else ''}: {problem}")
+        raise RigError(f"{self.where}: <{self.tag:.40}>{f' {brief(name)}' if name else ''}: {problem:.180}")
 
     def attribute(self, name: str) -> str:
         """Read an attribute that must be there."""
