@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from tensionlab.errors import TensionlabError
-from tensionlab.haptics.effects.parameters import shown
+from tensionlab.reading import brief
 
 PROTOCOL = 1
 """Version of all this; `Welcome` tells the server's."""
@@ -175,7 +175,7 @@ def reason_of(error: Exception) -> str:
     if isinstance(error, ValidationError):
         problem = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(step) for step in problem["loc"] if step not in ("frame", "stop"))
-        given = "" if problem["type"] in ("missing", "extra_forbidden") else f", not {shown(problem['input'])}"
+        given = "" if problem["type"] in ("missing", "extra_forbidden") else f", not {brief(problem['input'])}"
         reason = f"{where}: {problem['msg']}{given}" if where else problem["msg"]
     elif isinstance(error, TensionlabError):
         reason = str(error)

@@ -32,7 +32,8 @@ from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import Frame, reason_of
 from tensionlab.haptics.bridge.osc_packet import OscMessage, read_packet
 from tensionlab.haptics.effects import EFFECTS
-from tensionlab.haptics.effects.parameters import Many, bounds, shown
+from tensionlab.haptics.effects.parameters import Many, bounds
+from tensionlab.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
 LARGEST_DATAGRAM = 65_536
@@ -204,7 +205,7 @@ class OscDoor:
         for message in messages:
             if message not in known:
                 there = "there are /body/NAME, /effect/NAME and /stop"
-                self._complaints.add("unknown addresses", f"no address {shown(message.address)}; {there}")
+                self._complaints.add("unknown addresses", f"no address {brief(message.address)}; {there}")
         return known
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:

@@ -12,9 +12,10 @@ from pydantic import TypeAdapter, ValidationError
 from tensionlab.errors import EffectError, RigError
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
-from tensionlab.haptics.effects.parameters import require_dimension, shown
+from tensionlab.haptics.effects.parameters import require_dimension
 from tensionlab.haptics.effects.tools import GRAVITY, Weight
 from tensionlab.model.rig import Rig
+from tensionlab.reading import brief
 
 
 def effect_of(name: str, given: object, rig: Rig) -> Effect:
@@ -62,10 +63,10 @@ def _gravity(where: str, rig: Rig) -> tuple[float, ...]:
 def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, dict[str, Any]]:
     """Return the class that a table names by its kind, and the rest of the table."""
     if not isinstance(given, Mapping):
-        raise EffectError(f"{where} is {shown(given)}; give a table with its kind and parameters")
+        raise EffectError(f"{where} is {brief(given)}; give a table with its kind and parameters")
     kind = given.get("kind")
     if not isinstance(kind, str) or kind not in known:
-        raise EffectError(f"{where}: kind is {shown(kind)}; give one of {', '.join(known)}")
+        raise EffectError(f"{where}: kind is {brief(kind)}; give one of {', '.join(known)}")
     return known[kind], {key: value for key, value in given.items() if key != "kind"}
 
 
@@ -85,7 +86,7 @@ def read(where: str, hint: Any, given: Any) -> Any:
         step = "".join(f"{each}: " for each in problem["loc"])
         if problem["type"] == "value_error":
             raise EffectError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
-        raise EffectError(f"{where}: {step}{problem['msg']}, not {shown(problem['input'])}") from None
+        raise EffectError(f"{where}: {step}{problem['msg']}, not {brief(problem['input'])}") from None
 
 
 @cache
@@ -100,7 +101,7 @@ def _require_known(where: str, hint: Any, given: Any) -> None:
         names = [each.name for each in fields(hint)]
         for key, value in given.items():
             if key not in names:
-                raise EffectError(f"{where}: no parameter {shown(key)}; there are {', '.join(names)}")
+                raise EffectError(f"{where}: no parameter {brief(key)}; there are {', '.join(names)}")
             _require_known(f"{where}: {key}", hints[key], value)
     elif get_origin(hint) is tuple and isinstance(given, Sequence):
         for value in given:

@@ -16,9 +16,8 @@ from typing import Annotated, Any, get_args, get_type_hints
 from pydantic import Strict
 
 from tensionlab.errors import EffectError, TensionlabError
+from tensionlab.reading import brief
 
-MAX_SHOWN = 60
-"""Characters of a wrong value that a message repeats."""
 FAR_M = 100.0
 """Coordinates are between minus and plus this, in m."""
 CLOCK_S = 1e7
@@ -170,7 +169,7 @@ def require_parameters(owner: object, refusal: type[TensionlabError] = EffectErr
     for name, bound in bounds(type(owner)).items():
         value = getattr(owner, name)
         if value is not None and not bound.allows(value):
-            raise refusal(f"{type(owner).__name__}: {name} is {shown(value)}; give {bound}")
+            raise refusal(f"{type(owner).__name__}: {name} is {brief(value)}; give {bound}")
 
 
 def require_dimension(owner: object, dimension: int, where: str) -> None:
@@ -184,7 +183,7 @@ def require_dimension(owner: object, dimension: int, where: str) -> None:
     for name, vector in _vectors(owner):
         if len(vector) != dimension:
             raise EffectError(
-                f"{where}: {name} is {shown(vector)}; give {dimension} components, as the rig has {dimension} axes"
+                f"{where}: {name} is {brief(vector)}; give {dimension} components, as the rig has {dimension} axes"
             )
 
 
@@ -196,9 +195,3 @@ def _vectors(owner: object) -> Iterator[tuple[str, tuple[float, ...]]]:
         value = getattr(owner, part.name)
         if is_dataclass(value):
             yield from ((f"{part.name}.{name}", vector) for name, vector in _vectors(value))
-
-
-def shown(value: object) -> str:
-    """Return a value as a message repeats it: not at any length."""
-    text = repr(value)
-    return text if len(text) <= MAX_SHOWN else f"{text[:MAX_SHOWN]}..."

@@ -30,8 +30,8 @@ from tensionlab.haptics.effects.parameters import (
     TimeOrNever,
     Times,
     require_parameters,
-    shown,
 )
+from tensionlab.reading import brief
 
 
 class Felt(NamedTuple):
@@ -125,7 +125,7 @@ class Recoil:
         require_parameters(self)
         if (np.diff(self.shots) < (1.0 - 1e-9) / self.rate).any():
             raise EffectError(
-                f"Recoil: shots are {shown(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
+                f"Recoil: shots are {brief(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
             )
 
     @property

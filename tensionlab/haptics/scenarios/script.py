@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.errors import ScenarioError
-from tensionlab.haptics.effects.parameters import Frequency, Point, Time, require_parameters, shown
+from tensionlab.haptics.effects.parameters import Frequency, Point, Time, require_parameters
+from tensionlab.reading import brief
 
 Floats = NDArray[np.float64]
 
@@ -60,10 +61,10 @@ class Script:
         times = [waypoint.time for waypoint in self.waypoints]
         places = [waypoint.position for waypoint in self.waypoints]
         if (np.diff(times) <= 0.0).any():
-            raise ScenarioError(f"the waypoints' times are {shown(times)}; give each later than the last")
+            raise ScenarioError(f"the waypoints' times are {brief(times)}; give each later than the last")
         sizes = {len(place) for place in places} | ({len(self.sway.amplitude)} if self.sway else set())
         if len(sizes) > 1:
-            raise ScenarioError(f"the waypoints are {shown(places)}; give all the same number of coordinates")
+            raise ScenarioError(f"the waypoints are {brief(places)}; give all the same number of coordinates")
 
     def position(self, time: float) -> Floats:
         """Where is it to be, in m?"""
