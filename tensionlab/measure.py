@@ -50,7 +50,7 @@ class Allocation:
         to rounding: 1e-12 of what the cables pull with, at most.
     scale : (...,) array
         1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere, and where no s
-        from 0 to 1 keeps the direction. Where w is within 0.6 degrees of a face of what can be rendered, or the
+        from 0 to 1 keeps the direction. Where w is within 0.00001 rad of a face of what can be rendered, or the
         rig is flat there, ``s w`` counts as rendered within ``1e-6 max(1, |w|)`` of it (nine tenths of that
         towards s = 0): s then falls gradually as w leaves the face.
     iterations : (...,) array

@@ -22,7 +22,7 @@ namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 // A line whose normal has a cosine with w below this is grazed.
-constexpr double kGrazing = 0.01;
+constexpr double kGrazing = 1e-5;
 
 // s along <= reach, with d of unit length.
 template <class Real>

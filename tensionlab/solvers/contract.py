@@ -26,7 +26,7 @@ TOLERANCE = 1e-6
 """Largest error of a proved answer, in newton. EXACT: of the wrench, times max(1, its norm). NEAREST: of the
 distance that remains, times max(1, norm of what is rendered)."""
 
-GRAZING = 0.01
+GRAZING = 1e-5
 """Cosine between a wrench w and the normal of a face of the available wrench set, below which w grazes the face:
 there the direction policy counts ``s w`` as rendered where tensions come within `TOLERANCE` of it."""
 
