@@ -26,6 +26,9 @@ from tensionlab.haptics.stability import stiffness_cap
 from tensionlab.haptics.stages import MAX_FORCE_N, Stages, at_most
 from tensionlab.model.rig import Rig
 
+FORCE_CAP = 2.0
+"""Of the desired force, as a multiple of all upper tensions together. A cap at 1 would take away what can be
+rendered: where cables pull aslant, more is rendered of a desired force that is too large by some."""
 HAND_DAMPING = 2.0
 """b of a hand that holds something, in N s/m: a default of this project."""
 HAND_MASS = 0.3
@@ -68,8 +71,9 @@ class Group(NamedTuple):
 class Renderer:
     """Makes demands of effects, one a cycle, and keeps what they remember.
 
-    No more is asked for than all cables together could pull. What a cycle that fails would have remembered is not
-    kept: without the effect that failed, the next one goes on from the force of the one before, by the slew.
+    No more is asked for than twice what all cables together pull. What a cycle that fails would have remembered
+    is not kept: without the effect that failed, the next one goes on from the force of the one before, by the
+    slew.
 
     Parameters
     ----------
@@ -92,7 +96,7 @@ class Renderer:
         self._rig = rig
         self._names = [module.name for module in rig.modules]
         self.limits = ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()))
-        self._most = min(float(rig.limits.upper.sum()), MAX_FORCE_N)
+        self._most = min(FORCE_CAP * float(rig.limits.upper.sum()), MAX_FORCE_N)
         self._delays: deque[float] = deque(maxlen=REMEMBERED)
         self._controller: PassivityController | None = None
         self._kept: dict[bool, Group] = {}

@@ -75,7 +75,7 @@ def test_what_is_sure_is_written_and_what_is_vague_is_not(run, monkeypatch):
         (("--mass", 0.1, "--staircase", "a.csv"), "belong together"),
         (("--mass", -1), "give kg, above 0"),
         (("--mass", 0.01), "0.01 kg is too light: hang a mass of 0.07 to 0.28 kg"),
-        (("--sensor", "no.csv", "--staircase", "no.csv"), "no.csv: cannot be read"),
+        (("--sensor", "no.csv", "--staircase", "no.csv"), "no.csv: no such file"),
     ],
 )
 def test_bad_input_is_refused_with_what_to_do(run, words, message):

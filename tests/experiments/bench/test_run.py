@@ -79,7 +79,7 @@ def test_what_is_no_result_is_refused_by_name(tmp_path):
     other = tmp_path / "other.parquet"
     records.write_parquet(other, [{"solver": "newton"}], records.manifest([]))
     for path in (other, tmp_path / "nothing.parquet", tmp_path):
-        with pytest.raises(ShapeError, match="no results of `tensionlab bench`"):
+        with pytest.raises(ShapeError, match="results of `tensionlab bench`"):
             results.read(path)
 
 
