@@ -36,7 +36,7 @@ SLOWEST = 10.0
 MEMORY = 4_000_000_000
 """Of a process with all its libraries, in bytes of address space."""
 LONGEST = 300
-"""Characters of a message."""
+"""Characters of a message, not counting the folder of the file."""
 KEPT = 20
 """Findings that are told of each kind."""
 
@@ -95,8 +95,9 @@ def fuzz(name: str, cases: Sequence[int], seed: int, folder: Path) -> Tally:
                 tally.read += 1
             except TensionlabError as error:
                 tally.refused += 1
-                if len(str(error)) > LONGEST:
-                    tally.findings.append(f"{case}: a message of {len(str(error))} characters: {error!s:.100}")
+                message = str(error).replace(str(folder), "")
+                if len(message) > LONGEST:
+                    tally.findings.append(f"{case}: a message of {len(message)} characters: {message:.100}")
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0.0)
         except TooSlow:

@@ -60,7 +60,7 @@ def test_it_says_no_where_it_feels_otherwise(run, tmp_path):
     [
         (["bw"], 'no scenario "bw"; there are materials'),
         (["nothing.toml"], "no such file"),
-        (["bow", "--seconds", "0"], "--seconds is above 0 and at most 5"),
+        (["bow", "--seconds", "0"], "give a finite number above 0; got 0"),
         (["bow", "--seconds", "6"], "at most 5"),
         (["bow", "--solver", "nobody"], "nobody"),
         (["bow", "--solver", "closed-form"], "closed-form"),

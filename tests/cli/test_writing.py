@@ -79,6 +79,7 @@ RECIPES = {
 IN_PLACE = {".mcap", ".csv", ".zarr"}
 """What is written bit by bit under its own name, so that it outlives the process."""
 READS = {
+    "token_file",
     "rig",
     "rigs",
     "path",
