@@ -48,4 +48,5 @@ def _masked(values: object) -> bool:
     """Whether anything is masked, in lists and tuples too, from which NumPy would take it without a word."""
     if isinstance(values, list | tuple):
         return any(_masked(each) for each in values)
-    return isinstance(values, np.ma.MaskedArray) and bool(np.ma.is_masked(values))
+    # By its attribute: to name numpy.ma would load it.
+    return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))

@@ -52,7 +52,7 @@ def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats
 
 def frozen(array: Floats) -> Floats:
     """Copy an array into one that nobody can change."""
-    copy = array.copy()
+    copy = np.array(array)  # also of a scalar, which the mean of two arrays without axes is
     copy.flags.writeable = False
     return copy
 

@@ -135,6 +135,8 @@ def test_every_option_that_writes_is_tried_here_and_every_path_is_known():
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
     """A folder with what the verbs read."""
+    import matplotlib.font_manager  # noqa: F401 - its cache is written now, not where a disk is full
+
     folder = tmp_path_factory.mktemp("prepared")
     rig = load_rig(RIG)
     (folder / "space.toml").write_text(SPACE)

@@ -53,6 +53,6 @@ def test_one_command_takes_a_run_into_the_repository(tmp_path, bench_folder, ben
     assert call(str(bench_folder)).returncode == 0
     assert (tmp_path / COMMITTED / "manifest.json").exists()
     assert section(results.read(tmp_path / COMMITTED)) == section(bench_results)
-    for words, message in (((), "name the folder of a run"), (("nowhere",), "no results of `tensionlab bench`")):
+    for words, message in (((), "name the folder of a run"), (("nowhere",), "results of `tensionlab bench`")):
         wrong = call(*words)
         assert (wrong.returncode, message in wrong.stderr) == (2, True)

@@ -153,7 +153,7 @@ def test_what_is_no_log_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("what", "value", "said"),
     [
-        ("setup", {"solver": 3}, '"lower" is missing'),
+        ("setup", {"solver": 3}, '"links" is missing'),
         ("setup", None, "setup: row 1"),
         ("modules", {"floor-1": 3}, "module 'floor-1' is 3"),
         ("event", '{"cycle": 0}', 'event 1: row 1: "kind" is missing'),
