@@ -36,6 +36,11 @@ class Bucket:
         """Whether it was too much."""
         return self._level > self.at_once
 
+    @property
+    def calm(self) -> bool:
+        """Whether most of it has leaked away."""
+        return self._level < 0.5 * self.at_once
+
 
 @dataclass
 class Budget:
@@ -57,6 +62,11 @@ class Budget:
         if self._work.full:
             return f"too much to read: at most {100 * WORK_SHARE:g} % of a processor's time"
         return ""
+
+    @property
+    def calm(self) -> bool:
+        """Whether the client has kept well within its budget of late."""
+        return self._messages.calm and self._bytes.calm and self._work.calm
 
     def worked(self, seconds: float, now: float) -> None:
         """Count the processor's time that a message has cost."""

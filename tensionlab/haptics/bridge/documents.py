@@ -46,7 +46,8 @@ from the code: `python -m tensionlab.haptics.bridge.documents` writes it.
 - A refusal has a reason, and changes nothing. What is refused: wrong types and dimensions, what lies outside
   the ranges below, names that nobody knows, and what is too much: more than {MESSAGES_PER_S:g} messages a second
   (beyond {MESSAGES_AT_ONCE:g} at once), {1e-3 * BYTES_PER_S:g} kB a second (beyond {1e-3 * BYTES_AT_ONCE:g} kB),
-  or {100 * WORK_SHARE:g} % of a processor's time for reading it. {PATIENCE} refusals in a row end the connection.
+  or {100 * WORK_SHARE:g} % of a processor's time for reading it. {PATIENCE} refusals in a row end the
+  connection, and so do as many of what is too much without a calm while between.
 - No more is asked for than twice what all cables together pull. Effects that fail while they are rendered are
   removed, their force fades, and their client is sent away with the reason; the loop goes on.
 - Pages of this machine may connect, and programs; other pages only with `--page`. Beyond this machine

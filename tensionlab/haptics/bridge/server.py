@@ -273,7 +273,8 @@ class Bridge:
         try:
             async for content in visitor.connection:
                 why = visitor.budget.refuses(len(content), time.monotonic())
-                refused = refused + 1 if why else 0
+                # What is read slowly leaves room for some messages between: only a calm client begins anew.
+                refused = 0 if visitor.budget.calm else refused + bool(why)
                 if refused >= PATIENCE:
                     visitor.connection.transport.pause_reading()
                     await self._turn_away(visitor.connection, why)

@@ -67,7 +67,7 @@ def test_a_damaged_journal_is_named_by_its_line(tmp_path):
     first = json.loads(lines[1])
     first["surprise"] = 1
     file.write_text("\n".join([lines[0], json.dumps(first)]) + "\n")
-    with pytest.raises(LogError, match="line 2: .*surprise"):
+    with pytest.raises(LogError, match=r"line 2: .*surprise"):
         validate(plan(), tmp_path)
 
 
