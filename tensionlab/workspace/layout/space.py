@@ -16,6 +16,7 @@ from tensionlab.model.kinematics import Floats
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, vector
 from tensionlab.model.pose import Frame
+from tensionlab.reading import brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
     """
     extent = vector(size, "room", "size")
     if extent.shape != (3,) or (extent <= 0).any():
-        raise RigError(f"room: size is {size!r}; give three lengths in m, above zero")
+        raise RigError(f"room: size is {brief(size)}; give three lengths in m, above zero")
     middle = np.array([0.0, extent[1] / 2, 0.0]) if centre is None else vector(centre, "room", "centre")
     low, along = middle - extent / 2, np.diag(extent)
     faces = (("left wall", "right wall"), ("floor", "ceiling"), ("back wall", "front wall"))
@@ -158,7 +159,7 @@ class Space:
                     f'{what} "{name}": has {size} coordinates and surface "{names[0]}" {d}; give both {d}'
                 )
         if not self.counts or min(self.counts) < 1 or len(set(self.counts)) < len(self.counts):
-            raise RigError(f'key "counts" is {list(self.counts)}; give one or more different numbers above zero')
+            raise RigError(f'key "counts" is {brief(list(self.counts))}; give one or more different numbers above zero')
         lower, upper = self.limits
         if not (np.isfinite([lower, upper]).all() and 0 <= lower <= upper):
             raise RigError(f'key "limits" is {lower} to {upper}; give 0 <= lower <= upper, both in N')

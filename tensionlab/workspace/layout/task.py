@@ -12,7 +12,7 @@ from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
 from tensionlab.model.module import MAX_LENGTH, Module
 from tensionlab.model.pose import Frame
-from tensionlab.reading import read_toml
+from tensionlab.reading import brief, read_toml
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.result import LayoutSearch
 from tensionlab.workspace.layout.search import Told, search_layout
@@ -23,6 +23,8 @@ from tensionlab.workspace.pose_sets import Grid
 if TYPE_CHECKING:
     from tensionlab.workspace.layout.schema import FrameTable, SpaceFile
 
+MAX_ROTATION_RAD = 100.0
+"""Of a frame, about each axis: beyond some turns an angle is a mistake."""
 MAX_POSES = 1_000_000
 """Positions of a target: a search looks at each of them thousands of times."""
 
@@ -108,6 +110,10 @@ def _frame(table: FrameTable) -> Frame:
     if len(table.rotation) != size:
         raise RigError(f'frame "{table.name}": key "rotation" must have three numbers in space, one in the plane')
     turn = np.array(table.rotation)
+    if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
+        raise RigError(
+            f'frame "{table.name}": key "rotation" is {brief(table.rotation)}; give rad, within {MAX_ROTATION_RAD:g}'
+        )
     return Frame(table.position, kinematics.exponential(turn) if size == 3 else turn[0])
 
 

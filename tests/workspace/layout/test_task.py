@@ -125,6 +125,7 @@ MISTAKES = {
     "surface without a corner": ("corner =", "corners =", 'surface 1 ("belt"): key "corner" is missing'),
     "two of a name": ('name = "belt"', 'name = "floor"', 'surface "floor": its name is used twice'),
     "frame that is not given": ('frame = "hip"', 'frame = "hand"', 'rides on the frame "hand"'),
+    "turn without end": ("[0.0, 0.5, 0.0]", "[0.0, 1e300, 0.0]", "give rad, within 100"),
     "turn of two numbers": ("[0.0, 0.5, 0.0]", "[0.0, 0.5]", 'frame "hip": key "rotation" must have three'),
     "module with a bad anchor": ("anchor = [1.0, 0.0, 0.0]", "anchor = [1.0, 0.0]", 'module "door": has 2'),
     "seed below zero": ("seed = 7", "seed = -7", '[search]: key "seed" is -7; give a whole number, 0 or more'),
