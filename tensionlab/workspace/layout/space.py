@@ -159,7 +159,9 @@ class Space:
                     f'{what} "{name}": has {size} coordinates and surface "{names[0]}" {d}; give both {d}'
                 )
         if not self.counts or min(self.counts) < 1 or len(set(self.counts)) < len(self.counts):
-            raise RigError(f'key "counts" is {brief(list(self.counts))}; give one or more different numbers above zero')
+            raise RigError(
+                f'key "counts" is {brief(list(self.counts))}; give one or more different numbers above zero'
+            )
         lower, upper = self.limits
         if not (np.isfinite([lower, upper]).all() and 0 <= lower <= upper):
             raise RigError(f'key "limits" is {lower} to {upper}; give 0 <= lower <= upper, both in N')

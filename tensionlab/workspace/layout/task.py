@@ -112,7 +112,8 @@ def _frame(table: FrameTable) -> Frame:
     turn = np.array(table.rotation)
     if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
         raise RigError(
-            f'frame "{table.name}": key "rotation" is {brief(table.rotation)}; give rad, within {MAX_ROTATION_RAD:g}'
+            f'frame "{table.name}": key "rotation" is {brief(table.rotation)}; '
+            f"give rad, within {MAX_ROTATION_RAD:g}"
         )
     return Frame(table.position, kinematics.exponential(turn) if size == 3 else turn[0])
 
