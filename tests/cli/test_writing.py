@@ -7,8 +7,8 @@ tests let a disk fill up between check and writing; with TENSIONLAB_FAULTS=all, 
 import builtins
 import errno
 import inspect
-import logging
 import io
+import logging
 import os
 import re
 import shutil
