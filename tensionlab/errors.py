@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from tensionlab.measure import Allocation
 
 
+MAX_MESSAGE_CHARACTERS = 300
+"""Of what is said about one thing that went wrong, on a terminal or to a client."""
+
+
 class TensionlabError(Exception):
     """The root of all errors that tensionlab raises on purpose."""
 

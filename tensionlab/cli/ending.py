@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 
 if TYPE_CHECKING:
     from typing import TextIO
@@ -23,8 +23,6 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C: 128 + SIGINT, as a shell has it."""
 NOBODY_READS = 141
 """Exit status where whoever reads stdout has gone: 128 + SIGPIPE."""
-LENGTH = 300
-"""Characters of a line on stderr, at most."""
 
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 SCREENS = {"click", "typer", "rich"}
@@ -46,12 +44,12 @@ def run(command: Callable[[Sequence[str]], object], words: Sequence[str]) -> int
 
 
 def say(text: str) -> None:
-    """Print one line about what went wrong on stderr: at most `LENGTH` characters, none that moves a cursor."""
+    """Print one line about what went wrong on stderr: of limited length, with nothing that moves a cursor."""
     with suppress(OSError, ValueError):
         print(clipped(f"tensionlab: {text}"), file=sys.stderr, flush=True)
 
 
-def clipped(text: str, length: int = LENGTH) -> str:
+def clipped(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
     """Return a text as one line of so many characters at most; what is left out is in its middle."""
     line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in " ".join(text.split()))
     if len(line) <= length:
@@ -73,7 +71,7 @@ def _status(command: Callable[[Sequence[str]], object], words: Sequence[str]) ->
         say("stdin ended before it was answered; run this in a terminal")
         return BAD_INPUT
     except ClickException as error:
-        if len(error.message) > LENGTH and type(error).__name__ != "NoArgsIsHelpError":
+        if len(error.message) > MAX_MESSAGE_CHARACTERS and type(error).__name__ != "NoArgsIsHelpError":
             error.message = clipped(error.message)
         with suppress(OSError):
             error.show()

@@ -3,7 +3,7 @@
 Every kind of file that the program reads is made as it should be, and then read with one to four mutations: of
 what is in it, such as other types, huge numbers, keys that are missing, twice or unknown, nesting, control
 characters, so that many come far behind the parser; or of its bytes. What is read is used as the program would use
-it. Allowed are an answer and the house's own errors, in at most `LONGEST` characters. Anything else is a finding:
+it. Allowed are an answer and the house's own errors, as long as a message may be. Anything else is a finding:
 other errors, warnings, a reading of more than `SLOWEST` seconds, more than `MEMORY` bytes. Each kind has a process
 of its own, which the system stops where it takes too much.
 """
@@ -27,7 +27,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tensionlab.experiments.file_kinds import kinds
 
 CASES = 100_000
@@ -35,8 +35,6 @@ SLOWEST = 10.0
 """Of a reading, in s of the processor."""
 MEMORY = 4_000_000_000
 """Of a process with all its libraries, in bytes of address space."""
-LONGEST = 300
-"""Characters of a message, not counting the folder of the file."""
 KEPT = 20
 """Findings that are told of each kind."""
 
@@ -96,7 +94,7 @@ def fuzz(name: str, cases: Sequence[int], seed: int, folder: Path) -> Tally:
             except TensionlabError as error:
                 tally.refused += 1
                 message = str(error).replace(str(folder), "")
-                if len(message) > LONGEST:
+                if len(message) > MAX_MESSAGE_CHARACTERS:
                     tally.findings.append(f"{case}: a message of {len(message)} characters: {message:.100}")
             finally:
                 signal.setitimer(signal.ITIMER_PROF, 0.0)

@@ -27,10 +27,10 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError
 from tensionlab.experiments.hostile_messages import datagrams, draw, texts
 from tensionlab.experiments.processes import process
-from tensionlab.haptics.bridge.messages import LARGEST, REASON_CHARACTERS
+from tensionlab.haptics.bridge.messages import LARGEST
 from tensionlab.hardware.record.run import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -71,7 +71,7 @@ class Tally:
         self.answers[said["type"]] += 1
         if said["type"] == "refused":
             reason = said.get("reason", "")
-            if not 0 < len(reason) <= REASON_CHARACTERS:
+            if not 0 < len(reason) <= MAX_MESSAGE_CHARACTERS:
                 self.wrong.append(f"a refusal with the reason {reason!r}")
             self.reasons[reason.split(":")[0][:30]] += 1
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tensionlab import cli
-from tensionlab.cli import ending, output
-from tensionlab.errors import RigError
+from tensionlab.cli import output
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, RigError
 from tensionlab.model.files import load_rig, rig_to_toml
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
@@ -85,7 +85,7 @@ def test_what_goes_wrong_is_one_line(run, monkeypatch, error, status, line):
     assert (code, out) == (status, "")
     assert err.startswith(line)
     assert err.count("\n") == 1
-    assert len(err) <= ending.LENGTH + 1
+    assert len(err) <= MAX_MESSAGE_CHARACTERS + 1
 
 
 def test_a_defect_keeps_its_traceback(run, monkeypatch):

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tensionlab.reading import brief
 
 PROTOCOL = 1
@@ -22,7 +22,6 @@ CLOCK_S = 1e12
 """Times by a client's clock are between minus and plus this, in s: seconds, of any epoch."""
 LAST = 2**53
 """The largest number of a frame, which programs in any language can count up to."""
-REASON_CHARACTERS = 300
 
 Coordinate = Annotated[float, Field(ge=-FAR, le=FAR, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]
@@ -183,7 +182,7 @@ def reason_of(error: Exception) -> str:
         reason = f"not JSON: {error}"
     else:
         reason = f"{type(error).__name__}: {error}"
-    return reason[:REASON_CHARACTERS]
+    return reason[:MAX_MESSAGE_CHARACTERS]
 
 
 IN: tuple[type[Message], ...] = (Frame, Stop)

@@ -19,13 +19,12 @@ from urllib.parse import parse_qs, urlsplit
 
 from pydantic import Field, TypeAdapter
 
-from tensionlab.errors import HardwareError, MissingDependency, TensionlabError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, MissingDependency, TensionlabError
 from tensionlab.haptics.bridge.budget import Budget
 from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
 from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import (
     LARGEST,
-    REASON_CHARACTERS,
     Event,
     Frame,
     Refused,
@@ -324,7 +323,7 @@ class Bridge:
         from websockets.exceptions import ConnectionClosed
 
         try:
-            told = Refused(reason=reason[:REASON_CHARACTERS])
+            told = Refused(reason=reason[:MAX_MESSAGE_CHARACTERS])
             await asyncio.wait_for(connection.send(told.model_dump_json()), FAREWELL_S)
             await asyncio.wait_for(
                 connection.close(1008, reason.encode()[:CLOSE_BYTES].decode(errors="ignore")), FAREWELL_S

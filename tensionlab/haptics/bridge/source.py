@@ -12,9 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from tensionlab.demand import Demand, Pose, RigState
-from tensionlab.errors import EffectError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.bridge.mailbox import HAND, Mailbox
-from tensionlab.haptics.bridge.messages import REASON_CHARACTERS
 from tensionlab.haptics.effects.compose import way_in
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
 from tensionlab.haptics.effects.on_module import EffectFailed
@@ -96,7 +95,7 @@ class BridgedDemand:
                     "an effect of a client failed"
                 )  # not by its parameters alone
             why = f"{error if isinstance(error, EffectError) else f'{type(error).__name__}: {error}'}"
-            self._mailbox.dismiss(f"the effects are removed: {why}"[:REASON_CHARACTERS])
+            self._mailbox.dismiss(f"the effects are removed: {why}"[:MAX_MESSAGE_CHARACTERS])
             if self._note is not None:
                 self._note("removed", why)
             return self._inner(state, NOTHING, share)

@@ -17,14 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.demand import Impedance
-from tensionlab.errors import EffectError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
 from tensionlab.haptics.stability import beyond, capped
 
 AHEAD_M = 0.5
 """Further out of contact than this, in m, no module renders a wall: set-points come many times before it could."""
-MAX_MESSAGE = 300
-"""Characters of a message."""
 ALIGNED = math.cos(math.radians(45.0))
 """Cosine between axis and cable below which no cable is good enough: the published threshold of a convincing
 direction."""
@@ -99,7 +97,7 @@ class EffectFailed(EffectError):  # noqa: N818 - what happened
     """
 
     def __init__(self, effect: int | str, why: str) -> None:
-        super().__init__(f"effect {effect!r} failed: {why}"[:MAX_MESSAGE])
+        super().__init__(f"effect {effect!r} failed: {why}"[:MAX_MESSAGE_CHARACTERS])
         self.effect, self.why = effect, why
 
 
