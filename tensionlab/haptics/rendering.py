@@ -8,6 +8,7 @@ loop can be without shaking that is as late as it is found to be. Then come the 
 from __future__ import annotations
 
 import math
+import statistics
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ HAND_MASS = 0.3
 UNKNOWN = 0.25
 """How late a loop is taken to be before it is known, in s: as long as set-points live."""
 REMEMBERED = 100
-"""Cycles whose delays count for how late the loop is."""
+"""Cycles whose delays and lengths count for how late the loop is."""
 WATCHED = (Wall, Shape, Viscous, Friction)
 """Effects that give no energy which they have not been given before: the controller looks after these. A magnet, a
 spring or a lift may have some to give at first, and a weight, a shot or a vibration is meant to."""
@@ -87,7 +88,7 @@ class Renderer:
     delay : float
         How late the loop is, in s: the worst of the last 100 cycles.
     ceiling : float
-        How stiff the host may be now, in N/m.
+        How stiff the host may be now, in N/m, with that delay and the longest of those cycles.
     cut : dict of str to dict
         By the names of effects, stiffnesses that were asked for in the latest cycle and are beyond that.
     """
@@ -98,6 +99,7 @@ class Renderer:
         self.limits = ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()))
         self._most = min(FORCE_CAP * float(rig.limits.upper.sum()), MAX_FORCE_N)
         self._delays: deque[float] = deque(maxlen=REMEMBERED)
+        self._steps: deque[float] = deque(maxlen=REMEMBERED)
         self._controller: PassivityController | None = None
         self._kept: dict[bool, Group] = {}
         self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
@@ -179,11 +181,13 @@ class Renderer:
         known = state.delays[state.active & np.isfinite(state.delays)]
         if known.size:
             self._delays.append(float(known.max()))
+        self._steps.append(step)
         delay = max(self._delays, default=UNKNOWN)
+        self.ceiling = stiffness_cap(delay, max(self._steps), HAND_DAMPING)
         if delay == self.delay and self._controller is not None:
             return
         self.delay = delay
-        self.ceiling = stiffness_cap(delay, step, HAND_DAMPING)
+        step = statistics.median(self._steps)  # one cycle that came late says nothing of the others
         steps = delay / step
         # A step more or less is no news: steps are not all of one length.
         if self._controller is None or not -1.5 < steps - self._controller.delay < 0.5:

@@ -300,3 +300,20 @@ def test_the_controller_is_kept_while_the_delay_is_much_the_same():
     assert all(one is other for one, other in pairwise(kept))
     renderer({}, Motion(HOME, np.zeros(3), state.time, PERIOD), replace(state, delays=np.full(RIG.m, 6 * PERIOD)))
     assert renderer._controller.delay == 6
+
+
+def test_a_late_cycle_makes_the_host_softer_and_no_single_one_makes_it_stiffer():
+    """The force is held for the longest of the last 100 cycles, whether or not the delay changes with it."""
+    renderer = Renderer(RIG)
+    state = replace(felt({}, held(0.0, 0.0, 0.0), 0.2)[-1].state, delays=np.full(RIG.m, 0.1))
+
+    def ceiling(step):
+        renderer({}, Motion(HOME, np.zeros(3), state.time, step), state)
+        return renderer.ceiling
+
+    soft, usual = 1.0 / (0.08 / 2 + 0.1), 1.0 / (PERIOD / 2 + 0.1)
+    assert ceiling(PERIOD) == pytest.approx(usual)
+    assert ceiling(0.001) == pytest.approx(usual)
+    assert ceiling(0.08) == pytest.approx(soft)
+    assert [ceiling(PERIOD) for _ in range(99)] == pytest.approx([soft] * 99)
+    assert ceiling(PERIOD) == pytest.approx(usual)

@@ -127,7 +127,7 @@ class Bridge:
             )
         self._mailbox, self._welcome, self._state = mailbox, welcome, state
         self._host, self._port, self._token, self._pages = host, port, token, pages
-        self._commander: ServerConnection | None = None
+        self._visitor: Visitor | None = None
         self._clients: set[ServerConnection] = set()
         self._ready = threading.Event()
         self._failure: OSError | None = None
@@ -222,21 +222,24 @@ class Bridge:
 
         host, port, *_ = connection.remote_address
         command, who = self._mailbox.command, f"{host}, port {port}"
+        before = self._visitor
+        if before is not None and before.connection.state.name != "OPEN":
+            command.leave(before.commander)  # it has gone, or is told to: its task has only not got round to it
         try:
             commander = command.take(who, time.monotonic(), lambda why: self._soon(partial(send_away, why)))
         except FrameRefused as refused:
             await self._turn_away(connection, str(refused))
             return
-        self._commander = connection
+        visitor = self._visitor = Visitor(connection, commander)
         self._clients.add(connection)
         try:
             await connection.send(self._welcome.model_dump_json())
-            await self._command(Visitor(connection, commander))
+            await self._command(visitor)
         finally:
             self._clients.discard(connection)
             command.leave(commander)
-            if self._commander is connection:
-                self._commander = None
+            if self._visitor is visitor:
+                self._visitor = None
 
     async def _command(self, visitor: Visitor) -> None:
         """Answer what a task of its own reads: a flood shows however slow the answers are."""
@@ -336,5 +339,6 @@ class Bridge:
     def _broadcast(self, event: Event) -> None:
         from websockets.asyncio.server import broadcast
 
-        clients = self._clients - {self._commander} if event.kind == "rate" else self._clients
+        commanding = {self._visitor.connection} if self._visitor is not None else set()
+        clients = self._clients - commanding if event.kind == "rate" else self._clients
         broadcast(clients, event.model_dump_json(exclude_none=True))
