@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab import _native
-from tensionlab.errors import ShapeError
-from tensionlab.inputs import (
+from tensionlab.arrays import (
     LARGEST,
+    Floats,
     Limits,
     check,
     check_size,
@@ -27,18 +27,10 @@ from tensionlab.inputs import (
     spread,
     tension_limits,
 )
+from tensionlab.errors import ShapeError
 from tensionlab.measure import Allocation, exact, exact_single, measure
 from tensionlab.solvers import SOLVERS, make
-from tensionlab.solvers.contract import (
-    POLICIES,
-    RANK_TOLERANCE,
-    TOLERANCE,
-    Floats,
-    Nearest,
-    Problem,
-    Solver,
-    refusal,
-)
+from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Nearest, Problem, Solver, refusal
 from tensionlab.solvers.newton import Newton
 
 

@@ -1,13 +1,21 @@
-"""Arrays as people give them, turned into float64 without loss."""
+"""Array types, and arrays as people give them: turned into float64 without loss, checked, broadcast."""
 
 from __future__ import annotations
+
+import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab import _native
 from tensionlab.errors import ShapeError
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+LARGEST = 1e100
+"""Entries of this size or more are refused: their squares would overflow."""
 
 
 def as_floats(name: str, values: ArrayLike) -> Floats:
@@ -50,3 +58,108 @@ def _masked(values: object) -> bool:
         return any(_masked(each) for each in values)
     # By its attribute: to name numpy.ma would load it.
     return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
+
+
+class Limits(Protocol):
+    """Anything with tension limits, as `tensionlab.TensionLimits`."""
+
+    @property
+    def lower(self) -> Floats:
+        """Least tensions, (..., m), N."""
+
+    @property
+    def upper(self) -> Floats:
+        """Largest tensions, (..., m), N."""
+
+
+def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Floats]:
+    """Which are the lower and upper limits, finite and not crossed?"""
+    try:
+        lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
+    except (AttributeError, ValueError):
+        raise ShapeError(
+            f"limits must be a pair (lower, upper) or have those attributes, as rig.limits has; got {limits!r:.60}"
+        ) from None
+    low, high = frozen(finite("lower", lower, 0)), frozen(finite("upper", upper, 0))
+    try:
+        crossed = low > high
+    except ValueError:
+        raise ShapeError(f"lower has shape {low.shape}, upper {high.shape}; they do not broadcast") from None
+    if crossed.any():
+        entry = tuple(int(i) for i in np.argwhere(crossed)[0]) if crossed.ndim else ()
+        values = [float(each[entry]) for each in np.broadcast_arrays(low, high)]
+        where = f"[{', '.join(map(str, entry))}]" if entry else ""
+        raise ShapeError(f"lower{where} = {values[0]:g} N exceeds upper{where} = {values[1]:g} N")
+    return low, high
+
+
+def frozen(array: Floats) -> Floats:
+    """Copy an array into one that nobody can change."""
+    copy = np.array(array)  # also of a scalar, which the mean of two arrays without axes is
+    copy.flags.writeable = False
+    return copy
+
+
+def finite(name: str, array: ArrayLike, axes: int) -> Floats:
+    """Which contiguous floats, with at least so many axes, are meant? Or an error that names the entry."""
+    values = numbers(name, array, axes)
+    check(name, values)
+    return values
+
+
+def numbers(name: str, array: ArrayLike, axes: int) -> Floats:
+    """Which contiguous floats are meant, whatever their size?"""
+    values = as_floats(name, array)
+    if values.ndim < axes:
+        kind = "a matrix" if axes == 2 else "a vector"
+        raise ShapeError(f"{name} must be {kind}, with leading axes if there are many; got shape {values.shape}")
+    return values
+
+
+def check(name: str, values: Floats) -> None:
+    """Refuse NaN, infinity and numbers whose squares would overflow."""
+    if not _native.all_within(values, LARGEST):
+        index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < LARGEST))[0])
+        where = f"{name}[{', '.join(map(str, index))}]" if index else name
+        raise ShapeError(f"{where} is {values[index]}; every entry must be a finite number, below {LARGEST:g}")
+
+
+def check_size(n: int, m: int) -> None:
+    """Refuse more wrench components and cables than the kernels serve, and none."""
+    if not (1 <= n <= _native.MAX_COMPONENTS and 1 <= m <= _native.MAX_CABLES):
+        raise ShapeError(
+            f"structure has {n} wrench components and {m} cables; it must have 1 to "
+            f"{_native.MAX_COMPONENTS} and 1 to {_native.MAX_CABLES}"
+        )
+
+
+def spread(name: str, array: Floats, count: int, what: str) -> Floats:
+    """Which entries does each of ``count`` cables or rows have, where one number may stand for all?"""
+    own = array.shape[-1:]
+    if own == (count,):
+        return array
+    if own not in ((), (1,)):
+        raise ShapeError(f"{name} has {own[0]} entries where structure has {count} {what}")
+    return (array if own else array[None]).repeat(count, axis=-1)
+
+
+def common_axes(**axes: tuple[int, ...]) -> tuple[int, ...]:
+    """To which leading axes do those of the named arrays broadcast?"""
+    different = {each for each in axes.values() if each}
+    if len(different) < 2:
+        return different.pop() if different else ()
+    try:
+        return np.broadcast_shapes(*different)
+    except ValueError:
+        shapes = ", ".join(f"{name} {each}" for name, each in axes.items() if each)
+        raise ShapeError(f"the leading axes do not broadcast together: {shapes}") from None
+
+
+def rows(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
+    """The array broadcast to all problems, its leading axes made one; read-only, a view where possible."""
+    full = shape + array.shape[array.ndim - inner :]
+    if array.shape != full:
+        array = np.broadcast_to(array, full)
+    made_one = array.reshape(math.prod(shape), *full[len(shape) :])
+    made_one.flags.writeable = False
+    return made_one

@@ -13,10 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats, Integers
 from tensionlab.model.pose import Frames
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Pose(NamedTuple):

@@ -13,17 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
+from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError, Unreachable
-from tensionlab.solvers.contract import (
-    POLICIES,
-    RANK_TOLERANCE,
-    TOLERANCE,
-    Answer,
-    Floats,
-    Integers,
-    Problem,
-    Status,
-)
+from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Problem, Status
 from tensionlab.solvers.newton import Newton
 
 

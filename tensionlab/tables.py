@@ -13,12 +13,11 @@ from os import PathLike
 from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError
 from tensionlab.reading import brief, parse_json, read_bytes, read_text
 
-Floats = NDArray[np.float64]
 Row = TypeVar("Row")
 
 MAX_FILE_BYTES = 500_000_000

@@ -5,11 +5,10 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
-Floats = NDArray[np.float64]
+from tensionlab.arrays import Floats
 
 
 def corners(lower: Floats, upper: Floats) -> Floats:

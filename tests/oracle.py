@@ -14,11 +14,10 @@ from dataclasses import dataclass
 
 import daqp
 import numpy as np
-from numpy.typing import NDArray
 from problems import Case
 from scipy.optimize import linprog, lsq_linear, nnls
 
-Floats = NDArray[np.float64]
+from tensionlab.arrays import Floats
 
 ZERO = 1e-10
 """A number below this, relative to the size of the problem, is zero ..."""

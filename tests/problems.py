@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from tensionlab.arrays import Floats
 
 
 @dataclass(frozen=True)

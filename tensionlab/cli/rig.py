@@ -12,8 +12,8 @@ from tensionlab import writing
 from tensionlab.cli import output
 
 if TYPE_CHECKING:
+    from tensionlab.arrays import Floats
     from tensionlab.experiments.checks import Finding
-    from tensionlab.model.kinematics import Floats
     from tensionlab.model.rig import Rig
 
 rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)

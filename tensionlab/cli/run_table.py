@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from tensionlab.demand import Floats
+    from tensionlab.arrays import Floats
     from tensionlab.hardware.run.statistics import Statistics
     from tensionlab.hardware.runner import Runner
 

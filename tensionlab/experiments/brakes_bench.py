@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.haptics.brake_cones import blocks_withdrawal
 from tensionlab.haptics.brake_map import brake_map
 from tensionlab.haptics.brakes import choose_locks
@@ -18,7 +19,6 @@ from tensionlab.model.directions import fibonacci
 from tensionlab.model.files import load_rig
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import Floats
 
 RIGS = Path("datasets/rigs")
 BRAKE = 186.0

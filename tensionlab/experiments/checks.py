@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.allocation import allocate
+from tensionlab.arrays import Floats
 from tensionlab.haptics.brake_contact import ImpactCap
 from tensionlab.haptics.brakes import brake_strengths
 from tensionlab.model import directions
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import RANK_TOLERANCE, Floats, Status
+from tensionlab.solvers.contract import RANK_TOLERANCE, Status
 
 SLACK_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""

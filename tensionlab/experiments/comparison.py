@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.experiments.lineup import lineup
 from tensionlab.experiments.score import Score, finite, score
@@ -17,7 +18,7 @@ from tensionlab.measure import Allocation
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import make
-from tensionlab.solvers.contract import POLICIES, Floats, Nearest, Status
+from tensionlab.solvers.contract import POLICIES, Nearest, Status
 
 TIMED_CALLS = 200
 """At most so many vectors are timed one by one, evenly spread over the set."""

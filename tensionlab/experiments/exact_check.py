@@ -8,7 +8,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from tensionlab.solvers.contract import GRAZING, TOLERANCE, Floats, Nearest, Status
+from tensionlab.arrays import Floats
+from tensionlab.solvers.contract import GRAZING, TOLERANCE, Nearest, Status
 
 Exact = list[Fraction]
 Matrix = list[Exact]

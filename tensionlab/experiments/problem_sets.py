@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.experiments.random_rigs import Stream, near_singular, streams
 from tensionlab.experiments.reach import furthest
 from tensionlab.experiments.real_rigs import find_rig, over_workspace, path
 from tensionlab.model.directions import forces, grid18
-from tensionlab.solvers.contract import Floats
 
 LOWER, UPPER = 0.5, 6.0
 """Tension limits of a published module, in N."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.solvers.contract import Floats, Problem
+from tensionlab.arrays import Floats
+from tensionlab.solvers.contract import Problem
 from tensionlab.solvers.linear import times
 
 Flags = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 
 ARM = 0.3
 """Standard deviation of the coordinates of a platform's attachments, in m."""

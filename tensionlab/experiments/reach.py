@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 from tensionlab.workspace import half_spaces
 
 

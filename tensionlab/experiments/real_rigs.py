@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from tensionlab import datasets
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.experiments.random_rigs import unit
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import Floats
 from tensionlab.workspace import capacity_margin
 
 GRAVITY = 9.81

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import records
+from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
 from tensionlab.reading import brief
-from tensionlab.solvers.contract import Floats, Integers, Status
+from tensionlab.solvers.contract import Status
 from tensionlab.tables import read_parquet
 
 AXES = "xyz"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensionlab.model.kinematics import Floats
+from tensionlab.arrays import Floats
 from tensionlab.model.layouts import box_corners, ring_plus_top
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.layout import place

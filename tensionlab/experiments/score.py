@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.arrays import Floats, Integers
 from tensionlab.measure import Allocation
-from tensionlab.solvers.contract import Floats, Integers, Nearest, Status
+from tensionlab.solvers.contract import Nearest, Status
 
 
 @dataclass(frozen=True)

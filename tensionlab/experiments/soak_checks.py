@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Integers
 from tensionlab.hardware.codes import Limit, State
 from tensionlab.hardware.record.run import Run
-from tensionlab.solvers.contract import Integers, Status
+from tensionlab.solvers.contract import Status
 
 ROUNDING = 1e-5
 """Tensions travel as singles, N."""

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats, Integers
 from tensionlab.experiments.proof import distance_bound, sides, size
 from tensionlab.experiments.random_rigs import near_singular, structures
 from tensionlab.measure import measure
-from tensionlab.solvers.contract import POLICIES, TOLERANCE, Floats, Integers, Nearest, Problem, Status
+from tensionlab.solvers.contract import POLICIES, TOLERANCE, Nearest, Problem, Status
 from tensionlab.solvers.linear import times
 from tensionlab.solvers.newton import Newton
 

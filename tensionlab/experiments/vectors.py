@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab import records
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.model.directions import grid18
-from tensionlab.solvers.contract import Floats
 from tensionlab.tables import read_parquet
 
 FILE = Path("datasets") / "vectors" / "grid18.parquet"

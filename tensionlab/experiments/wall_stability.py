@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.parameters import Damping, PositiveMass, require_parameters
 from tensionlab.haptics.stability import stiffness_bound
 
-Floats = NDArray[np.float64]
 Law = Callable[[int, Floats, Floats], Floats]
 """Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""
 

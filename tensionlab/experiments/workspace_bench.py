@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments import highs
 from tensionlab.experiments.bench.batches import instruction_set, using_threads
 from tensionlab.experiments.random_rigs import structures
 from tensionlab.experiments.real_rigs import find_rig
-from tensionlab.solvers.contract import Floats
 from tensionlab.workspace import capacity_margin, wrench_closure
 
 LOWER, UPPER = 0.5, 6.0

@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 
 Flags = NDArray[np.bool_]
 

@@ -17,10 +17,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import Floats
 from tensionlab.haptics.brake_cones import Flags
 from tensionlab.haptics.brakes import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
 from tensionlab.solvers.contract import TOLERANCE
 

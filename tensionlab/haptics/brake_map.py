@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
 
 CONVINCING = np.pi / 4

@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brake_cones import Flags
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE

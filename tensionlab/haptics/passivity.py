@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects.effect import Floats, Motion, dot
+from tensionlab.haptics.effects.effect import Motion, dot
 
 SHARE = 0.8
 """Of the damping ``m/(T/2 + t_d)``: a late damper shakes at about pi/2 of that. A default of this project."""

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.haptics.effects import Friction, ModuleLimits, Shape, Viscous, Wall
-from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
+from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered
 from tensionlab.haptics.effects.on_module import Divided, EffectFailed, divide
 from tensionlab.haptics.passivity import PassivityController, most_damping
 from tensionlab.haptics.stability import stiffness_cap

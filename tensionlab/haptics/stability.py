@@ -7,11 +7,10 @@ from dataclasses import fields, is_dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 
-Floats = NDArray[np.float64]
 T = TypeVar("T")
 
 MARGIN = 0.5

@@ -14,7 +14,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered, length_of
+from tensionlab.arrays import Floats
+from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered, length_of
 from tensionlab.haptics.effects.parameters import PositiveForce, Range, require_parameters
 from tensionlab.haptics.passivity import Observed, PassivityController
 

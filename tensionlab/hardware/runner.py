@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensionlab.demand import Demand, DemandSource, Floats, Integers, Pose, RigState
+from tensionlab.arrays import Floats, Integers
+from tensionlab.demand import Demand, DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.claims import ESTOP_SIGNAL
 from tensionlab.hardware.group import ModuleGroup

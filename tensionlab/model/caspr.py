@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.module import KINDS, Module, Platform
 from tensionlab.model.rig import Rig
 from tensionlab.model.xml_tree import Element, read_xml

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.model.kinematics import Floats
 from tensionlab.reading import brief, read_text
 from tensionlab.tables import MAX_FILE_BYTES, csv_rows
 

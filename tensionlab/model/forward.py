@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats, Integers
 from tensionlab.model import kinematics, pose
-from tensionlab.model.kinematics import Floats, Integers
 
 STEP_TOLERANCE = 1e-13
 """A pose is found when the next step would change the lengths by less than this share of the longest."""

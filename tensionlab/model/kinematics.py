@@ -17,10 +17,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from tensionlab.arrays import Floats, Integers
 
 
 def planar_rotation(angle: Floats) -> Floats:

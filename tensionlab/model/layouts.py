@@ -8,9 +8,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
 

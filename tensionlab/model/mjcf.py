@@ -7,8 +7,8 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.module import KINDS, WORLD
 from tensionlab.model.rig import Rig
 

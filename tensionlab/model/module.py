@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.model.kinematics import Floats
 from tensionlab.reading import brief
 
 WORLD = "world"

@@ -8,10 +8,9 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.module import WORLD, Module
 
 ORTHOGONALITY = 1e-6

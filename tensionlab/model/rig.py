@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import forward, kinematics, pose
 from tensionlab.model.forward import PoseEstimate
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, require_name, same, vector
 from tensionlab.model.pose import Frames

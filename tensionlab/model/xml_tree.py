@@ -10,8 +10,8 @@ from xml.parsers import expat
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.model.kinematics import Floats
 from tensionlab.reading import MAX_NESTING, brief, read_bytes
 
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.scenarios.feel import Touch, touch
 from tensionlab.plots.house import BLUE
 from tensionlab.plots.scale import two_scales
 from tensionlab.plots.scene import held_name, plane_of
-from tensionlab.solvers.contract import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,9 +18,9 @@ from tensionlab.plots.house import BLUE, add_legend, new_figure
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from tensionlab.arrays import Floats
     from tensionlab.experiments.bench.results import Results
     from tensionlab.experiments.bench.rows import Row
-    from tensionlab.solvers.contract import Floats
 
 SLOWEST = 1e4
 """Ratios above are not drawn."""

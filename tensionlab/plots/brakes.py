@@ -10,8 +10,8 @@ import numpy as np
 from tensionlab.plots.house import RED, add_legend, new_figure
 
 if TYPE_CHECKING:
+    from tensionlab.arrays import Floats
     from tensionlab.haptics.brake_map import BrakeMap
-    from tensionlab.model.kinematics import Floats
 
 ROWS, COLUMNS = 61, 121
 """Of the grid of normals."""

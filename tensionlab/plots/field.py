@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.model.kinematics import Floats
 
 if TYPE_CHECKING:
     import xarray

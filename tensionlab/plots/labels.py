@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.solvers.contract import Floats
+    from tensionlab.arrays import Floats
 
 SIZE = 8.0
 """Of the letters, in points."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.hardware.codes import BEYOND_STOP, Limit
 from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, legend_beside, new_figure
-from tensionlab.solvers.contract import Floats, Status
+from tensionlab.solvers.contract import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,8 +14,8 @@ from tensionlab.plots.labels import label_points
 from tensionlab.plots.scene import TILE, Moment, draw_scene, looks_of, origin_of, scripted
 
 if TYPE_CHECKING:
+    from tensionlab.arrays import Floats
     from tensionlab.haptics.scenarios import Scenario
-    from tensionlab.solvers.contract import Floats
 
 COLUMNS = 3
 WIDTH = 13.0

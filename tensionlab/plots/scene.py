@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.plots.house import BLUE, GREEN, ORANGE, RED
 from tensionlab.plots.person import Place, draw_person
-from tensionlab.solvers.contract import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

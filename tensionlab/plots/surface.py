@@ -6,7 +6,7 @@ from itertools import permutations
 
 import numpy as np
 
-from tensionlab.model.kinematics import Floats
+from tensionlab.arrays import Floats
 
 
 def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: float) -> Floats:

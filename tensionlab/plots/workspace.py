@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.model.kinematics import Floats
 from tensionlab.plots.field import Field, read_field
 from tensionlab.plots.house import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 from tensionlab.plots.surface import level_surface

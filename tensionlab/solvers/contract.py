@@ -16,8 +16,7 @@ from typing import ClassVar, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from tensionlab.arrays import Floats, Integers
 
 Nearest = Literal["force", "tension", "direction"]
 POLICIES: tuple[Nearest, ...] = get_args(Nearest)

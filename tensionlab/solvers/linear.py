@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.solvers.contract import RANK_TOLERANCE, Floats
+from tensionlab.arrays import Floats
+from tensionlab.solvers.contract import RANK_TOLERANCE
 
 
 def times(matrices: Floats, vectors: Floats) -> Floats:

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 
 
 @dataclass(frozen=True)

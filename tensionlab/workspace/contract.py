@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
-from tensionlab.model.kinematics import Floats
+from tensionlab.arrays import Floats
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from tensionlab import _native
 from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
-from tensionlab.inputs import finite, rows
-from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE, Floats, Status
+from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE, Status
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
 AT_ONCE = 1 << 16

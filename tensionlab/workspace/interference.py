@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
+from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats, Integers
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab import records
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.workspace.catalogue import question
 from tensionlab.workspace.contract import Measure
 from tensionlab.workspace.plan import Plan

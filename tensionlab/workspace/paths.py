@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.model import kinematics, pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.module import MAX_LENGTH
 from tensionlab.reading import brief
 from tensionlab.tables import check_columns, read_npz, read_parquet, read_table

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model import kinematics, pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.contract import Batch, Measure

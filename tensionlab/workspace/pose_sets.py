@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 
 
 class Coordinate(NamedTuple):

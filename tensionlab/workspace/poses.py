@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from tensionlab.inputs import Limits, check_size, common_axes, finite, rows, spread, tension_limits
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
 
 TensionRange = Limits | tuple[ArrayLike, ArrayLike]
 """Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""

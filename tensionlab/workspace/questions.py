@@ -7,9 +7,9 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model.directions import circle, fibonacci
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import directions, interference, margin, measures
 from tensionlab.workspace.contract import Batch

@@ -10,8 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPo
 from typing import Any
 from urllib.parse import urlsplit
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, SweepError
-from tensionlab.model.kinematics import Floats
 from tensionlab.reading import brief
 from tensionlab.workspace.plan import Task
 

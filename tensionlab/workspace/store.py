@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from tensionlab import locks
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, SweepError
-from tensionlab.model.kinematics import Floats
 from tensionlab.workspace import labels
 from tensionlab.workspace.ledger import LOCK, Ledger, checksum
 from tensionlab.workspace.plan import Plan, Task

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import layouts
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.pose_sets import Coordinate
 

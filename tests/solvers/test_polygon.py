@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from problems import Case, random_cases
 from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 import tensionlab as tl
-
-Floats = NDArray[np.float64]
+from tensionlab.arrays import Floats
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

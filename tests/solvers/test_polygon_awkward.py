@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from oracle import UnsureError, solve
 from problems import Case, cases, random_cases
 
 import tensionlab as tl
+from tensionlab.arrays import Floats
 from tensionlab.solvers.contract import RANK_TOLERANCE
-
-Floats = NDArray[np.float64]
 
 every_goal = pytest.mark.parametrize("goal", ["polygon:centroid", "polygon:1-norm", "polygon:2-norm"])
 

@@ -17,9 +17,10 @@ import numpy as np
 
 from tensionlab import _native
 from tensionlab.allocation import allocate
+from tensionlab.arrays import Floats
 from tensionlab.experiments.bench import daqp_direct
 from tensionlab.experiments.bench.statistics import quantile
-from tensionlab.solvers.contract import Floats, Status
+from tensionlab.solvers.contract import Status
 
 LOWER, UPPER = 0.5, 6.0
 SHAPES = ((3, 4), (3, 8), (3, 12), (6, 8))

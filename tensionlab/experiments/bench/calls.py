@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from tensionlab.allocation import Allocator, allocate
+from tensionlab.arrays import Floats
 from tensionlab.experiments.bench import daqp_direct
 from tensionlab.experiments.bench.batches import LOWER, UPPER, daqp_loop, random_problems
 from tensionlab.experiments.bench.statistics import quantile
-from tensionlab.solvers.contract import Floats
 from tensionlab.solvers.quadratic import solve_qp
 
 BLOCK = 20

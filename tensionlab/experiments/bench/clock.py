@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats
 from tensionlab.experiments.bench.contestants import Contestant
 from tensionlab.experiments.bench.drivers import Driver
 from tensionlab.experiments.bench.rows import Evidence
 from tensionlab.experiments.bench.statistics import quantile
 from tensionlab.solvers import make
-from tensionlab.solvers.contract import Floats, Problem
+from tensionlab.solvers.contract import Problem
 
 BATCH = 10_000
 """Problems in a timed batch; a group is repeated until it has as many."""

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency
-from tensionlab.solvers.contract import Floats
 from tensionlab.solvers.peer import Reply, own_tensions
 from tensionlab.solvers.quadratic import TIGHT
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.proof import distance_bound, sides, size
 from tensionlab.measure import measure
-from tensionlab.solvers.contract import Floats, Problem, Status
+from tensionlab.solvers.contract import Problem, Status
 from tensionlab.solvers.linear import times, whitener
 from tensionlab.solvers.newton import Newton
 

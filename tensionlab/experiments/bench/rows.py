@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.bench import statistics
 from tensionlab.experiments.bench.contestants import Contestant
-from tensionlab.solvers.contract import Floats
 
 ACCURACIES = (1e-3, 1e-6, 1e-9)
 """Accuracies in N, times the norm of the wrench where that is above 1 N, as the interface judges."""

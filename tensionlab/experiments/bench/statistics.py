@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 
 SHIFT = 1e-6
 """Shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs."""

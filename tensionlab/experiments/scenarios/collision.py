@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.scenarios.feel import Row, Touch, late, touch
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.scenarios import Hold, Scenario
-from tensionlab.solvers.contract import Floats
 
 AWAY = 0.002
 """How far a head has come back when it withdraws, in m."""

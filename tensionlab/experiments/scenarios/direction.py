@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.on_module import ALIGNED
 from tensionlab.hardware.codes import Limit
 from tensionlab.hardware.record.run import Run
-from tensionlab.solvers.contract import Floats, Status
+from tensionlab.solvers.contract import Status
 
 WEAK = 0.5
 """Forces below have no direction that matters, in N."""

@@ -8,10 +8,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.scenarios.direction import told_by
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.haptics.effects.effect import Effect
-from tensionlab.solvers.contract import Floats
 
 Kind = TypeVar("Kind", bound=Effect)
 NOTICEABLE = 0.07

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, ScenarioError
 from tensionlab.experiments.scenarios.collision import hold_of
 from tensionlab.experiments.scenarios.play import fast_enough, perform, simulated
@@ -22,7 +23,6 @@ from tensionlab.haptics.effects.contact import Plane
 from tensionlab.haptics.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import Floats
 
 MOST = 60.0
 """What a head may feel, in N."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.scenarios.feel import Row, Touch, about, effect, pitch, rms, touch
 from tensionlab.experiments.scenarios.play import Played
 from tensionlab.experiments.score import angles
@@ -11,7 +12,6 @@ from tensionlab.haptics.effects import Magnet, Shape, Sphere, Texture, Vibration
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering import HAND_DAMPING, REMEMBERED
 from tensionlab.haptics.stability import capped, stiffness_cap
-from tensionlab.solvers.contract import Floats
 
 TOUCHED = 0.5
 """A force above, in N, is a touch."""

@@ -9,7 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from tensionlab.demand import Floats, Pose
+from tensionlab.arrays import Floats
+from tensionlab.demand import Pose
 from tensionlab.haptics.bridge.mailbox import HAND
 from tensionlab.haptics.scenarios import Person, PersonPlan, Scenario, Script, Waypoint
 from tensionlab.hardware.codes import State

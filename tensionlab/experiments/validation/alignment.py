@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.model.kinematics import Floats
+from tensionlab.arrays import Floats
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.hardware.calibration.regression import Estimate, LinearFit, around, fit
-from tensionlab.model.kinematics import Floats
 
 
 @dataclass(frozen=True, eq=False)

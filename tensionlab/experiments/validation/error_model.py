@@ -24,9 +24,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.hardware.simulation.simulated_rig import plant_of
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 
 STILL = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError
 from tensionlab.experiments.validation.readings import Readings
 from tensionlab.experiments.validation.sensor import ForceSensor
-from tensionlab.model.kinematics import Floats
 
 SCHEMES = ("socket://", "tcp://")
 CHUNK = 1 << 20

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.model.kinematics import Floats
+from tensionlab.arrays import Floats
 
 RATE = 1000
 """Samples a second."""

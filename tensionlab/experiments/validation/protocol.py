@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import allocate
+from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.experiments.validation.sensor import ForceSensor
@@ -25,7 +26,6 @@ from tensionlab.hardware.runner import Runner
 from tensionlab.hardware.simulated import PARAMETERS
 from tensionlab.hardware.simulation.simulated_rig import newton_per_ampere
 from tensionlab.model.directions import grid18
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Solver, Status
 

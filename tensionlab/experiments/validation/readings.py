@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError
-from tensionlab.model.kinematics import Floats
 from tensionlab.reading import brief, read_text
 from tensionlab.tables import MAX_FILE_BYTES
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.recordings import Recording
 from tensionlab.experiments.validation.alignment import ALIGNMENTS, UPRIGHT, angle
 from tensionlab.experiments.validation.noise import RATE
 from tensionlab.experiments.validation.protocol import BASIS, Measurement
 from tensionlab.experiments.validation.statistics import Score, score
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.contract import Status
 

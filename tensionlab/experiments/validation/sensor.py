@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.validation.alignment import UPRIGHT
 from tensionlab.experiments.validation.error_model import Errors, true_rig
 from tensionlab.experiments.validation.noise import RATE, Wander
 from tensionlab.hardware.simulated import STEP, SimulatedModule, Trace
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 
 STRIDE = round(1.0 / RATE / STEP)

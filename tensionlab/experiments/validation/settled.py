@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.experiments.validation.alignment import ALIGNMENTS, UPRIGHT
 from tensionlab.experiments.validation.error_model import Errors, true_rig
 from tensionlab.experiments.validation.noise import RATE, Wander
 from tensionlab.experiments.validation.protocol import BASIS, ZERO, Protocol
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.rig import Rig
 
 ARMING = 0.020

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
-from tensionlab.model.kinematics import Floats, Integers
 
 WITHIN = 45.0
 """Degrees; every vector of the publication was within."""

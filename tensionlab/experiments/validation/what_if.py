@@ -22,6 +22,7 @@ import numpy as np
 
 import tensionlab.experiments.trials as table
 from tensionlab.allocation import allocate
+from tensionlab.arrays import Floats
 from tensionlab.experiments.lineup import lineup
 from tensionlab.experiments.trials import Trial
 from tensionlab.experiments.validation.calibration import MODELS
@@ -30,7 +31,6 @@ from tensionlab.experiments.validation.protocol import BASIS, Protocol
 from tensionlab.experiments.validation.settled import settled, wandering
 from tensionlab.experiments.validation.statistics import WITHIN, deviations
 from tensionlab.measure import Allocation
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
 from tensionlab.records import manifest

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import Body, Frame

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.demand import Demand, Floats, RigState
+from tensionlab.arrays import Floats
+from tensionlab.demand import Demand, RigState
 from tensionlab.haptics.bridge.messages import Event, State
 from tensionlab.haptics.rendering import Renderer
 from tensionlab.model.rig import Rig

@@ -8,7 +8,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, MissingDependency
 
 

@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
-from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, length_of, smoothstep
+from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, length_of, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
     Damping,

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered, smoothstep
+from tensionlab.arrays import Floats
+from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance, OnModule
 from tensionlab.haptics.effects.parameters import Duration, DurationOrNone, require_parameters
 

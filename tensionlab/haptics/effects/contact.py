@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot
+from tensionlab.arrays import Floats
+from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, dot
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
     Damping,

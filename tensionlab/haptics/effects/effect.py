@@ -13,7 +13,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from tensionlab.arrays import Floats
+
 Memory = Any
 """What an effect remembers: None before its first step, then whatever it returned. Each effect has its own."""
 LEAP = 10.0

@@ -12,9 +12,10 @@ from typing import Annotated
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
-from tensionlab.haptics.effects.effect import Floats, along, length_of
+from tensionlab.haptics.effects.effect import along, length_of
 from tensionlab.haptics.effects.parameters import Edges, Length, Point, Range, require_parameters
 
 Field = Callable[[Floats], tuple[Floats, Floats]]

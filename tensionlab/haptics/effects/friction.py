@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, dot, length_of
+from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, dot, length_of
 from tensionlab.haptics.effects.parameters import (
     Damping,
     Force,

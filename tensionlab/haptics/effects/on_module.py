@@ -16,9 +16,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.effects.effect import Effect, Floats, Memory, Motion, Rendered
+from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered
 from tensionlab.haptics.stability import beyond, capped
 
 AHEAD_M = 0.5

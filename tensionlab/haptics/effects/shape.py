@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot, length_of
+from tensionlab.arrays import Floats
+from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, dot, length_of
 from tensionlab.haptics.effects.fields import Field, Sphere
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import Damping, Stiffness, require_parameters

@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.contact import Wall
-from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, dot
+from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, dot
 from tensionlab.haptics.effects.friction import Friction
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import Direction, Length, LengthOrNone, Stiffness, require_parameters

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects.effect import Floats, Memory, Motion, Rendered, along, length_of, smoothstep
+from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, length_of, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
     Acceleration,

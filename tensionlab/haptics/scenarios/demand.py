@@ -9,7 +9,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from tensionlab.demand import Demand, Floats, Pose, RigState
+from tensionlab.arrays import Floats
+from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.haptics.brake_contact import Catch, Decision, decide
 from tensionlab.haptics.brakes import brake_strengths
 from tensionlab.haptics.effects.effect import LEAP, Effect, Motion, relative

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import ScenarioError
 from tensionlab.haptics.brake_contact import TIMING, ImpactCap, Timing, Wall
 from tensionlab.haptics.effects import Plane

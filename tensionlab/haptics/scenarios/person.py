@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
 from tensionlab.haptics.effects.parameters import (
@@ -16,7 +17,7 @@ from tensionlab.haptics.effects.parameters import (
     PositiveStiffness,
     require_parameters,
 )
-from tensionlab.haptics.scenarios.script import Floats, Script
+from tensionlab.haptics.scenarios.script import Script
 from tensionlab.model.rig import Rig
 
 STEP = 1e-3

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ScenarioError
 from tensionlab.haptics.effects.parameters import Frequency, Point, Time, require_parameters
 from tensionlab.reading import brief
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.descent import best_fit
 from tensionlab.hardware.calibration.poses import Poses, advice
 from tensionlab.hardware.calibration.problem import Problem
-from tensionlab.hardware.calibration.regression import Floats, quantile
+from tensionlab.hardware.calibration.regression import quantile
 from tensionlab.model.rig import Rig
 
 WEAK = 1e-5

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.hardware.calibration.poses import Poses
 from tensionlab.hardware.calibration.problem import Problem
-from tensionlab.hardware.calibration.regression import Floats
 
 ITERATION_LIMIT = 200
 FIRST_DAMPING = 1e-3

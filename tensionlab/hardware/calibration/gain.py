@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.regression import Estimate, Floats, around, fit, ratio
+from tensionlab.hardware.calibration.regression import Estimate, around, fit, ratio
 
 GRAVITY = 9.80665
 """In m/s²; the true one differs by up to 0.4 % over the Earth, and N/A with it."""

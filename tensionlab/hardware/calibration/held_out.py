@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.poses import Poses
 from tensionlab.hardware.calibration.problem import Problem
-from tensionlab.hardware.calibration.regression import Floats
 from tensionlab.model.rig import Rig
 
 FOLDS = 5

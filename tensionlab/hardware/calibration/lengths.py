@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError
 from tensionlab.hardware.calibration.poses import Poses, rotations
 from tensionlab.hardware.calibration.pulling import stopping
-from tensionlab.hardware.calibration.regression import Floats
 from tensionlab.hardware.codes import Calibration
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.protocol import Telemetry

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.hardware.calibration.regression import Floats
+from tensionlab.arrays import Floats, Integers
 from tensionlab.model import kinematics
-from tensionlab.model.kinematics import Integers
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.hardware.calibration.poses import Poses
-from tensionlab.hardware.calibration.regression import Floats
 from tensionlab.model import forward, kinematics
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig

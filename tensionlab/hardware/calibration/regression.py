@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats
 
 CONFIDENCE = 0.95
 """Of all intervals here."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

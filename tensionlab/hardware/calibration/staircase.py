@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.gain import Balance
 from tensionlab.hardware.calibration.pulling import PERIOD, pulling
-from tensionlab.hardware.calibration.regression import Floats
 from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.module import ModuleClient
 from tensionlab.tables import read_table

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tensionlab import writing
-from tensionlab.hardware.calibration.regression import Floats
+from tensionlab.arrays import Floats
 
 
 def write_table(path: str | Path, columns: Mapping[str, Floats | Sequence[float]]) -> None:

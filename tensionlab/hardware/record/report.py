@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.hardware.codes import Fault, Limit
 from tensionlab.hardware.record.run import Run, RunEvent
-from tensionlab.solvers.contract import Floats, Status
+from tensionlab.solvers.contract import Status
 
 PERCENTILES = (50.0, 99.0, 100.0)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tensionlab.demand import Demand, Floats, Integers, RigState
+from tensionlab.arrays import Floats, Integers
+from tensionlab.demand import Demand, RigState
 from tensionlab.measure import Allocation
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import ModuleFault
 from tensionlab.hardware.codes import Limit
 from tensionlab.model.limits import TensionLimits

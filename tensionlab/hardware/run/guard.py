@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError
 from tensionlab.measure import Allocation
 from tensionlab.model.limits import TensionLimits

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.demand import Floats, Integers
+from tensionlab.arrays import Floats, Integers
 from tensionlab.hardware.codes import Limit, State
 from tensionlab.hardware.group import ModuleGroup
 

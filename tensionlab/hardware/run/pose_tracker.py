@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.demand import Floats, Pose
+from tensionlab.arrays import Floats
+from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
 

@@ -24,7 +24,8 @@ from os import PathLike
 
 import numpy as np
 
-from tensionlab.demand import Demand, Floats, RigState
+from tensionlab.arrays import Floats
+from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError, RigError
 from tensionlab.hardware.run.demands import require_demand
 from tensionlab.model.rig import Rig

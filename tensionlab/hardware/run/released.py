@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout
 from tensionlab.hardware.codes import BEYOND_STOP, State
 

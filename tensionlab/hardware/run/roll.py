@@ -10,7 +10,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.demand import Demand, Floats, Integers
+from tensionlab.arrays import Floats, Integers
+from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.codes import State
 from tensionlab.hardware.conversation import Heard

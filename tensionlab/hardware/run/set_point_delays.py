@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tensionlab.demand import Floats, Integers
+from tensionlab.arrays import Floats, Integers
 
 NUMBERS = 256
 """Sequence numbers of set-points; then they begin anew."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import LinkTimeout, ModuleFault
 from tensionlab.hardware.codes import Code, Fault
 from tensionlab.hardware.conversation import CLOCK_WRAP, Heard

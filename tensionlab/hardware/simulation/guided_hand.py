@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tensionlab.demand import Floats, Pose
+from tensionlab.arrays import Floats
+from tensionlab.demand import Pose
 from tensionlab.model.pose import frame_of
 
 NEARING = 20.0

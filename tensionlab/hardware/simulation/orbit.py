@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from tensionlab.demand import Floats
+from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError
 from tensionlab.model.rig import Rig
 

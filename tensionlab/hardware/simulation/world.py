@@ -8,7 +8,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from tensionlab.demand import Floats, Pose
+from tensionlab.arrays import Floats
+from tensionlab.demand import Pose
 from tensionlab.hardware.group import ModuleGroup
 from tensionlab.hardware.link import Link
 from tensionlab.hardware.module import ModuleClient

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.solvers.contract import Floats
+from tensionlab.arrays import Floats
 
 BACKENDS: dict[str, dict[str, Any]] = {
     # The programs are scaled already; Clarabel's own scaling costs it the last digits.

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.contract import Floats
 from tensionlab.solvers.peer import Reply, own_tensions
 from tensionlab.solvers.quadratic.backends import BACKENDS, SPARSE, installed_backends, raised_by
 

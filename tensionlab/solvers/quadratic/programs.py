@@ -11,8 +11,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.contract import TOLERANCE, Answer, Floats, Nearest, Problem
+from tensionlab.solvers.contract import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.grazing import Ray
 from tensionlab.solvers.linear import independent_rows, whitener
 from tensionlab.solvers.quadratic.backends import BACKENDS, Engine, NoTensions, installed_backends, raised_by

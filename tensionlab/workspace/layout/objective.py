@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.model.kinematics import Floats
 
 LEAD = 0.1
 """What the force that is missing, or to spare, counts beside the share: enough to lead a search among equals."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab.arrays import Floats, Integers
 from tensionlab.model import kinematics
-from tensionlab.model.kinematics import Floats, Integers
 from tensionlab.model.limits import TensionLimits
 from tensionlab.workspace.gradient import margin_gradient
 from tensionlab.workspace.layout.space import Space

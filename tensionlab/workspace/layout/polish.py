@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.model.kinematics import Floats
+from tensionlab.arrays import Floats
 from tensionlab.model.limits import TensionLimits
 from tensionlab.workspace.layout import place
 from tensionlab.workspace.layout.objective import Objective

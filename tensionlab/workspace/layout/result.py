@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tensionlab.arrays import Floats
 from tensionlab.model.files import rig_to_toml
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.workspace.layout import place
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.place import Places

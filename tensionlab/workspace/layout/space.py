@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import as_floats
+from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError
 from tensionlab.model import pose
-from tensionlab.model.kinematics import Floats
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, vector
 from tensionlab.model.pose import Frame
