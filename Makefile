@@ -32,40 +32,40 @@ bench-quick: .venv/dev.stamp
 	@$(BIN)/tensionlab bench --quick --out out/bench-quick
 
 bench-readme: bench
-	@$(BIN)/python -m tensionlab.experiments.bench.readme out/bench
-	@$(BIN)/python datasets/checksums.py
+	@$(BIN)/python -m tools.generate_benchmark_table out/bench
+	@$(BIN)/python tools/checksums.py
 	@$(BIN)/python tools/generate_docs.py
 
 bench-workspace: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.workspace_bench
+	@$(BIN)/python -m benchmarks.workspace
 
 stress: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.stress
-	@$(BIN)/python -m tensionlab.experiments.verdicts
+	@$(BIN)/python -m benchmarks.stress
+	@$(BIN)/python -m benchmarks.verdicts
 
 file-fuzz: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.file_fuzz
+	@$(BIN)/python -m benchmarks.file_fuzz
 
 soak: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.soak --out out/soak
+	@$(BIN)/python -m benchmarks.soak --out out/soak
 
 faults: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.telemetry_faults
+	@$(BIN)/python -m benchmarks.telemetry_faults
 
 hostile: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.hostile_client
+	@$(BIN)/python -m benchmarks.hostile_client
 
 impacts: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.scenarios.impacts
+	@$(BIN)/python -m benchmarks.impacts
 
 bench-brakes: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.brakes_bench
+	@$(BIN)/python -m benchmarks.brakes
 
 bench-runner: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.runner_bench
+	@$(BIN)/python -m benchmarks.runner
 
 what-if: .venv/dev.stamp
-	@$(BIN)/python -m tensionlab.experiments.validation.what_if --out datasets/what-if/paper-like-simulated.parquet
+	@$(BIN)/python -m tensionlab.validation.what_if --out datasets/what-if/paper-like-simulated.parquet
 
 figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py
@@ -75,7 +75,7 @@ docs: .venv/dev.stamp
 	@$(BIN)/python tools/generate_docs.py
 
 checksums: .venv/bin/python
-	@$(BIN)/python datasets/checksums.py
+	@$(BIN)/python tools/checksums.py
 
 # Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
 firmware-check: .venv/dev.stamp

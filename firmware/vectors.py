@@ -9,7 +9,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from tensionlab.hardware.codes import (
+from tensionlab.hardware.protocol.codes import (
     BrakeState,
     Calibration,
     Code,
@@ -19,7 +19,7 @@ from tensionlab.hardware.codes import (
     State,
     Type,
 )
-from tensionlab.hardware.protocol import (
+from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
     Calibrate,

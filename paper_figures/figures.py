@@ -12,9 +12,9 @@ import numpy as np
 import tables
 
 import tensionlab as tl
+from paper_figures import anchor_count
 from tensionlab import plots
-from tensionlab.experiments import anchor_count
-from tensionlab.haptics.scenarios import SCENARIOS, load_scenario
+from tensionlab.scenarios import SCENARIOS, load_scenario
 from tensionlab.workspace import Grid
 
 FIGURE = (".pdf", ".png")

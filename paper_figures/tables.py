@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.experiments import anchor_count
-from tensionlab.experiments.published import Published
-from tensionlab.experiments.recordings import Recording
-from tensionlab.experiments.trials import Trial
-from tensionlab.experiments.validation.statistics import Interval, score
+from paper_figures import anchor_count
+from tensionlab.validation.published import Published
+from tensionlab.validation.recordings import Recording
+from tensionlab.validation.statistics import Interval, score
+from tensionlab.validation.trials import Trial
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
 TAILS = (0.1, 0.5, 0.9)

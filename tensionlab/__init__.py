@@ -12,7 +12,6 @@ from tensionlab.errors import (
     UnknownSolver,
     Unreachable,
 )
-from tensionlab.measure import Allocation
 from tensionlab.model.files import load_rig, save_rig
 from tensionlab.model.forward import PoseEstimate
 from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
@@ -33,6 +32,7 @@ from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 from tensionlab.solvers.slack_norm import SlackNorm
 from tensionlab.solvers.spidar import Spidar
+from tensionlab.verification import Allocation
 from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"

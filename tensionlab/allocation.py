@@ -1,7 +1,7 @@
 """The interface: which tensions render this wrench, and what is proved about them?
 
 `allocate` checks and broadcasts its input, lets the chosen solver choose, and then measures the answer
-itself (`tensionlab.measure`).
+itself (`tensionlab.verification`).
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from tensionlab.arrays import (
     tension_limits,
 )
 from tensionlab.errors import ShapeError
-from tensionlab.measure import Allocation, exact, exact_single, measure
 from tensionlab.solvers import SOLVERS, make
-from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Nearest, Problem, Solver, refusal
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Nearest, Problem, Solver, refusal
 from tensionlab.solvers.newton import Newton
+from tensionlab.verification import Allocation, exact, exact_single, measure
 
 
 @dataclass(frozen=True)

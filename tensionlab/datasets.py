@@ -50,7 +50,7 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
     ShapeError
         If there is no such folder or kind.
     """
-    from tensionlab.experiments.problem_sets import PROBLEM_SETS
+    from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
     where = _found(folder)
     if kind is not None and kind not in (*_KINDS, PROBLEMS):
@@ -99,7 +99,7 @@ def load(name: str, folder: str | Path | None = None) -> Any:
         raise ShapeError(f"no data set is called {name!r}; {hint}")
     kind, _, stem = name.partition("/")
     if kind == PROBLEMS:
-        from tensionlab.experiments.problem_sets import problem_set
+        from tensionlab.benchmark.problem_sets import problem_set
 
         return problem_set(stem, COUNT)
     suffix, read = _KINDS[kind]
@@ -142,31 +142,31 @@ def _space(path: Path) -> Any:
 
 
 def _vectors(path: Path) -> Any:
-    from tensionlab.experiments import vectors
+    from tensionlab.validation import vectors
 
     return vectors.read(path)
 
 
 def _published(path: Path) -> Any:
-    from tensionlab.experiments import published
+    from tensionlab.validation import published
 
     return published.read(path)
 
 
 def _recording(path: Path) -> Any:
-    from tensionlab.experiments import recordings
+    from tensionlab.validation import recordings
 
     return recordings.read(path)
 
 
 def _trials(path: Path) -> Any:
-    from tensionlab.experiments import trials
+    from tensionlab.validation import trials
 
     return trials.read(path)
 
 
 def _results(path: Path) -> Any:
-    from tensionlab.experiments.bench import results
+    from tensionlab.benchmark import results
 
     return results.read(path)
 

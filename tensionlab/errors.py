@@ -28,7 +28,7 @@ from enum import IntEnum, IntFlag
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tensionlab.measure import Allocation
+    from tensionlab.verification import Allocation
 
 
 MAX_MESSAGE_CHARACTERS = 300

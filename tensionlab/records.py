@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tensionlab import writing
 from tensionlab.errors import MissingDependency
+from tensionlab.files import writing
 
 LIBRARIES = [
     "numpy",

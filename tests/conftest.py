@@ -1,13 +1,9 @@
-"""What all tests share: where the judges are found, how hypothesis draws, and the command line."""
+"""Fixtures of all tests, and the profiles of hypothesis."""
 
 import os
-import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
-
-sys.path.append(str(Path(__file__).parent))
 
 # "ci" draws the same examples every time; HYPOTHESIS_PROFILE=search draws new ones.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -32,7 +28,7 @@ def run(capsys):
 @pytest.fixture(scope="session")
 def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one."""
-    from tensionlab.experiments.bench.run import Plan, run
+    from tensionlab.benchmark.run import Plan, run
 
     plan = Plan(
         sets=("point", "unreachable", "trajectory"),
@@ -56,6 +52,6 @@ def bench_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def bench_results(bench_folder):
     """Its results."""
-    from tensionlab.experiments.bench.results import read
+    from tensionlab.benchmark.results import read
 
     return read(bench_folder)

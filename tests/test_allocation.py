@@ -12,7 +12,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
-from tensionlab.solvers.contract import Answer, Nearest, Problem
+from tensionlab.solvers.base import Answer, Nearest, Problem
 
 PLANAR = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]])
 LIMITS = ([1.0, 1.0, 1.0], [10.0, 10.0, 10.0])

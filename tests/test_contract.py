@@ -10,14 +10,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from oracle import Truth, UnsureError, solve, support
-from problems import Case, batches, one, random_cases
 
 import tensionlab as tl
 from tensionlab.solvers import make, plugins
-from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE, refusal
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, refusal
 from tensionlab.solvers.linear import whitener
 from tensionlab.solvers.quadratic import installed_backends
+from tests.support.oracle import Truth, UnsureError, solve, support
+from tests.support.problems import Case, batches, one, random_cases
 
 CLOSEST = ("newton", "dykstra", "qp", "cvxpy")
 """Families that minimise the distance to the reference, and find an answer wherever there is one."""

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from distribution import install
 
 import tensionlab as tl
-from tensionlab.experiments.lineup import lineup
+from tensionlab.comparison.selected_solvers import lineup
 from tensionlab.model.directions import grid18
+from tests.support.distribution import install
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")

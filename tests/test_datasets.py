@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from recorded import made_up
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.experiments import recordings
-from tensionlab.experiments.published import Published
 from tensionlab.model.directions import grid18
+from tensionlab.validation import recordings
+from tensionlab.validation.published import Published
+from tests.support.recorded import made_up
 
 DATASETS = Path(__file__).parents[1] / "datasets"
 DATA = (".csv", ".json", ".parquet", ".toml")

@@ -7,7 +7,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ModuleFault, Unreachable
-from tensionlab.hardware.codes import Fault
+from tensionlab.hardware.protocol.codes import Fault
 
 
 def test_a_modules_fault_reaches_another_process():

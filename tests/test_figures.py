@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import made_up, made_up_trials
 
-from tensionlab.experiments import recordings, trials
-from tensionlab.experiments.bench import results
+from tensionlab.benchmark import results
+from tensionlab.validation import recordings, trials
+from tests.support.recorded import made_up, made_up_trials
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "docs" / "figures"

@@ -12,68 +12,32 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
-# Rooms that each room may enter, besides itself, `errors`, `arrays` and `writing`.
+# Rooms that each room may enter, besides itself and those of everybody.
+EVERYBODY = {"errors", "arrays", "files", "records", "__version__"}
+CORE = {"model", "solvers", "verification", "allocation", "demand", "_native"}
 ALLOWED = {
     "errors": set(),
-    "arrays": set(),
-    "writing": set(),
-    "model": {"reading", "tables"},
-    "solvers": {"_native"},
-    "inputs": {"solvers", "_native"},
-    "measure": {"solvers", "_native"},
-    "allocation": {"inputs", "measure", "solvers", "_native"},
-    "demand": {"model"},
-    "locks": set(),
-    "reading": set(),
-    "tables": {"reading"},
+    "arrays": {"_native"},
+    "files": set(),
     "records": set(),
-    "workspace": {
-        "locks",
-        "reading",
-        "tables",
-        "model",
-        "inputs",
-        "allocation",
-        "measure",
-        "solvers",
-        "records",
-        "_native",
-    },
-    "hardware": {"locks", "reading", "tables", "model", "demand", "solvers", "measure", "allocation", "_native"},
+    "model": set(),
+    "solvers": {"_native"},
+    "verification": {"solvers", "_native"},
+    "allocation": {"verification", "solvers", "_native"},
+    "demand": {"model"},
+    "workspace": CORE,
+    "hardware": CORE,
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
-    "haptics": {"reading", "model", "demand", "allocation", "solvers", "_native"},
-    "experiments": {
-        "_native",
-        "reading",
-        "tables",
-        "records",
-        "model",
-        "demand",
-        "solvers",
-        "allocation",
-        "measure",
-        "workspace",
-        "hardware",
-        "haptics",
-        "datasets",  # where their files are
-    },
-    "plots": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "experiments"},
-    "cli": {
-        "model",
-        "demand",
-        "solvers",
-        "allocation",
-        "measure",
-        "workspace",
-        "hardware",
-        "haptics",
-        "experiments",
-        "plots",
-        "reading",
-        "records",
-    },
-    "datasets": {"model", "workspace", "experiments"},
-    "__init__": {"model", "solvers", "allocation", "measure", "workspace", "hardware", "haptics", "datasets"},
+    "haptics": CORE,
+    "scenarios": CORE | {"haptics", "hardware"},
+    "comparison": CORE | {"datasets", "workspace", "hardware", "haptics", "scenarios"},
+    "benchmark": CORE | {"datasets", "workspace", "hardware", "haptics", "scenarios"},
+    "validation": CORE | {"datasets", "workspace", "hardware", "haptics", "scenarios"},
+    "datasets": {"model", "workspace", "benchmark", "validation"},
+    "plots": CORE | {"workspace", "hardware", "haptics", "scenarios", "comparison", "benchmark", "validation"},
+    "cli": CORE
+    | {"workspace", "hardware", "haptics", "scenarios", "comparison", "benchmark", "validation", "plots"},
+    "__init__": CORE | {"workspace", "hardware", "haptics", "scenarios", "datasets"},
     "__main__": {"cli"},
 }
 # One door for each third party, by file or folder of the package.
@@ -82,17 +46,16 @@ DOORS = {
     "osqp": {"solvers/quadratic/backends.py"},
     "clarabel": {"solvers/quadratic/backends.py"},
     "cvxpy": {"solvers/convex.py"},
-    "cobs": {"hardware/frames.py"},
-    "filelock": {"locks.py"},
-    "highspy": {"experiments/highs.py"},
-    "serial": {"hardware/link.py"},
-    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "experiments/hostile_client.py"},
+    "cobs": {"hardware/protocol/frames.py"},
+    "filelock": {"files/locks.py"},
+    "serial": {"hardware/client/links.py"},
+    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},
     "pythonosc": {"haptics/bridge/osc_tracker.py"},
-    "mcap": {"hardware/record/mcap_file.py"},
-    "zstandard": {"hardware/record/mcap_file.py"},
-    "xarray": {"workspace/labels.py", "workspace/store.py", "hardware/record/dataset.py"},
-    "zarr": {"workspace/store.py"},
-    "distributed": {"workspace/run.py"},
+    "mcap": {"hardware/log/mcap_file.py"},
+    "zstandard": {"hardware/log/mcap_file.py"},
+    "xarray": {"workspace/sweep/dataset.py", "workspace/sweep/store.py", "hardware/log/dataset.py"},
+    "zarr": {"workspace/sweep/store.py"},
+    "distributed": {"workspace/sweep/executors.py"},
     "matplotlib": {"plots"},
     "mpl_toolkits": {"plots"},
 }
@@ -107,20 +70,20 @@ NATIVE = {
     "solvers/analytic_centre.py",
     "solvers/slack_norm.py",
     "solvers/spidar.py",
-    "inputs.py",
+    "arrays.py",
     "allocation.py",
-    "measure.py",
-    "experiments/bench/batches.py",
+    "verification.py",
+    "benchmark/batches.py",
     "workspace/interference.py",
     "workspace/directions.py",
     "workspace/gradient.py",
     "workspace/margin.py",
-    "workspace/measures.py",
+    "workspace/structure_metrics.py",
     "workspace/wrench_set.py",
-    "haptics/brakes.py",
-    "hardware/run/pose_tracker.py",
-    "hardware/run/watchdog.py",
-    "hardware/simulated.py",
+    "haptics/brakes/choice.py",
+    "hardware/runner/pose_tracker.py",
+    "hardware/runner/watchdog.py",
+    "hardware/simulation/simulated_module.py",
 }
 # Third parties that a file may import as it is imported itself. Optional libraries, and those that are slow to
 # import, are imported where they are used: no room and no verb needs an extra until it does what the extra is for.
@@ -187,7 +150,7 @@ def room(name: str) -> str:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rooms(name: str) -> None:
-    allowed = ALLOWED[room(name)] | {room(name), "errors", "arrays", "writing", "__version__"}
+    allowed = ALLOWED[room(name)] | EVERYBODY | {room(name)}
     for module in imports_of(name):
         package, _, rest = module.partition(".")
         if package == "tensionlab" and rest != "__version__":
@@ -206,10 +169,6 @@ def test_third_parties_have_one_door(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
     third = set(at_import(ast.parse((PACKAGE / name).read_text()).body)) - sys.stdlib_module_names - {"tensionlab"}
-    if (
-        name == "experiments/hostile_messages.py"
-    ):  # nothing but strategies of hypothesis; only `make hostile` needs it
-        third -= {"hypothesis"}
     assert third <= EAGER, f"{name} imports {third - EAGER}: import it in the function that uses it"
 
 

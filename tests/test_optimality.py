@@ -9,12 +9,12 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
-from problems import Case, cases, one, random_case, random_cases
 
 import tensionlab as tl
-from tensionlab.measure import measure
-from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
+from tensionlab.verification import measure
+from tests.support.oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
+from tests.support.problems import Case, cases, one, random_case, random_cases
 
 SHAPES = [
     *((2, m) for m in (2, 3, 4, 6)),

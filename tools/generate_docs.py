@@ -19,10 +19,10 @@ import numpy as np
 
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
-from tensionlab.experiments.bench.readme import section
-from tensionlab.experiments.trials import Trial
-from tensionlab.haptics.bridge.documents import document as bridge
-from tensionlab.hardware.documents import sections
+from tensionlab.validation.trials import Trial
+from tools.generate_benchmark_table import section
+from tools.generate_bridge_docs import document as bridge
+from tools.generate_firmware_docs import sections
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = (".", "datasets", "docs", "examples", "firmware", "paper_figures")

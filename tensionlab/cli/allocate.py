@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
 
 if TYPE_CHECKING:
-    from tensionlab.measure import Allocation
     from tensionlab.model.rig import Rig
-    from tensionlab.solvers.contract import Status
+    from tensionlab.solvers.base import Status
+    from tensionlab.verification import Allocation
 
 WORDS = {
     "EXACT": "exact: all limits kept, the wrench rendered",
@@ -49,7 +49,7 @@ def allocate(
     """
     from tensionlab.allocation import Allocator
     from tensionlab.model.files import load_rig
-    from tensionlab.solvers.contract import Status
+    from tensionlab.solvers.base import Status
 
     loaded = load_rig(rig)
     output.check_solvers(loaded, [solver], nearest)

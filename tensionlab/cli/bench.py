@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
 from tensionlab.errors import ShapeError, WriteError
-from tensionlab.writing import make_folder, write_text
+from tensionlab.files.writing import make_folder, write_text
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.bench.results import Results
+    from tensionlab.benchmark.results import Results
 
 COLUMNS = (
     "solver",
@@ -67,8 +67,8 @@ def bench(
     own, on one thread. Solvers of the house run through the interface; peers, at their defaults and tight, on
     the plain program: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
-    from tensionlab.experiments.bench.results import read
-    from tensionlab.experiments.bench.run import measure, plan
+    from tensionlab.benchmark.results import read
+    from tensionlab.benchmark.run import measure, plan
 
     what = plan(output.words(sets), output.words(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
@@ -84,7 +84,7 @@ def bench(
 def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
     """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
-    from tensionlab.experiments.bench.report import report
+    from tensionlab.benchmark.report import report
 
     figures = {
         "profile": plots.plot_profile,
@@ -108,8 +108,8 @@ def _draw(draw: Callable[[Results, Path], None], results: Results, path: Path) -
 
 def _print(results: Results, out: Path, json: bool) -> None:
     """The line of each contestant, and where the files are."""
-    from tensionlab.experiments.bench import text
-    from tensionlab.experiments.bench.headline import headlines
+    from tensionlab.benchmark import text
+    from tensionlab.benchmark.headline import headlines
 
     lines = headlines(results)
     if json:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import calibrate_report, output
 from tensionlab.cli.calibrate_rig import anchors, lengths, record
-from tensionlab.cli.reach import Json
+from tensionlab.cli.common import calibrate_report, output
+from tensionlab.cli.common.module_targets import Json
 
 if TYPE_CHECKING:
     from tensionlab.hardware.calibration.gain import Balance
-    from tensionlab.hardware.module import ModuleClient
+    from tensionlab.hardware.client.module import ModuleClient
 
 calibrate = typer.Typer(
     help="Calibrate modules (N/A, friction, zero, lengths) and rigs (anchors).",
@@ -113,9 +113,9 @@ def staircase(
 def _client(url: str) -> ModuleClient:
     """Reach a module; behind ``sim:`` hangs a mass."""
     from tensionlab.hardware.calibration.hanging import HangingMass
-    from tensionlab.hardware.module import ModuleClient
-    from tensionlab.hardware.simulated import PLANT
+    from tensionlab.hardware.client.module import ModuleClient
     from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+    from tensionlab.hardware.simulation.simulated_module import PLANT
 
     if url != "sim:":
         return ModuleClient(url, url)
@@ -158,7 +158,7 @@ def _sensor_balances(sensor: Path, staircase: Path, ahead: float | None) -> list
 
 
 def _write_gain(client: ModuleClient, value: float) -> None:
-    from tensionlab.hardware.codes import Calibration
+    from tensionlab.hardware.protocol.codes import Calibration
 
     client.calibrate(Calibration.NEWTON_PER_AMPERE, value)
     client.save()

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import calibrate_report, output
-from tensionlab.cli.reach import Json
+from tensionlab.cli.common import calibrate_report, output
+from tensionlab.cli.common.module_targets import Json
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.group import ModuleGroup
+    from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.model.rig import Rig
 
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
@@ -29,7 +29,7 @@ def lengths(path: RigFile, modules: Modules, json: Json = False) -> None:
     Modules forget it when they restart, and perhaps when they save.
     """
     from tensionlab.hardware.calibration.lengths import zero_lengths
-    from tensionlab.hardware.run.clock import RealClock
+    from tensionlab.hardware.runner.clock import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -75,7 +75,7 @@ def record(
     """
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.calibration.tables import table_text
-    from tensionlab.hardware.run.clock import RealClock
+    from tensionlab.hardware.runner.clock import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -140,8 +140,8 @@ def anchors(
 @contextmanager
 def _group(rig: Rig, modules: Path) -> Iterator[ModuleGroup]:
     """Reach all modules of a rig, and let go of them."""
-    from tensionlab.hardware.group import connect
-    from tensionlab.hardware.modules_file import load_modules
+    from tensionlab.hardware.client.group import connect
+    from tensionlab.hardware.client.modules_file import load_modules
 
     group = connect(rig, load_modules(modules))
     try:

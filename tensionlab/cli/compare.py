@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
-from tensionlab.cli.score_table import Column, print_scores
+from tensionlab.cli.common import output
+from tensionlab.cli.common.score_table import Column, print_scores
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.comparison import Comparison, Row
+    from tensionlab.comparison.compare import Comparison, Row
 
 COLUMNS: list[Column[Row]] = [
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
@@ -69,7 +69,7 @@ def compare(
     count, the grid is inferred). Body frames stay at rest, at the origin of the world.
     """
     from tensionlab import records
-    from tensionlab.experiments import comparison
+    from tensionlab.comparison import compare as comparison
     from tensionlab.model import directions as direction_sets
     from tensionlab.model.files import load_rig
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, targets
 from tensionlab.cli.ending import say
-from tensionlab.cli.reach import Json, ModulesFile, Words, targets
 
 
 def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
@@ -18,8 +18,8 @@ def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 
     This is software. Whatever it says, the cut of the motor supply is what protects.
     """
-    from tensionlab.hardware.claims import claimed
-    from tensionlab.hardware.emergency import emergency_stop
+    from tensionlab.hardware.client.emergency_stop import emergency_stop
+    from tensionlab.hardware.client.locks import claimed
 
     links = {url: url for url in claimed()} if not words and modules is None else targets(words, modules)
     outcomes = emergency_stop(links) if links else {}

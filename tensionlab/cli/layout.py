@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab import writing
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.files import writing
 
 if TYPE_CHECKING:
     from tensionlab.workspace.layout.result import Layout, LayoutSearch

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
-from tensionlab.cli.score_table import Column, print_scores
+from tensionlab.cli.common import output
+from tensionlab.cli.common.score_table import Column, print_scores
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tensionlab.experiments.replay import ReplayRow
-    from tensionlab.hardware.record.report import ModuleReport, RunReport
-    from tensionlab.hardware.record.run import Run
+    from tensionlab.comparison.replay import ReplayRow
+    from tensionlab.hardware.log.reader import Run
+    from tensionlab.hardware.log.report import ModuleReport, RunReport
 
 log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
@@ -49,7 +49,7 @@ t: tensions   jump: of a tension from one cycle to the next, before the runner s
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
     """Show how a run went: what it rendered, how punctual it was, what held the modules back."""
-    from tensionlab.hardware.record.report import report
+    from tensionlab.hardware.log.report import report
 
     run = _read(path)
     found = report(run)
@@ -75,7 +75,7 @@ def export(
 ) -> None:
     """Write a run as NetCDF, with names, units and dimensions, or as a Parquet table with a row for each cycle."""
     from tensionlab import records
-    from tensionlab.hardware.record.dataset import flat_columns, write_netcdf
+    from tensionlab.hardware.log.dataset import flat_columns, write_netcdf
 
     run = _read(path)
     if to.suffix.lower() == ".nc":
@@ -121,7 +121,7 @@ def replay(
     forces out of reach; where the hand or the platform would have gone then is not asked.
     """
     from tensionlab import records
-    from tensionlab.experiments import replay as replays
+    from tensionlab.comparison import replay as replays
 
     run = _read(path)
     names = output.words(solver)
@@ -150,7 +150,7 @@ def replay(
 
 
 def _read(path: Path) -> Run:
-    from tensionlab.hardware.record.run import read_run
+    from tensionlab.hardware.log.reader import read_run
 
     with output.progress(f"Reading {path.name}") as progress:
         return read_run(path, progress)

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensionlab.cli import output
 from tensionlab.cli.calibrate import calibrate
+from tensionlab.cli.common import output
+from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, complain, on_all, targets
 from tensionlab.cli.module_config import config
 from tensionlab.cli.module_monitor import monitor
 from tensionlab.cli.module_ping import ping
-from tensionlab.cli.reach import Json, ModulesFile, Words, complain, on_all, targets
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.codes import State
-    from tensionlab.hardware.module import ModuleClient
-    from tensionlab.hardware.protocol import Info, Message
+    from tensionlab.hardware.client.module import ModuleClient
+    from tensionlab.hardware.protocol.codes import State
+    from tensionlab.hardware.protocol.messages import Info, Message
 
 module = typer.Typer(
     help="Find modules, see how they are, set them up and stop them.", no_args_is_help=True, rich_markup_mode=None
@@ -37,7 +37,7 @@ def discover(
     Only ports that look like a module's are asked, unless told otherwise; those in use are only listed. With
     links, those are asked. Exit status 1 if no module was found.
     """
-    from tensionlab.hardware.discover import ask_all, ports
+    from tensionlab.hardware.client.discovery import ask_all, ports
 
     urls = ports(everything=everything) if not words and modules is None else None
     if urls is None:
@@ -76,7 +76,7 @@ def discover(
 @module.command()
 def info(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show what modules say of themselves: versions, state, limits, calibration."""
-    from tensionlab.hardware.module import ModuleClient
+    from tensionlab.hardware.client.module import ModuleClient
 
     links = targets(words, modules)
     answers, failed = on_all(links, ModuleClient.hello)
@@ -120,7 +120,7 @@ def identify(words: Words = None, modules: ModulesFile = None) -> None:
     It is armed for that, with its taut minimum and half a newton more, and stopped at the end. A module that
     somebody has armed is left alone.
     """
-    from tensionlab.hardware.identify import identify as pulse
+    from tensionlab.hardware.client.identify import identify as pulse
 
     def job(client: ModuleClient) -> None:
         url = "" if client.name == client.link.url else f" ({client.link.url})"
@@ -135,7 +135,7 @@ def identify(words: Words = None, modules: ModulesFile = None) -> None:
 @module.command()
 def stop(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Have modules let go and be idle. Exit status 1 if one did not confirm it."""
-    from tensionlab.hardware.protocol import Stop
+    from tensionlab.hardware.protocol.messages import Stop
 
     _tell(targets(words, modules), Stop(), json)
 
@@ -146,7 +146,7 @@ def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 
     `tensionlab estop` reaches those that another process uses as well.
     """
-    from tensionlab.hardware.protocol import EmergencyStop
+    from tensionlab.hardware.protocol.messages import EmergencyStop
 
     _tell(targets(words, modules), EmergencyStop(), json)
 
@@ -154,7 +154,7 @@ def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 @module.command()
 def clear(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Have modules leave fault or emergency stop. Refused while what caused a fault is still there."""
-    from tensionlab.hardware.protocol import Clear
+    from tensionlab.hardware.protocol.messages import Clear
 
     _tell(targets(words, modules), Clear(), json)
 
@@ -162,9 +162,9 @@ def clear(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
     """Have all carry out a command, and show in which state that left them."""
     from tensionlab.errors import ModuleFault
-    from tensionlab.hardware.codes import BEYOND_STOP
-    from tensionlab.hardware.group import PATIENT_TRIES
-    from tensionlab.hardware.protocol import Stop
+    from tensionlab.hardware.client.group import PATIENT_TRIES
+    from tensionlab.hardware.protocol.codes import BEYOND_STOP
+    from tensionlab.hardware.protocol.messages import Stop
 
     def tell(client: ModuleClient) -> State | None:
         try:
@@ -207,7 +207,7 @@ def _serial(info: Info) -> str:
 
 
 def _firmware(info: Info) -> str:
-    from tensionlab.hardware.settings import firmware
+    from tensionlab.hardware.client.parameter_file import firmware
 
     return firmware(info)
 

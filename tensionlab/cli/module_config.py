@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
-from tensionlab.cli.reach import Json, ModulesFile, Words, complain, on_all, targets
-from tensionlab.writing import make_folder, write_text
+from tensionlab.cli.common import output
+from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, complain, on_all, targets
+from tensionlab.files.writing import make_folder, write_text
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.module import ModuleClient
-    from tensionlab.hardware.settings import Change
+    from tensionlab.hardware.client.module import ModuleClient
+    from tensionlab.hardware.client.parameter_file import Change
 
 config = typer.Typer(
     help="Get and set the parameters of modules, keep them in a file. The modules must be idle.",
@@ -32,9 +32,9 @@ Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they o
 @config.command()
 def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
-    from tensionlab.hardware.meanings import PARAMETER_MEANINGS
-    from tensionlab.hardware.settings import parameters, plain
-    from tensionlab.hardware.simulated import PARAMETERS
+    from tensionlab.hardware.client.parameter_file import parameters, plain
+    from tensionlab.hardware.protocol.descriptions import PARAMETER_MEANINGS
+    from tensionlab.hardware.simulation.simulated_module import PARAMETERS
 
     wanted = [word for word in words or () if word in PARAMETERS]
     links = targets([word for word in words or () if word not in PARAMETERS], modules)
@@ -66,7 +66,7 @@ def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) ->
 @config.command(name="set")
 def set_(words: Mixed = None, modules: ModulesFile = None, save: Save = False) -> None:
     """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
-    from tensionlab.hardware.settings import change, checked
+    from tensionlab.hardware.client.parameter_file import change, checked
 
     pairs = [word.partition("=") for word in words or () if "=" in word]
     if not pairs:
@@ -94,8 +94,8 @@ def dump(
     ] = None,
 ) -> None:
     """Print all parameters of a module as a file (TOML); those of several go to a folder."""
-    from tensionlab.hardware.settings import dump as text_of
-    from tensionlab.hardware.settings import file_of
+    from tensionlab.hardware.client.parameter_file import dump as text_of
+    from tensionlab.hardware.client.parameter_file import file_of
 
     links = targets(words, modules)
     if folder is None and len(links) > 1:
@@ -132,8 +132,8 @@ def restore(
     several modules; in a folder, each has its NAME.toml.
     """
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.settings import change, file_of, parse
-    from tensionlab.reading import read_text
+    from tensionlab.files.reading import read_text
+    from tensionlab.hardware.client.parameter_file import change, file_of, parse
 
     links = targets(words, modules)
     files = {name: file_of(path, name) if path.is_dir() else path for name in links}
@@ -146,7 +146,7 @@ def restore(
 
 def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:
     """Change all, store it if asked to, and say what changed."""
-    from tensionlab.hardware.settings import FORGETTING, plain
+    from tensionlab.hardware.client.parameter_file import FORGETTING, plain
 
     def change_and_save(client: ModuleClient) -> list[Change]:
         changes = job(client)

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensionlab.cli import output
-from tensionlab.cli.reach import Json, ModulesFile, Words, complain, targets, until_interrupted
+from tensionlab.cli.common import output
+from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, complain, targets, until_interrupted
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.module import ModuleClient
+    from tensionlab.hardware.client.module import ModuleClient
 
 PERIOD = 0.05
 """Of the telemetry, in s."""
@@ -62,7 +62,7 @@ def _reach(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleCli
     from concurrent.futures import ThreadPoolExecutor
 
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.module import ModuleClient
+    from tensionlab.hardware.client.module import ModuleClient
 
     failed: dict[str, HardwareError] = {}
 
@@ -100,8 +100,8 @@ def _picture(clients: dict[str, ModuleClient], failed: dict[str, HardwareError])
     from rich.console import Group
     from rich.text import Text
 
-    from tensionlab.hardware.codes import Fault, Limit
-    from tensionlab.hardware.meanings import MEANINGS
+    from tensionlab.hardware.protocol.codes import Fault, Limit
+    from tensionlab.hardware.protocol.descriptions import MEANINGS
 
     grid = output.table(gap=1)
     grid.add_column("module", overflow="fold")

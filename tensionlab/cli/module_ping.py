@@ -6,13 +6,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.cli.common.module_targets import (
+    Json,
+    ModulesFile,
+    Words,
+    complain,
+    on_all,
+    targets,
+    until_interrupted,
+)
 from tensionlab.cli.ending import say
-from tensionlab.cli.reach import Json, ModulesFile, Words, complain, on_all, targets, until_interrupted
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.latency import Trips
-    from tensionlab.hardware.module import ModuleClient
+    from tensionlab.hardware.client.latency import Trips
+    from tensionlab.hardware.client.module import ModuleClient
 
 PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 
@@ -33,7 +41,7 @@ def ping(
     The clock is what the module's shows more than this computer's, as exact as half the shortest trip; it wraps
     around after 71 minutes.
     """
-    from tensionlab.hardware.latency import is_bluetooth, measure, safe_rates
+    from tensionlab.hardware.client.latency import is_bluetooth, measure, safe_rates
 
     links = targets(words, modules)
     done = dict.fromkeys(links, 0)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
 
 problems = typer.Typer(
     help="List the problem sets of the benchmark, show one, or export it for other benchmarks.",
@@ -23,7 +23,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of the ta
 @problems.command("list")
 def list_sets(json: Json = False) -> None:
     """List the sets: which wrenches can be rendered by construction, and what each set tests."""
-    from tensionlab.experiments.problem_sets import PROBLEM_SETS, problem_set
+    from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
 
     found = [problem_set(name, 1) for name in PROBLEM_SETS]
     if json:
@@ -50,8 +50,8 @@ def show(
     import numpy as np
 
     from tensionlab.allocation import allocate
-    from tensionlab.experiments.problem_sets import problem_set
-    from tensionlab.solvers.contract import Status
+    from tensionlab.benchmark.problem_sets import problem_set
+    from tensionlab.solvers.base import Status
 
     found = problem_set(name, count, seed)
     groups = []
@@ -98,8 +98,8 @@ def export(
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
     from tensionlab import records
-    from tensionlab.experiments.problem_sets import problem_set
-    from tensionlab.experiments.qp_export import qp_rows
+    from tensionlab.benchmark.problem_sets import problem_set
+    from tensionlab.benchmark.qp_export import qp_rows
 
     found = problem_set(name, count, seed)
     rows = qp_rows(found)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab import writing
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.files import writing
 
 if TYPE_CHECKING:
     from tensionlab.arrays import Floats
-    from tensionlab.experiments.checks import Finding
     from tensionlab.model.rig import Rig
+    from tensionlab.workspace.rig_check import Finding
 
 rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
@@ -103,8 +103,8 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
 
     Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.experiments.checks import check_rig
     from tensionlab.model.files import load_rig
+    from tensionlab.workspace.rig_check import check_rig
 
     loaded = load_rig(path)
     findings = check_rig(loaded)

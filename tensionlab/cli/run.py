@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
+from tensionlab.cli.common import output
+from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
 
 if TYPE_CHECKING:
     from tensionlab.demand import DemandSource
-    from tensionlab.hardware.runner import Tracker
+    from tensionlab.hardware.runner.runner import Tracker
     from tensionlab.model.rig import Rig
 
 REFRESH = 5.0
@@ -63,10 +63,10 @@ def run(
     Ctrl-C ends the run; all modules are stopped then, and whatever else ends it. Exit status 1 where something
     went wrong with a module, a module did not confirm that it has stopped, or an emergency stop ended the run.
     """
-    from tensionlab.cli.run_table import Screen, summary_table
+    from tensionlab.cli.common.run_table import Screen, summary_table
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.run.settings import RunSettings
-    from tensionlab.hardware.runner import Runner
+    from tensionlab.hardware.runner.runner import Runner
+    from tensionlab.hardware.runner.settings import RunSettings
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
@@ -106,7 +106,7 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     import numpy as np
 
     from tensionlab.demand import Demand
-    from tensionlab.hardware.run.program import load_program
+    from tensionlab.hardware.runner.program import load_program
 
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab import writing
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, module_links, note_simulated, positive
 from tensionlab.cli.ending import INTERRUPTED, say
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated, positive
+from tensionlab.files import writing
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.scenarios import feel, play
-    from tensionlab.experiments.scenarios.direction import Directions
-    from tensionlab.haptics.scenarios import Scenario
+    from tensionlab.scenarios import Scenario, play
+    from tensionlab.scenarios import expected_values as feel
+    from tensionlab.scenarios.direction import Directions
 
 LIST = "list"
 
@@ -59,11 +59,11 @@ def scenario(
     otherwise than it should, or went wrong with a module.
     """
     from tensionlab.errors import HardwareError
-    from tensionlab.experiments.scenarios.direction import directions
-    from tensionlab.experiments.scenarios.expected import expected
-    from tensionlab.experiments.scenarios.play import play
-    from tensionlab.haptics.scenarios import load_scenario
     from tensionlab.plots import plot_scenario
+    from tensionlab.scenarios import load_scenario
+    from tensionlab.scenarios.direction import directions
+    from tensionlab.scenarios.expected import expected
+    from tensionlab.scenarios.play import play
 
     if name == LIST:
         _list(json)
@@ -106,11 +106,11 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     """Open the modules, to be closed with the rest, and find out who tells where everything is."""
     from contextlib import closing
 
-    from tensionlab.experiments.scenarios.play import Modules, needs_tracker, simulated
-    from tensionlab.haptics.bridge.mailbox import Mailbox
+    from tensionlab.haptics.bridge.client_state import Mailbox
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.source import tracked_pose
     from tensionlab.hardware import RealClock, connect
+    from tensionlab.scenarios.play import Modules, needs_tracker, simulated
 
     if modules is None:
         if osc is not None:
@@ -136,7 +136,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
 
 def _list(json: bool) -> None:
     """Show what there is."""
-    from tensionlab.haptics.scenarios import SCENARIOS, load_scenario
+    from tensionlab.scenarios import SCENARIOS, load_scenario
 
     loaded = [load_scenario(name) for name in SCENARIOS]
     if json:
@@ -183,7 +183,7 @@ def _show(played: play.Played, rows: tuple[feel.Row, ...], found: Directions) ->
 
 
 def _delay(played: play.Played) -> float:
-    from tensionlab.experiments.scenarios.feel import late
+    from tensionlab.scenarios.expected_values import late
 
     return late(played)
 

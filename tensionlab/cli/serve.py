@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
+from tensionlab.cli.common import output
+from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
 
 if TYPE_CHECKING:
-    from tensionlab.haptics.scenarios import Scenario
     from tensionlab.hardware import Runner, RunSettings
     from tensionlab.model.rig import Rig
+    from tensionlab.scenarios import Scenario
 
 TOKEN = "TENSIONLAB_BRIDGE_TOKEN"
 """Variable of the environment that may hold what clients must know."""
@@ -81,19 +81,19 @@ def serve(
 
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
-    from tensionlab.cli.run_table import summary_table
-    from tensionlab.experiments.scenarios.play import fast_enough, module_limits, needs_tracker
-    from tensionlab.haptics.bridge.mailbox import HAND, Mailbox
+    from tensionlab.cli.common.run_table import summary_table
+    from tensionlab.haptics.bridge.client_state import HAND, Mailbox
+    from tensionlab.haptics.bridge.events import News
     from tensionlab.haptics.bridge.messages import Welcome
-    from tensionlab.haptics.bridge.news import News
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.server import Bridge
     from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
     from tensionlab.haptics.effects.compose import FADE, PATIENCE
-    from tensionlab.haptics.scenarios import ScenarioDemand
     from tensionlab.hardware import Runner
-    from tensionlab.hardware.codes import BrakeState, Limit
+    from tensionlab.hardware.protocol.codes import BrakeState, Limit
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
+    from tensionlab.scenarios import ScenarioDemand
+    from tensionlab.scenarios.play import fast_enough, module_limits, needs_tracker
 
     loaded, played_one = _loaded(rig, scenario)
     settings, mailbox = _settings(played_one, rate), Mailbox(loaded)
@@ -143,8 +143,8 @@ def serve(
 
 def _loaded(rig: Path | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
     """Read the rig, and the scenario if one is to be played."""
-    from tensionlab.haptics.scenarios import load_scenario
     from tensionlab.model.files import load_rig
+    from tensionlab.scenarios import load_scenario
 
     if scenario is not None:
         played_one = load_scenario(scenario, rig)

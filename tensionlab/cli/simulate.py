@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab import writing
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.files import writing
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.scenarios.served import ServedPerson
-    from tensionlab.experiments.validation.error_model import Errors
-    from tensionlab.haptics.scenarios import Scenario
     from tensionlab.hardware.simulation.serve import PlannedFault
     from tensionlab.model.rig import Rig
+    from tensionlab.scenarios import Scenario
+    from tensionlab.scenarios.served_person import ServedPerson
+    from tensionlab.validation.error_model import Errors
 
 
 def simulate(
@@ -109,14 +109,14 @@ def simulate(
     Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module has one
     client at a time; a second one is refused, and one that goes away is a link that closed.
     """
-    from tensionlab.cli.simulated_modules import one_module, rig_modules
-    from tensionlab.experiments.validation.served import ServedSensor
-    from tensionlab.hardware.modules_file import modules_to_toml
+    from tensionlab.cli.common.simulated_modules import one_module, rig_modules
+    from tensionlab.hardware.client.modules_file import modules_to_toml
     from tensionlab.hardware.simulation.channel import Conditions
     from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
     from tensionlab.hardware.simulation.recording import Recording
     from tensionlab.hardware.simulation.serve import ServedModule, serve
     from tensionlab.hardware.simulation.world import GIVE
+    from tensionlab.validation.sensor_server import ServedSensor
 
     if not 0.0 < speed <= 1000.0:
         raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
@@ -180,7 +180,7 @@ def simulate(
 
 
 def _scenario(name: str, rig: Path | None) -> Scenario:
-    from tensionlab.haptics.scenarios import load_scenario
+    from tensionlab.scenarios import load_scenario
 
     return load_scenario(name, rig)
 
@@ -193,8 +193,8 @@ def _loaded(path: Path | None) -> Rig | None:
 
 def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> ServedPerson:
     """Who holds the cables, and is tracked, if that is wanted?"""
-    from tensionlab.experiments.scenarios.served import ServedPerson
     from tensionlab.haptics.bridge.osc_tracker import OscTracker
+    from tensionlab.scenarios.served_person import ServedPerson
 
     if tracker is None:
         return ServedPerson(scenario)
@@ -206,7 +206,7 @@ def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> Serve
 
 def _errors(rig: Rig, preset: str, seed: int) -> Errors:
     """What is wrong with the rig that a force sensor holds?"""
-    from tensionlab.experiments.validation.error_model import PRESETS, draw, require_point
+    from tensionlab.validation.error_model import PRESETS, draw, require_point
 
     if preset not in PRESETS:
         raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")

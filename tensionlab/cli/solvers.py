@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
 
 # How the docstrings of solvers name their publications: "Source: ...", or a section "References".
 SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.DOTALL)
@@ -18,7 +18,7 @@ def solvers(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
     """List the solvers: what each minimises, which policies it honours, where it was published."""
-    from tensionlab.experiments.lineup import every_solver
+    from tensionlab.comparison.selected_solvers import every_solver
     from tensionlab.solvers import SOLVERS, make, plugins
 
     broken = {name: str(found) for name, found in plugins.find_all(SOLVERS).items() if not isinstance(found, type)}

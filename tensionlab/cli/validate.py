@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli import output
+from tensionlab.cli.common import output
+from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
 from tensionlab.cli.ending import INTERRUPTED, say
-from tensionlab.cli.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
 
-    from tensionlab.experiments.validation.results import Result
-    from tensionlab.experiments.validation.sensor import ForceSensor
-    from tensionlab.experiments.validation.sitting import Plan
-    from tensionlab.hardware.group import ModuleGroup
+    from tensionlab.hardware.client.group import ModuleGroup
+    from tensionlab.validation.results import Result
+    from tensionlab.validation.sensor import ForceSensor
+    from tensionlab.validation.session import Plan
 
 SIMULATED = "sim:"
 
@@ -69,8 +69,8 @@ def validate(
     from contextlib import ExitStack
 
     from tensionlab.errors import HardwareError, LogError
-    from tensionlab.experiments.validation.results import result_of
-    from tensionlab.experiments.validation.sitting import validate as measure
+    from tensionlab.validation.results import result_of
+    from tensionlab.validation.session import validate as measure
 
     if out is None:
         raise typer.BadParameter("--out is missing; name a folder for measurements and report")
@@ -104,7 +104,7 @@ def validate(
 
 def _show(result: Result, plan: Plan) -> None:
     """Print measured beside published values."""
-    from tensionlab.experiments.validation.report import HEADINGS, remarks, rows
+    from tensionlab.validation.report import HEADINGS, remarks, rows
 
     table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces")
     for heading in HEADINGS:
@@ -128,11 +128,11 @@ def _plan(
     hold: float,
 ) -> Plan:
     """What is asked for? Refuses what does not go together."""
-    from tensionlab.experiments.validation.error_model import PRESETS, require_point
-    from tensionlab.experiments.validation.protocol import Protocol
-    from tensionlab.experiments.validation.sitting import Plan
     from tensionlab.model.files import load_rig
     from tensionlab.model.layouts import ring_plus_top
+    from tensionlab.validation.error_model import PRESETS, require_point
+    from tensionlab.validation.protocol import Protocol
+    from tensionlab.validation.session import Plan
 
     if modules is not None and sensor == SIMULATED:
         raise typer.BadParameter(
@@ -157,8 +157,8 @@ def _reached(plan: Plan, modules: str, sensor: str, opened: ExitStack) -> tuple[
     """Open the links to modules and sensor, to be closed with the others."""
     from contextlib import closing
 
-    from tensionlab.experiments.validation.followed import open_sensor
-    from tensionlab.hardware.group import connect
+    from tensionlab.hardware.client.group import connect
+    from tensionlab.validation.external_sensor import open_sensor
 
     links = module_links(plan.rig, modules)
     felt = opened.enter_context(closing(open_sensor(sensor)))
@@ -169,10 +169,10 @@ def _written(result: Result, plan: Plan, sensor: str, out: Path, keeper: output.
     """Write report, table and recording, and return what the report says."""
     import json
 
-    from tensionlab.experiments.recordings import write
-    from tensionlab.experiments.validation.report import as_json, as_latex, as_markdown
-    from tensionlab.experiments.validation.results import recording_of
     from tensionlab.records import manifest
+    from tensionlab.validation.recordings import write
+    from tensionlab.validation.report import as_json, as_latex, as_markdown
+    from tensionlab.validation.results import recording_of
 
     origin = manifest(["tensionlab", *sys.argv[1:]], plan.seed if plan.preset else None)
     report = as_json(result, origin)

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from tensionlab.cli import output
-from tensionlab.writing import unwritable
+from tensionlab.cli.common import output
+from tensionlab.files.writing import unwritable
 
 if TYPE_CHECKING:
     import xarray
 
     from tensionlab.model.rig import Rig
-    from tensionlab.workspace.pose_sets import Grid, PoseList
-    from tensionlab.workspace.summary import Summary
+    from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
+    from tensionlab.workspace.sweep.summary import Summary
 
 MEASURES = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 """Asked for if nothing else is."""
@@ -93,8 +93,8 @@ def workspace(
     """
     from tensionlab.model.files import load_rig
     from tensionlab.workspace.paths import read_poses
-    from tensionlab.workspace.summary import summarise
     from tensionlab.workspace.sweep import sweep
+    from tensionlab.workspace.sweep.summary import summarise
 
     loaded = [load_rig(path) for path in rigs]
     if poses is not None and (box is not None or step is not None):
@@ -163,8 +163,8 @@ def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
 
 def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
     """One row for each rig and measure, then what the measures mean."""
-    from tensionlab.workspace import catalogue
-    from tensionlab.workspace.summary import SAMPLE
+    from tensionlab.workspace import registry as catalogue
+    from tensionlab.workspace.sweep.summary import SAMPLE
 
     console = output.console()
     grid = output.table(f"{found[0][2].poses:,} poses: {_where(where)}")

@@ -1,16 +1,16 @@
 """Real and simulated modules: links to them, their protocol, and the runner that renders forces on them."""
 
 from tensionlab.demand import Demand, Impedance, Pose, RigState
-from tensionlab.hardware.group import ModuleGroup, connect
-from tensionlab.hardware.log import RunLog
-from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.modules_file import load_modules
-from tensionlab.hardware.record.run import Run, read_run
-from tensionlab.hardware.run.clock import RealClock, WorldClock
-from tensionlab.hardware.run.cycle import Cycle
-from tensionlab.hardware.run.program import Program, load_program
-from tensionlab.hardware.run.settings import RunSettings
-from tensionlab.hardware.runner import Runner
+from tensionlab.hardware.client.group import ModuleGroup, connect
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.modules_file import load_modules
+from tensionlab.hardware.log.reader import Run, read_run
+from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.runner.clock import RealClock, WorldClock
+from tensionlab.hardware.runner.cycle import Cycle
+from tensionlab.hardware.runner.program import Program, load_program
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.simulation.world import World
 
 __all__ = [

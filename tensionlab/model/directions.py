@@ -8,8 +8,8 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.reading import brief, read_text
-from tensionlab.tables import MAX_FILE_BYTES, csv_rows
+from tensionlab.files.reading import brief, read_text
+from tensionlab.files.tables import MAX_FILE_BYTES, csv_rows
 
 CIRCLE_COUNT = 72
 """Directions of the planar default: one every 5 degrees."""

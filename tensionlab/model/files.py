@@ -6,11 +6,11 @@ import re
 from os import PathLike
 from typing import Any
 
-from tensionlab import writing
 from tensionlab.errors import RigError
+from tensionlab.files import writing
+from tensionlab.files.reading import parse_toml, read_text
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
 from tensionlab.model.rig import Rig
-from tensionlab.reading import parse_toml, read_text
 
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
 """Keys of a module that the table ``[limits]`` can give for all."""

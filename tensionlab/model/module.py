@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, ShapeError
-from tensionlab.reading import brief
+from tensionlab.files.reading import brief
 
 WORLD = "world"
 """The frame that never moves."""

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError, ShapeError
+from tensionlab.files.reading import brief
 from tensionlab.model import forward, kinematics, pose
 from tensionlab.model.forward import PoseEstimate
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, require_name, same, vector
 from tensionlab.model.pose import Frames
-from tensionlab.reading import brief
 
 
 class Cables(NamedTuple):

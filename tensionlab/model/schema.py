@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from tensionlab.errors import RigError
-from tensionlab.reading import brief
+from tensionlab.files.reading import brief
 
 
 class Table(BaseModel):

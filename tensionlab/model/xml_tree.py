@@ -12,7 +12,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.reading import MAX_NESTING, brief, read_bytes
+from tensionlab.files.reading import MAX_NESTING, brief, read_bytes
 
 
 @dataclass

@@ -1,5 +1,5 @@
 // Which brakes to lock for one wall after the other: every small set of cables that may be locked, priced.
-// tensionlab/haptics/brakes.py states the rule.
+// tensionlab/haptics/brakes/choice.py states the rule.
 #pragma once
 
 #include <cmath>

@@ -5,12 +5,12 @@ from tensionlab.plots.anchor_count import plot_anchor_count
 from tensionlab.plots.bench import plot_accuracy, plot_continuity, plot_profile, plot_worst
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.forces import plot_error_sphere, plot_forces
-from tensionlab.plots.house import METADATA
 from tensionlab.plots.layout import plot_layouts
 from tensionlab.plots.rig import plot_rig
 from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario_layouts import plot_scenario_layouts
 from tensionlab.plots.scenarios import plot_scenario
+from tensionlab.plots.style import METADATA
 from tensionlab.plots.what_if import plot_what_if
 from tensionlab.plots.workspace import plot_measures, plot_shares, plot_slices, plot_volume
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from tensionlab.plots.house import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 from tensionlab.plots.labels import label_points
+from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
-    from tensionlab.experiments.bench.results import Results
-    from tensionlab.experiments.bench.rows import Row
+    from tensionlab.benchmark.results import Results
+    from tensionlab.benchmark.rows import Row
 
 ACCURACY = 1e-6
 """An answer counts as one from here on, in N, as the interface judges."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tensionlab.plots.field import read_field
-from tensionlab.plots.house import add_legend, new_figure
+from tensionlab.plots.style import add_legend, new_figure
 from tensionlab.plots.workspace import SLICE_LEGEND, cut_title, draw_shares, draw_slice, shade_levels
 
 if TYPE_CHECKING:

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensionlab.benchmark.entries import PROGRAMS
+from tensionlab.benchmark.statistics import jumps, largest, profile, quantile
+from tensionlab.benchmark.text import newton as force
 from tensionlab.errors import ShapeError
-from tensionlab.experiments.bench.contestants import PROGRAMS
-from tensionlab.experiments.bench.statistics import jumps, largest, profile, quantile
-from tensionlab.experiments.bench.text import newton as force
 from tensionlab.plots.accuracy import ACCURACY, LOOKS, SIZE, Dot, draw_dots, kind, say_kinds, short_name
-from tensionlab.plots.house import BLUE, add_legend, new_figure
+from tensionlab.plots.style import BLUE, add_legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensionlab.arrays import Floats
-    from tensionlab.experiments.bench.results import Results
-    from tensionlab.experiments.bench.rows import Row
+    from tensionlab.benchmark.results import Results
+    from tensionlab.benchmark.rows import Row
 
 SLOWEST = 1e4
 """Ratios above are not drawn."""

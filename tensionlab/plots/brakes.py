@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.house import RED, add_legend, new_figure
+from tensionlab.plots.style import RED, add_legend, new_figure
 
 if TYPE_CHECKING:
     from tensionlab.arrays import Floats
-    from tensionlab.haptics.brake_map import BrakeMap
+    from tensionlab.haptics.brakes.map import BrakeMap
 
 ROWS, COLUMNS = 61, 121
 """Of the grid of normals."""

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, add_legend, new_figure
-from tensionlab.solvers.contract import TOLERANCE
+from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, add_legend, new_figure
+from tensionlab.solvers.base import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.experiments.comparison import Comparison, Row
+    from tensionlab.comparison.compare import Comparison, Row
 
 POLICY_LOOK = {
     "force": (BLUE, "o", -0.25),

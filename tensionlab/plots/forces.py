@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.plots.house import BLUE, HALO, RED, add_legend, new_figure
+from tensionlab.plots.style import BLUE, HALO, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
     from tensionlab.arrays import Floats
-    from tensionlab.experiments.recordings import Recording
     from tensionlab.model.rig import Rig
+    from tensionlab.validation.recordings import Recording
 
 VIEWS = (((0, 1), "from the front (along −z)"), ((0, 2), "from above (along −y)"))
 """Axes of each view, and what it is called; Y is up."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.plots.field import Field, read_field
-from tensionlab.plots.house import ORANGE, add_legend, new_figure
+from tensionlab.plots.style import ORANGE, add_legend, new_figure
 from tensionlab.plots.workspace import SLICE_LEGEND, draw_shares, draw_volume
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.house import BLUE, GREY, HALO, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.style import BLUE, GREY, HALO, ORANGE, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
     from tensionlab.model.rig import Rig

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.hardware.codes import BEYOND_STOP, Limit
-from tensionlab.plots.house import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, legend_beside, new_figure
-from tensionlab.solvers.contract import Status
+from tensionlab.hardware.protocol.codes import BEYOND_STOP, Limit
+from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, legend_beside, new_figure
+from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.hardware.record.run import Run
+    from tensionlab.hardware.log.reader import Run
 
 BINS = 1500
 """A longer run is drawn in so many stretches: lines by their least and largest value, ribbons and times

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.house import lines_of, new_figure
 from tensionlab.plots.labels import label_points
 from tensionlab.plots.scene import TILE, Moment, draw_scene, looks_of, origin_of, scripted
+from tensionlab.plots.style import lines_of, new_figure
 
 if TYPE_CHECKING:
     from tensionlab.arrays import Floats
-    from tensionlab.haptics.scenarios import Scenario
+    from tensionlab.scenarios import Scenario
 
 COLUMNS = 3
 WIDTH = 13.0

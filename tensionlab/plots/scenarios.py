@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.errors import ShapeError
-from tensionlab.experiments.scenarios.feel import touch
-from tensionlab.plots.against import against, draw_against
-from tensionlab.plots.house import BLUE, GREY, ORANGE, RED, add_legend, legend_beside, new_figure
+from tensionlab.plots.check_table import Judged, draw_verdicts
+from tensionlab.plots.force_distance import against, draw_against
 from tensionlab.plots.labels import label_points
-from tensionlab.plots.ribbons import draw_ribbons, ribbons
 from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scale import SHADE, two_scales
 from tensionlab.plots.scene import TILE, Moment, draw_scene, held_name, looks_of
-from tensionlab.plots.verdicts import Judged, draw_verdicts
+from tensionlab.plots.style import BLUE, GREY, ORANGE, RED, add_legend, legend_beside, new_figure
+from tensionlab.plots.timeline import draw_ribbons, ribbons
+from tensionlab.scenarios.expected_values import touch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-    from tensionlab.experiments.scenarios.play import Played
-    from tensionlab.haptics.scenarios import Phase
+    from tensionlab.scenarios import Phase
+    from tensionlab.scenarios.play import Played
 
 MATTERS = 0.1
 """An axis is drawn if its force gets to this share of the largest."""

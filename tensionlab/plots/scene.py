@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.plots.house import BLUE, GREEN, ORANGE, RED
 from tensionlab.plots.person import Place, draw_person
+from tensionlab.plots.style import BLUE, GREEN, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.haptics.scenarios import Hold, Phase, Scenario
     from tensionlab.model.rig import Rig
+    from tensionlab.scenarios import Hold, Phase, Scenario
 
 DEPTH = (0.40, 0.25)
 """Right and up, for each metre of depth."""

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.house import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.experiments.published import Published
-    from tensionlab.experiments.trials import Trial, Trials
+    from tensionlab.validation.published import Published
+    from tensionlab.validation.trials import Trial, Trials
 
 QUESTIONS = {
     "preset": ("the whole rig", "#000000"),

@@ -13,7 +13,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.plots.field import Field, read_field
-from tensionlab.plots.house import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 from tensionlab.plots.surface import level_surface
 
 if TYPE_CHECKING:

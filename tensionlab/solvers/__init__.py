@@ -9,8 +9,8 @@ from typing import Any
 from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import plugins
 from tensionlab.solvers.analytic_centre import AnalyticCentre
+from tensionlab.solvers.base import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.closed_form import ClosedForm
-from tensionlab.solvers.contract import Answer, Nearest, Problem, Solver, Status
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe

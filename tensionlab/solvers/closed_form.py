@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from tensionlab import _native
-from tensionlab.solvers.contract import RANK_TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import RANK_TOLERANCE, Answer, Nearest, Problem
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.contract import TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.grazing import Ray
 from tensionlab.solvers.linear import whitener
 from tensionlab.solvers.peer import Reply, own_tensions

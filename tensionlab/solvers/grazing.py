@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.solvers.contract import GRAZING, RANK_TOLERANCE, TOLERANCE
+from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE
 
 RAMP = 0.1
 """Share of the tolerance that is not used at s = 0; all of it is at s = 1."""

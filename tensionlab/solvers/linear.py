@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.solvers.contract import RANK_TOLERANCE
+from tensionlab.solvers.base import RANK_TOLERANCE
 
 
 def times(matrices: Floats, vectors: Floats) -> Floats:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 from tensionlab import _native
-from tensionlab.solvers.contract import Answer, Nearest, Problem
+from tensionlab.solvers.base import Answer, Nearest, Problem
 from tensionlab.solvers.newton import Newton
 
 Program = Literal["sum", "largest", "margin"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from tensionlab import _native
-from tensionlab.solvers.contract import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem
 
 
 @dataclass(frozen=True)

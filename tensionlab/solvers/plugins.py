@@ -12,7 +12,7 @@ from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import PluginError
-from tensionlab.solvers.contract import POLICIES
+from tensionlab.solvers.base import POLICIES
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -99,7 +99,7 @@ def _load(entry: EntryPoint) -> type[Any]:
     lacks = [name for name, kind in PARTS.items() if not isinstance(getattr(found, name, None), kind)]
     if not (isinstance(found, type) and is_dataclass(found)) or lacks:
         what = f"lacks {', '.join(lacks)}" if lacks else "is no dataclass"
-        raise PluginError(f"{where} {what}; tensionlab.solvers.contract says what a solver is")
+        raise PluginError(f"{where} {what}; tensionlab.solvers.base says what a solver is")
     solver_class: type[Any] = found
     if unknown := [each for each in solver_class.policies if each not in POLICIES]:
         raise PluginError(f"{where} has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from tensionlab import _native
-from tensionlab.solvers.contract import Answer, Nearest, Problem
+from tensionlab.solvers.base import Answer, Nearest, Problem
 
 
 @dataclass(frozen=True)

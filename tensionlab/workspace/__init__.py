@@ -1,6 +1,5 @@
 """Where and how well can a rig pull? Measures of structure matrices and tension limits, and sweeps of them."""
 
-from tensionlab.workspace.catalogue import MEASURES
 from tensionlab.workspace.directions import Effort, effort, reachable_share
 from tensionlab.workspace.gradient import MarginGradient, RigMarginGradient, margin_gradient, rig_margin_gradient
 from tensionlab.workspace.interference import (
@@ -16,16 +15,7 @@ from tensionlab.workspace.layout.result import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.margin import capacity_margin
-from tensionlab.workspace.measures import (
-    condition_number,
-    isotropic_force,
-    least_singular_value,
-    tension_factor,
-    wrench_closure,
-)
-from tensionlab.workspace.paths import box, polyline, read_poses
-from tensionlab.workspace.pose_sets import Grid, PoseList
-from tensionlab.workspace.questions import (
+from tensionlab.workspace.metrics import (
     BodyDistance,
     CableDistance,
     CapacityMargin,
@@ -37,7 +27,17 @@ from tensionlab.workspace.questions import (
     TensionFactor,
     WrenchClosure,
 )
-from tensionlab.workspace.vary import vary
+from tensionlab.workspace.paths import box, polyline, read_poses
+from tensionlab.workspace.registry import MEASURES
+from tensionlab.workspace.structure_metrics import (
+    condition_number,
+    isotropic_force,
+    least_singular_value,
+    tension_factor,
+    wrench_closure,
+)
+from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
 __all__ = [

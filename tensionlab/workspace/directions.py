@@ -12,7 +12,7 @@ from tensionlab import _native
 from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE, Status
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, Status
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
 AT_ONCE = 1 << 16

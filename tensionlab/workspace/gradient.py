@@ -12,7 +12,7 @@ from tensionlab.arrays import Floats, rows
 from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.contract import RANK_TOLERANCE
+from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.workspace.margin import Wanted, required_set
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 

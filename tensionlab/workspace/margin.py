@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from tensionlab import _native
 from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.contract import RANK_TOLERANCE
+from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
 Wanted = ArrayLike | tuple[ArrayLike, ArrayLike] | None

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
+from tensionlab.files.reading import brief
+from tensionlab.files.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
-from tensionlab.reading import brief
-from tensionlab.tables import check_columns, read_npz, read_parquet, read_table
-from tensionlab.workspace.pose_sets import Grid, PoseList
+from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
 
 POSE_FILES = (".csv", ".parquet", ".npz")
 TURNS = ["rx", "ry", "rz"]

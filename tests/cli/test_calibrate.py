@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.processes import simulated
 from tensionlab.errors import CalibrationError
-from tensionlab.experiments.processes import simulated
+from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration import staircase
 from tensionlab.hardware.calibration.tables import write_table
-from tensionlab.hardware.modules_file import modules_to_toml
+from tensionlab.hardware.client.modules_file import modules_to_toml
 from tensionlab.model.files import load_rig
-from tensionlab.tables import read_table
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 

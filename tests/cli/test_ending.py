@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tensionlab import cli
-from tensionlab.cli import output
+from tensionlab.cli.common import output
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, RigError
 from tensionlab.model.files import load_rig, rig_to_toml
 
@@ -172,7 +172,9 @@ def test_ctrl_c_ends_a_benchmark_with_one_line_and_its_measuring_process(tmp_pat
     if not children.parent.exists():
         process.kill()
         pytest.skip("children are listed in /proc")
-    while not (measuring := [pid for pid in children.read_text().split() if "experiments.bench" in words_of(pid)]):
+    while not (
+        measuring := [pid for pid in children.read_text().split() if "tensionlab.benchmark" in words_of(pid)]
+    ):
         assert process.poll() is None
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=60)

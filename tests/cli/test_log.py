@@ -4,10 +4,10 @@ import json
 
 import pyarrow.parquet as pq
 import pytest
-import runs
 import xarray
 
-from tensionlab.hardware.record.columns import COLUMNS
+from tensionlab.hardware.log.columns import COLUMNS
+from tests.support import runs
 
 
 @pytest.fixture(scope="module")

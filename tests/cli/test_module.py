@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.experiments.processes import command, simulated
-from tensionlab.hardware import discover
-from tensionlab.hardware.claims import holder
-from tensionlab.hardware.link import SerialPort
-from tensionlab.hardware.module import ModuleClient
+from benchmarks.processes import command, simulated
+from tensionlab.hardware.client import discovery as discover
+from tensionlab.hardware.client.links import SerialPort
+from tensionlab.hardware.client.locks import holder
+from tensionlab.hardware.client.module import ModuleClient
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 

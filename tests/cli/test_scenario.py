@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from tensionlab.haptics.scenarios import SCENARIOS
-from tensionlab.haptics.scenarios.files import FOLDER
-from tensionlab.hardware.record.run import read_run
+from tensionlab.hardware.log.reader import read_run
+from tensionlab.scenarios import SCENARIOS
+from tensionlab.scenarios.scenario_file import FOLDER
 
 
 def test_list_shows_all(run):

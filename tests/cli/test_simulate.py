@@ -9,13 +9,12 @@ from pathlib import Path
 
 import pytest
 import serial
-from wire import Client, connected
 
+from benchmarks.processes import simulated
 from tensionlab.cli import main
-from tensionlab.experiments.processes import simulated
-from tensionlab.hardware.codes import Calibration, Code, Fault, State
-from tensionlab.hardware.modules_file import load_modules
-from tensionlab.hardware.protocol import (
+from tensionlab.hardware.client.modules_file import load_modules
+from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, State
+from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
     ConfigureTelemetry,
@@ -33,8 +32,9 @@ from tensionlab.hardware.protocol import (
     Stop,
     Telemetry,
 )
-from tensionlab.hardware.simulated import PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS
 from tensionlab.model.files import load_rig
+from tests.support.wire import Client, connected
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensionlab.experiments.processes import simulated
-from tensionlab.experiments.recordings import read
-from tensionlab.experiments.validation.followed import NetworkSensor
-from tensionlab.experiments.validation.protocol import Protocol
-from tensionlab.experiments.validation.results import result_of
-from tensionlab.experiments.validation.sitting import Plan, validate
-from tensionlab.hardware.group import connect
+from benchmarks.processes import simulated
+from tensionlab.hardware.client.group import connect
 from tensionlab.model.directions import grid18
 from tensionlab.model.files import load_rig
+from tensionlab.validation.external_sensor import NetworkSensor
+from tensionlab.validation.protocol import Protocol
+from tensionlab.validation.recordings import read
+from tensionlab.validation.results import result_of
+from tensionlab.validation.session import Plan, validate
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"

@@ -19,15 +19,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import runs
 import typer
 
-from tensionlab import writing
+from tensionlab.benchmark import run as bench
 from tensionlab.cli import app
-from tensionlab.experiments.bench import run as bench
+from tensionlab.files import writing
 from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.model.files import load_rig
+from tests.support import runs
 
 resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from modules import Host
 
-from tensionlab.hardware.codes import BrakeState, Limit, ResetReason, State
-from tensionlab.hardware.protocol import ConfigureTelemetry, Stop
-from tensionlab.hardware.simulated import STEP, Trace
+from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
+from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
+from tensionlab.hardware.simulation.simulated_module import STEP, Trace
+from tests.support.modules import Host
 
 HOLD = 186.0  # N, published: what the brake holds
 

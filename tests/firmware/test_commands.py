@@ -6,11 +6,10 @@ import struct
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from modules import SESSION, Host, host_in
 
-from tensionlab.hardware.codes import Calibration, Code, Fault, Limit, State, Type
-from tensionlab.hardware.frames import DELIMITER, Frame
-from tensionlab.hardware.protocol import (
+from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, Limit, State, Type
+from tensionlab.hardware.protocol.frames import DELIMITER, Frame
+from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
     Calibrate,
@@ -29,7 +28,8 @@ from tensionlab.hardware.protocol import (
     Stop,
     Telemetry,
 )
-from tensionlab.hardware.simulated import PARAMETERS, STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP, SimulatedModule
+from tests.support.modules import SESSION, Host, host_in
 
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
 PLAIN = {"rest": 0.0, "stiffness": 0.0, "damping": 0.0, "feed_forward": 1.0}

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.hardware.codes import Calibration, Code, ResetReason, State
-from tensionlab.hardware.frames import Decoder
-from tensionlab.hardware.protocol import (
+from tensionlab.hardware.protocol.codes import Calibration, Code, ResetReason, State
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
     Calibrate,
@@ -31,7 +31,7 @@ from tensionlab.hardware.protocol import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.simulated import PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
 ROOT = Path(__file__).parents[2]

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from modules import SESSION, Host, host_in
 
 from tensionlab import _native
-from tensionlab.hardware.codes import Calibration, Code, ResetReason, State
-from tensionlab.hardware.protocol import (
+from tensionlab.hardware.protocol.codes import Calibration, Code, ResetReason, State
+from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
     Clear,
@@ -21,7 +20,8 @@ from tensionlab.hardware.protocol import (
     SetTension,
     Stop,
 )
-from tensionlab.hardware.simulated import PARTS, STEP, Sample, SimulatedModule, Trace
+from tensionlab.hardware.simulation.simulated_module import PARTS, STEP, Sample, SimulatedModule, Trace
+from tests.support.modules import SESSION, Host, host_in
 
 LOWER, UPPER, SLEW, PEAK, RELEASE = 0.5, 6.0, 60.0, 2.2, 2.0
 TINY = 1e-5  # of single precision

@@ -1,11 +1,11 @@
 """The supervisor's table: complete, safe, and what the running module does."""
 
 import pytest
-from modules import Host, host_in
 
 from tensionlab import _native
-from tensionlab.hardware.codes import Code, Fault, State
-from tensionlab.hardware.protocol import Arm, Clear, EmergencyStop, SetTension, Stop
+from tensionlab.hardware.protocol.codes import Code, Fault, State
+from tensionlab.hardware.protocol.messages import Arm, Clear, EmergencyStop, SetTension, Stop
+from tests.support.modules import Host, host_in
 
 EVENTS = ("arm", "set_point", "stop", "estop", "clear", "expire", "fault")
 TABLE = {

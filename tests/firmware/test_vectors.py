@@ -6,12 +6,12 @@ import runpy
 from pathlib import Path
 
 import pytest
-from modules import Host
 
 from tensionlab import _native
-from tensionlab.hardware import protocol
-from tensionlab.hardware.codes import State
-from tensionlab.hardware.frames import DELIMITER, Decoder, Frame
+from tensionlab.hardware.protocol import messages as protocol
+from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, Frame
+from tests.support.modules import Host
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 VECTORS = json.loads((FIRMWARE / "vectors.json").read_text())

@@ -1,7 +1,7 @@
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.haptics.brake_map import brake_map
+from tensionlab.haptics.brakes.map import brake_map
 from tensionlab.plots.brakes import map_normals, plot_brake_maps
 
 

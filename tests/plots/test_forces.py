@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import made_up
 
 import tensionlab as tl
 from tensionlab.plots import plot_error_sphere, plot_forces
 from tensionlab.plots.forces import _deviations, _on_disc
+from tests.support.recorded import made_up
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 

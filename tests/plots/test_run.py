@@ -3,14 +3,14 @@ import re
 
 import numpy as np
 import pytest
-import runs
 
 import tensionlab as tl
-from tensionlab.hardware.codes import Limit, State
-from tensionlab.hardware.record.columns import COLUMNS
-from tensionlab.hardware.record.run import read_run
+from tensionlab.hardware.log.columns import COLUMNS
+from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.plots import plot_run
 from tensionlab.plots.run import BINS, HELD, severity, stretches, thinned
+from tests.support import runs
 
 
 def words_of(path):

@@ -2,9 +2,9 @@ import re
 
 import numpy as np
 
-from tensionlab.haptics.scenarios import load_scenario
 from tensionlab.plots.scenario_layouts import plot_scenario_layouts, way
 from tensionlab.plots.scene import origin_of, scripted, view_of
+from tensionlab.scenarios import load_scenario
 
 
 def test_all_are_drawn_with_their_modules(tmp_path):

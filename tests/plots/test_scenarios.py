@@ -6,12 +6,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from tensionlab.errors import ShapeError
-from tensionlab.experiments.scenarios.feel import Row, touch
-from tensionlab.experiments.scenarios.play import play, simulated
-from tensionlab.haptics.scenarios import load_scenario
-from tensionlab.plots.against import against
-from tensionlab.plots.ribbons import draw_ribbons, pawls, ribbons
+from tensionlab.plots.force_distance import against
 from tensionlab.plots.scenarios import draw_force, draw_tension, moment_of, plot_scenario
+from tensionlab.plots.timeline import draw_ribbons, pawls, ribbons
+from tensionlab.scenarios import load_scenario
+from tensionlab.scenarios.expected_values import Row, touch
+from tensionlab.scenarios.play import play, simulated
 
 ROWS = (Row("a thing that is right", "N", 1.0, 2.0, 1.5), Row("a thing that is not", "J", 1.0, 2.0, float("nan")))
 

@@ -2,12 +2,12 @@ import re
 from dataclasses import replace
 
 import pytest
-from recorded import QUESTIONS, made_up_trials
 
 import tensionlab as tl
-from tensionlab.experiments.trials import Trials
 from tensionlab.plots import plot_what_if
 from tensionlab.plots.what_if import together
+from tensionlab.validation.trials import Trials
+from tests.support.recorded import QUESTIONS, made_up_trials
 
 
 def words_of(path):

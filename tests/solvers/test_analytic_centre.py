@@ -6,9 +6,9 @@ import cvxpy
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from problems import Case, cases, one, random_cases, random_structure
 
 from tensionlab import Status, allocate, load_rig
+from tests.support.problems import Case, cases, one, random_cases, random_structure
 
 LIMITS = (0.5, 6.0)
 

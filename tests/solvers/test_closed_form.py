@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from batch import problem, random_problem
 
+from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.solvers.closed_form import ClosedForm
-from tensionlab.solvers.contract import RANK_TOLERANCE
 from tensionlab.solvers.linear import times
 from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tests.support.batch import problem, random_problem
 
 
 def reachable_problem(n, m, count=300):

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batch import problem, random_problem
 from scipy.optimize import linprog
 
-from tensionlab.solvers.contract import RANK_TOLERANCE, TOLERANCE
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
 from tensionlab.solvers.dykstra import Dykstra
 from tensionlab.solvers.linear import times
+from tests.support.batch import problem, random_problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

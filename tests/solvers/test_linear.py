@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.solvers.contract import RANK_TOLERANCE
+from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.solvers.linear import independent_rows, times, whitener
 
 

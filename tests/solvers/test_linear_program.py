@@ -8,11 +8,11 @@ import cvxpy as cp
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
-from problems import cases, one, random_cases, random_structure
 from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab import Status, allocate
+from tests.support.problems import cases, one, random_cases, random_structure
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

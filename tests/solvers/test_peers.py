@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import qpsolvers
 
+from tensionlab.benchmark.daqp_direct import DirectDaqp
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.experiments.bench.daqp_direct import DirectDaqp
 from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram, solve_qp
 

@@ -7,13 +7,13 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-from distribution import install
 
 import tensionlab as tl
 from tensionlab.cli import main
+from tensionlab.comparison.selected_solvers import every_solver, lineup
 from tensionlab.errors import PluginError, UnknownSolver
-from tensionlab.experiments.lineup import every_solver, lineup
 from tensionlab.solvers import make, plugins
+from tests.support.distribution import install
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 GOOD = """
@@ -22,7 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tensionlab.solvers.contract import Answer
+from tensionlab.solvers.base import Answer
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from problems import Case, random_cases
 from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
+from tests.support.problems import Case, random_cases
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

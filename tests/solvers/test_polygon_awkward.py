@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracle import UnsureError, solve
-from problems import Case, cases, random_cases
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
-from tensionlab.solvers.contract import RANK_TOLERANCE
+from tensionlab.solvers.base import RANK_TOLERANCE
+from tests.support.oracle import UnsureError, solve
+from tests.support.problems import Case, cases, random_cases
 
 every_goal = pytest.mark.parametrize("goal", ["polygon:centroid", "polygon:1-norm", "polygon:2-norm"])
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from problems import random_cases
 
 import tensionlab as tl
+from tests.support.problems import random_cases
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import qpsolvers
-from batch import problem
 
 from tensionlab import Status, allocate
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.quadratic import BACKENDS, QuadraticProgram, installed_backends
+from tests.support.batch import problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
 CASES = json.loads(ANSWERS.read_text(encoding="utf-8"))["cases"]

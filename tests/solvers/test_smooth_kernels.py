@@ -6,9 +6,9 @@ import sys
 
 import numpy as np
 import pytest
-from problems import random_cases
 
 import tensionlab as tl
+from tests.support.problems import random_cases
 
 NAMES = ("analytic-centre", "slack", "slack:3", "spidar")
 

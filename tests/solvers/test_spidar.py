@@ -4,10 +4,10 @@ import cvxpy
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from problems import Case, cases, one, random_cases
 
 from tensionlab import Spidar, Status, allocate
 from tensionlab.solvers import make
+from tests.support.problems import Case, cases, one, random_cases
 
 
 def prices(solver, n, weights):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tensionlab.experiments import comparison
-from tensionlab.experiments.lineup import every_solver
+from tensionlab.comparison import compare as comparison
+from tensionlab.comparison.selected_solvers import every_solver
 from tensionlab.solvers import SOLVERS, make
 
 ROOT = Path(__file__).parents[2]

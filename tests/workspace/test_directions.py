@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from judges import renders
-from problems import random_structure
 
 import tensionlab as tl
 from tensionlab.workspace import effort, isotropic_force, reachable_share
+from tests.support.judges import renders
+from tests.support.problems import random_structure
 
 CROSS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 AROUND = np.array([[np.cos(a), np.sin(a)] for a in np.radians(np.arange(0.5, 360.0))])

@@ -3,10 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from problems import random_structure
 
 import tensionlab as tl
 from tensionlab.workspace import capacity_margin, margin_gradient, rig_margin_gradient
+from tests.support.problems import random_structure
 
 RIGS = Path(__file__).parents[2] / "datasets/rigs"
 STEP = 1e-6

@@ -4,10 +4,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given
-from judges import hull_margin, renders
-from problems import cases, random_structure
 
 import tensionlab as tl
+from tests.support.judges import hull_margin, renders
+from tests.support.problems import cases, random_structure
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]

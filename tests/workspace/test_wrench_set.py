@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from judges import corners
-from problems import cases, random_structure
 from scipy.spatial import ConvexHull
 
 import tensionlab as tl
 from tensionlab.workspace import capacity_margin, half_spaces, vertices
+from tests.support.judges import corners
+from tests.support.problems import cases, random_structure
 
 CROSS = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 

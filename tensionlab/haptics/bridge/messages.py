@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
-from tensionlab.reading import brief
+from tensionlab.files.reading import brief
 
 PROTOCOL = 1
 """Version of all this; `Welcome` tells the server's."""

@@ -26,14 +26,14 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from tensionlab.errors import EffectError, HardwareError, ProtocolError
+from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.budget import Budget
+from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
-from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import Frame, reason_of
 from tensionlab.haptics.bridge.osc_packet import OscMessage, read_packet
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import Many, bounds
-from tensionlab.reading import brief
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
 LARGEST_DATAGRAM = 65_536

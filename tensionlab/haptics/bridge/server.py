@@ -21,8 +21,8 @@ from pydantic import Field, TypeAdapter
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, MissingDependency, TensionlabError
 from tensionlab.haptics.bridge.budget import Budget
+from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
-from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import (
     LARGEST,
     Event,

@@ -13,11 +13,11 @@ import numpy as np
 
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.bridge.mailbox import HAND, Mailbox
+from tensionlab.haptics.bridge.client_state import HAND, Mailbox
 from tensionlab.haptics.effects.compose import way_in
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
 from tensionlab.haptics.effects.on_module import EffectFailed
-from tensionlab.haptics.rendering import Renderer
+from tensionlab.haptics.rendering.rendering import Renderer
 from tensionlab.model.rig import Rig
 
 

@@ -10,12 +10,12 @@ from typing import Any, get_args, get_origin, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from tensionlab.errors import EffectError, RigError
+from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import require_dimension
 from tensionlab.haptics.effects.tools import GRAVITY, Weight
 from tensionlab.model.rig import Rig
-from tensionlab.reading import brief
 
 
 def effect_of(name: str, given: object, rig: Rig) -> Effect:

@@ -1,7 +1,7 @@
 """Which part of an effect must a module render by itself, at its own rate?
 
-What is stiff, or vibrates, cannot wait for a link (see `tensionlab.haptics.stability`). A module knows its own
-cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed of paying out, 0)
+What is stiff, or vibrates, cannot wait for a link (see `tensionlab.haptics.rendering.stability`). A module knows
+its own cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed of paying out, 0)
 + amplitude sin(2 pi frequency t)``. So an effect that has such a part says what happens along one axis, and
 `divide` finds the cable that lies best along it.
 """
@@ -20,7 +20,7 @@ from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered
-from tensionlab.haptics.stability import beyond, capped
+from tensionlab.haptics.rendering.stability import beyond, capped
 
 AHEAD_M = 0.5
 """Further out of contact than this, in m, no module renders a wall: set-points come many times before it could."""
@@ -235,7 +235,7 @@ def divide(
     limits : ModuleLimits or None
         Of the modules; None: those of the firmware as it comes.
     cap : float
-        How stiff the host may be, in N/m: see `tensionlab.haptics.stability.stiffness_cap`.
+        How stiff the host may be, in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 A parameter is annotated with a type of this module, such as ``stiffness: Stiffness``. `require_parameters` refuses
 what lies outside when an object is made; `require_dimension` refuses vectors that are not of a rig's space;
-`tensionlab.haptics.bridge.documents` writes the ranges into BRIDGE.md.
+`tools.generate_bridge_docs` writes the ranges into BRIDGE.md.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_args, get_type_hints
 from pydantic import Strict
 
 from tensionlab.errors import EffectError, TensionlabError
-from tensionlab.reading import brief
+from tensionlab.files.reading import brief
 
 FAR_M = 100.0
 """Coordinates are between minus and plus this, in m."""

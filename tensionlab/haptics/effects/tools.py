@@ -11,6 +11,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
+from tensionlab.files.reading import brief
 from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, length_of, smoothstep
 from tensionlab.haptics.effects.on_module import AxisImpedance
 from tensionlab.haptics.effects.parameters import (
@@ -32,7 +33,6 @@ from tensionlab.haptics.effects.parameters import (
     Times,
     require_parameters,
 )
-from tensionlab.reading import brief
 
 
 class Felt(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.calibration.gain import GRAVITY
-from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
 
 
 class HangingMass(SimulatedModule):

@@ -9,15 +9,15 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError
+from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.poses import Poses, rotations
 from tensionlab.hardware.calibration.pulling import stopping
-from tensionlab.hardware.codes import Calibration
-from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.protocol import Telemetry
-from tensionlab.hardware.run.clock import Clock
+from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.protocol.codes import Calibration
+from tensionlab.hardware.protocol.messages import Telemetry
+from tensionlab.hardware.runner.clock import Clock
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
-from tensionlab.tables import read_table
 
 PERIOD = 0.02
 TAUT_FOR, LOOSE_FOR = 1.0, 0.5

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, ModuleFault
-from tensionlab.hardware.claims import ESTOP_SIGNAL
-from tensionlab.hardware.codes import Calibration, Limit, State
-from tensionlab.hardware.conversation import Heard
-from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.protocol import Info, Message, Telemetry
-from tensionlab.hardware.run.interrupts import ENDING, Interrupted, Interrupts
+from tensionlab.hardware.client.connection import Heard
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration, Limit, State
+from tensionlab.hardware.protocol.messages import Info, Message, Telemetry
+from tensionlab.hardware.runner.interrupts import ENDING, Interrupted, Interrupts
 
 PERIOD = 0.02
 """From one set-point to the next, in s."""

@@ -10,11 +10,11 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
+from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.gain import Balance
 from tensionlab.hardware.calibration.pulling import PERIOD, pulling
 from tensionlab.hardware.calibration.tables import write_table
-from tensionlab.hardware.module import ModuleClient
-from tensionlab.tables import read_table
+from tensionlab.hardware.client.module import ModuleClient
 
 LEVELS = 8
 DWELL = 1.5

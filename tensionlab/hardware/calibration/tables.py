@@ -7,8 +7,8 @@ import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from tensionlab import writing
 from tensionlab.arrays import Floats
+from tensionlab.files import writing
 
 
 def write_table(path: str | Path, columns: Mapping[str, Floats | Sequence[float]]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.gain import GRAVITY, Balance
 from tensionlab.hardware.calibration.pulling import PERIOD, Puller, pulling
-from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.client.module import ModuleClient
 
 SEARCH, RAMP = 0.5, 0.1
 """How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it."""

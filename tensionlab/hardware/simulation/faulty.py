@@ -6,9 +6,9 @@ import random
 import threading
 
 from tensionlab.errors import LinkError
-from tensionlab.hardware.link import Link
-from tensionlab.hardware.simulated import STEP
+from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.simulation.channel import Channel, Conditions
+from tensionlab.hardware.simulation.simulated_module import STEP
 
 GRAIN = 1e-3
 """How late bytes may be beyond their delay, in s; with a simulated module, a step of its firmware."""

@@ -11,8 +11,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from tensionlab import writing
-from tensionlab.hardware.simulated import SimulatedModule
+from tensionlab.files import writing
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 
 PERIOD = 5e-3
 """Time from one row to the next of a module, in s, at least."""

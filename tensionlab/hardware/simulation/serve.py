@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tensionlab import writing
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.simulated import PARTS, STEP, SimulatedModule
+from tensionlab.files import writing
 from tensionlab.hardware.simulation.channel import Channel, Conditions
 from tensionlab.hardware.simulation.ports import Port
+from tensionlab.hardware.simulation.simulated_module import PARTS, STEP, SimulatedModule
 
 TICK, IDLE_TICK = 1e-3, 20e-3
 """How often time passes in a module that has a client, and in one that has none, in s."""

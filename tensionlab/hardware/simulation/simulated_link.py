@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tensionlab.errors import LinkError
-from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
 
 
 class SimulatedLink:

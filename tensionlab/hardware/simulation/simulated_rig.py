@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.codes import Calibration, Code
-from tensionlab.hardware.frames import Decoder
-from tensionlab.hardware.protocol import Acknowledge, Calibrate, Message, SetParameter, read
-from tensionlab.hardware.simulated import PARAMETERS, PLANT, STEP, SimulatedModule
+from tensionlab.hardware.protocol.codes import Calibration, Code
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import Acknowledge, Calibrate, Message, SetParameter, read
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, STEP, SimulatedModule
 from tensionlab.model.module import Module
 
 

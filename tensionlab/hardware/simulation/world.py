@@ -10,13 +10,13 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
-from tensionlab.hardware.group import ModuleGroup
-from tensionlab.hardware.link import Link
-from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.simulated import Trace
+from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.client.links import Link
+from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import Trace
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.model.rig import Rig
 

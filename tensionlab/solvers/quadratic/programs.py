@@ -13,7 +13,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.contract import TOLERANCE, Answer, Nearest, Problem
+from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.grazing import Ray
 from tensionlab.solvers.linear import independent_rows, whitener
 from tensionlab.solvers.quadratic.backends import BACKENDS, Engine, NoTensions, installed_backends, raised_by

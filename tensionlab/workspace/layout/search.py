@@ -16,7 +16,7 @@ from tensionlab.workspace.layout.place import Places
 from tensionlab.workspace.layout.polish import polish
 from tensionlab.workspace.layout.result import LayoutSearch, judge
 from tensionlab.workspace.layout.space import Space
-from tensionlab.workspace.pose_sets import Grid
+from tensionlab.workspace.sweep.pose_sets import Grid
 
 POPULATION = 10
 """Layouts in a generation, for each number that describes one."""

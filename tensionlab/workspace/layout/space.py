@@ -11,11 +11,11 @@ import numpy as np
 
 from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError
+from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, vector
 from tensionlab.model.pose import Frame
-from tensionlab.reading import brief
 
 
 @dataclass(frozen=True, eq=False)

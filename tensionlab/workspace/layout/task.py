@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tensionlab.errors import RigError, ShapeError
+from tensionlab.files.reading import brief, read_toml
 from tensionlab.model import kinematics
 from tensionlab.model.module import MAX_LENGTH, Module
 from tensionlab.model.pose import Frame
-from tensionlab.reading import brief, read_toml
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.result import LayoutSearch
 from tensionlab.workspace.layout.search import Told, search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.paths import box
-from tensionlab.workspace.pose_sets import Grid
+from tensionlab.workspace.sweep.pose_sets import Grid
 
 if TYPE_CHECKING:
     from tensionlab.workspace.layout.schema import FrameTable, SpaceFile

@@ -21,12 +21,12 @@ from pythonosc.udp_client import SimpleUDPClient
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from benchmarks.processes import process
 from tensionlab.errors import HardwareError
-from tensionlab.experiments.processes import process
 from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.haptics.bridge.messages import LARGEST, Stop
-from tensionlab.haptics.scenarios import load_scenario
-from tensionlab.hardware.record.run import read_run
+from tensionlab.hardware.log.reader import read_run
+from tensionlab.scenarios import load_scenario
 
 ROOT = Path(__file__).parents[3]
 RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"

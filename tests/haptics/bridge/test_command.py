@@ -2,13 +2,13 @@
 
 import pytest
 from pythonosc.osc_message_builder import build_msg
-from runs import four
 
 from tensionlab.errors import EffectError
+from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.command import SILENCE_S, FrameRefused
-from tensionlab.haptics.bridge.mailbox import Mailbox
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.osc import OscDoor
+from tests.support.runs import four
 
 FRAME = Frame.model_validate({"time": 0.0, "bodies": {"hand": {"position": [0.0, 0.31, 0.0]}}})
 PULL = build_msg("/effect/pull", ["spring", "centre", 0.0, 0.36, 0.0, "stiffness", 20.0]).dgram

@@ -5,15 +5,15 @@ import time
 
 import numpy as np
 import pytest
-from runs import cycles, four
 
-from tensionlab.experiments.hostile_messages import datagrams, draw, texts
-from tensionlab.haptics.bridge.mailbox import Mailbox
+from benchmarks.hostile_messages import datagrams, draw, texts
+from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.messages import Refused, Welcome
 from tensionlab.haptics.bridge.osc import OscDoor
 from tensionlab.haptics.bridge.server import Bridge, Visitor
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
-from tensionlab.haptics.scenarios import ScenarioDemand, load_scenario
+from tensionlab.scenarios import ScenarioDemand, load_scenario
+from tests.support.runs import cycles, four
 
 COUNT = int(os.environ.get("TENSIONLAB_HOSTILE", "150"))
 

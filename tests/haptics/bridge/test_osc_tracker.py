@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.haptics.bridge.mailbox import Mailbox
+from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.osc import OscDoor
 from tensionlab.haptics.bridge.osc_tracker import OscTracker
-from tensionlab.haptics.scenarios import load_scenario
+from tensionlab.scenarios import load_scenario
 
 # A rig with the torso as a body.
 RIG = load_scenario("collision").rig

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from runs import cycles, four
 
 from tensionlab.demand import Demand, Pose
-from tensionlab.haptics.bridge.mailbox import Mailbox
+from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.haptics.effects import Vibration, Viscous
 from tensionlab.haptics.effects.effect import Rendered
 from tensionlab.haptics.effects.on_module import EffectFailed
-from tensionlab.haptics.rendering import Renderer
-from tensionlab.haptics.scenarios import ScenarioDemand, load_scenario
+from tensionlab.haptics.rendering.rendering import Renderer
+from tensionlab.scenarios import ScenarioDemand, load_scenario
+from tests.support.runs import cycles, four
 
 RIG = four()
 

@@ -11,9 +11,9 @@ from tensionlab.errors import CalibrationError, HardwareError, LinkError
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
 from tensionlab.hardware.calibration.tables import write_table
-from tensionlab.hardware.claims import ESTOP_SIGNAL
-from tensionlab.hardware.codes import State
-from tensionlab.hardware.run.clock import WorldClock
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
+from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.runner.clock import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 

@@ -13,10 +13,10 @@ from tensionlab.hardware.calibration.staircase import (
     load_sensor,
     load_staircase,
 )
-from tensionlab.hardware.codes import State
-from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
 
 AHEAD = 12.34  # s, the sensor's clock
 GAIN, FRICTION = 2.6, 0.08

@@ -9,9 +9,9 @@ from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.hardware.calibration.gain import GRAVITY, gain_from_weights
 from tensionlab.hardware.calibration.hanging import HangingMass
 from tensionlab.hardware.calibration.weighing import weigh
-from tensionlab.hardware.claims import ESTOP_SIGNAL
-from tensionlab.hardware.codes import Calibration, State
-from tensionlab.hardware.module import ModuleClient
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink

@@ -4,16 +4,16 @@ import time
 
 import pytest
 
+from benchmarks.processes import simulated
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault
-from tensionlab.experiments.processes import simulated
-from tensionlab.hardware.codes import Calibration, State
-from tensionlab.hardware.link import open_link
-from tensionlab.hardware.module import ModuleClient
-from tensionlab.hardware.protocol import Hello
-from tensionlab.hardware.simulated import STEP, SimulatedModule
+from tensionlab.hardware.client.links import open_link
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.protocol.messages import Hello
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
 
 
 def lockstep(conditions=None, seed=0):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.codes import State
-from tensionlab.hardware.frames import Decoder
-from tensionlab.hardware.protocol import (
+from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import (
     ConfigureTelemetry,
     Hello,
     Info,
@@ -18,7 +18,6 @@ from tensionlab.hardware.protocol import (
     Save,
     read,
 )
-from tensionlab.hardware.simulated import STEP, SimulatedModule
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.serve import (
     IDLE_TICK,
@@ -29,6 +28,7 @@ from tensionlab.hardware.simulation.serve import (
     read_settings,
     serve,
 )
+from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
 
 
 class FakePort:

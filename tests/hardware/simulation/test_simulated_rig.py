@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.codes import State
-from tensionlab.hardware.frames import Decoder
-from tensionlab.hardware.protocol import Arm, ConfigureTelemetry, Hello, Info, Save, SetTension, Telemetry, read
+from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import (
+    Arm,
+    ConfigureTelemetry,
+    Hello,
+    Info,
+    Save,
+    SetTension,
+    Telemetry,
+    read,
+)
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module

@@ -1,0 +1,1 @@
+"""Programs that measure this package itself; not part of the wheel."""

@@ -1,0 +1,436 @@
+"""The kinds of file that the program reads, for `file_fuzz`: what a good one holds, and who reads it."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.file_encodings import csv, npz, parquet, toml, xml
+from benchmarks.file_mutations import Raw, spoil, spoil_bytes
+from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml
+from tensionlab.model.layouts import ring_plus_top
+
+Files = bytes | dict[str, bytes]
+"""Of a file; or of each in a folder, by name."""
+STRUCTURE = 0.7
+"""Share of the cases in which it is what is in a file that is spoilt; in the others its bytes are."""
+RIG = ring_plus_top(1.0)
+BRAKED = replace(RIG, modules=tuple(replace(module, brake=186.0) for module in RIG.modules))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file.
+
+    Attributes
+    ----------
+    name, suffix : str
+    weight : int
+        Of the cases it gets so many, as a share of all weights.
+    document : callable
+        What a good one holds: tables, lists and values.
+    encode : callable
+        A file of that, whatever it holds.
+    read : callable
+        Reads and uses it as the program does.
+    """
+
+    name: str
+    suffix: str
+    weight: int
+    document: Callable[[], Any]
+    encode: Callable[[Any], Files]
+    read: Callable[[Path], object]
+
+    def case(self, rng: random.Random) -> Files:
+        """Return a spoilt file."""
+        if rng.random() < STRUCTURE:
+            return self.encode(spoil(self.document(), rng))
+        content = self.encode(self.document())
+        if isinstance(content, bytes):
+            return spoil_bytes(content, rng)
+        name = rng.choice(list(content))
+        return {**content, name: spoil_bytes(content[name], rng)}
+
+
+def _both(document: Any) -> Files:
+    parts = document if isinstance(document, dict) else {}
+    return {f"{name}.xml".replace("/", "_").replace("\x00", "_"): xml(part) for name, part in parts.items()}
+
+
+def _bodies() -> dict[str, Any]:
+    joint = ["joint", {"type": "T_XYZ", "q_initial": "0 0 1"}, ""]
+    inertia = [
+        "inertia",
+        {"ref": "com"},
+        [[f"I{name}", {}, "0.1"] for name in ("xx", "yy", "zz", "xy", "xz", "yz")],
+    ]
+    physical = ["physical", {}, [["mass", {}, "1.0"], ["com_location", {}, "0 0 0"], inertia]]
+    parent = ["parent", {}, [["num", {}, "0"], ["location", {}, "0 0 0"]]]
+    link = ["link_rigid", {"num": "1", "name": "point"}, [joint, physical, parent]]
+
+    def cable(name: str, x: str) -> list[Any]:
+        ends = [
+            ["attachment", {}, [["link", {}, str(end)], ["location", {}, place]]]
+            for end, place in enumerate((x, "0 0 0"))
+        ]
+        properties = ["properties", {}, [["force_min", {}, "0.5"], ["force_max", {}, "6"]]]
+        inside = [properties, ["attachments", {}, ends]]
+        return ["cable_ideal", {"name": name, "attachment_reference": "joint"}, inside]
+
+    cables = ["cable_set", {"id": "one"}, [cable("a", "1 0 2"), cable("b", "-1 0 2"), cable("c", "0 1 2")]]
+    return {
+        "bodies": ["bodies_system", {}, [["links", {}, [link]]]],
+        "cables": ["cables", {"default_cable_set": "one"}, [cables]],
+    }
+
+
+def _read_caspr(place: Path) -> object:
+    from tensionlab.model.caspr import load_caspr
+
+    return rig_from_toml(rig_to_toml(load_caspr(place / "bodies.xml", place / "cables.xml")), "imported")
+
+
+def _read_rig(place: Path) -> object:
+    from tensionlab.model.mjcf import rig_to_mjcf
+    from tensionlab.workspace.rig_check import check_rig
+
+    rig = load_rig(place)
+    rig_from_toml(rig_to_toml(rig), "copy")
+    rig_to_mjcf(rig)
+    return check_rig(rig) if rig.m <= 16 else rig.cables(rig.home, frames=rig.at_rest)
+
+
+def _space() -> dict[str, Any]:
+    return {
+        "name": "desk",
+        "counts": [2, 3],
+        "limits": {"lower": 0.5, "upper": 6.0},
+        "room": {"size": [4.0, 2.5, 4.0], "faces": ["floor", "ceiling"]},
+        "surfaces": [{"name": "belt", "corner": [0, 0, 0], "edges": [[0.3, 0, 0], [0, 0.1, 0]], "frame": "hip"}],
+        "modules": [{"name": "desk left", "anchor": [0.6, 0.75, 0.9]}],
+        "frames": [{"name": "hip", "position": [-0.1, 0.6, 0.05], "rotation": [0.0, 0.2, 0.0]}],
+        "target": {"x": [-0.3, 0.0], "y": [0.8, 1.0], "z": [0.4, 0.6], "step": 0.1},
+        "objective": {"force": 0.5},
+        "search": {"seed": 0, "generations": 1, "starts": 1},
+    }
+
+
+def _read_space(place: Path) -> object:
+    from tensionlab.workspace.layout.task import load_task
+
+    task = load_task(place)
+    return task.space.placed, task.target.arrays()
+
+
+@cache
+def _scenario() -> dict[str, Any]:
+    from tensionlab.scenarios.scenario_file import FOLDER
+
+    return tomllib.loads((FOLDER / "bow.toml").read_text(encoding="utf-8"))
+
+
+def _read_scenario(place: Path) -> object:
+    from tensionlab.scenarios.scenario_file import FOLDER, load_scenario
+
+    scenario = load_scenario(place, FOLDER / "bow.rig.toml")
+    return scenario.now(1.0), scenario.person.script.position(1.0)
+
+
+def _program() -> dict[str, Any]:
+    step = {"seconds": 0.5, "wrench": [0.0, 0.0, 1.5], "ramp": True, "brakes": ["top"]}
+    return {"name": "push", "repeat": False, "steps": [step, {"seconds": 2.0, "wrench": [0.0, 0.0, 1.5]}]}
+
+
+def _read_program(place: Path) -> object:
+    from tensionlab.hardware.runner.program import load_program
+
+    return load_program(place, BRAKED).seconds
+
+
+def _read_modules(place: Path) -> object:
+    from tensionlab.hardware.client.modules_file import load_modules
+
+    return load_modules(place)
+
+
+def _read_parameters(place: Path) -> object:
+    from tensionlab.errors import HardwareError
+    from tensionlab.files.reading import read_text
+    from tensionlab.hardware.client.parameter_file import parse
+
+    return parse(read_text(place, "a file of parameters (*.toml)", HardwareError), str(place))
+
+
+def _published() -> dict[str, Any]:
+    value = {"value": 182, "unit": "", "meaning": "directions"}
+    return {
+        "source": "somebody",
+        "protocol": {"vectors": value},
+        "results": {"angle": {**value, "reading": "mean"}},
+    }
+
+
+def _read_published(place: Path) -> object:
+    from tensionlab.validation import published
+
+    return published.read(place)
+
+
+def _read_directions(place: Path) -> object:
+    from tensionlab.model import directions
+
+    return directions.forces(directions.read_csv(place), 3, 3)
+
+
+def _read_poses(place: Path) -> object:
+    from tensionlab.workspace.paths import read_poses
+
+    poses = read_poses(place)
+    return poses.arrays(), poses.coordinates()
+
+
+def _read_staircase(place: Path) -> object:
+    from tensionlab.hardware.calibration import staircase
+
+    return staircase.load_staircase(place)
+
+
+def _read_lengths(place: Path) -> object:
+    from tensionlab.hardware.calibration.lengths import load_lengths
+
+    return load_lengths(place, RIG)
+
+
+def _read_forces(place: Path) -> object:
+    from tensionlab.validation.readings import read_forces
+
+    return read_forces(place)
+
+
+def _positions() -> dict[str, bytes]:
+    def npy(values: Any) -> bytes:
+        sink = io.BytesIO()
+        np.save(sink, np.asarray(values))
+        return sink.getvalue()
+
+    return {"position": npy([[0.0, 0.0, 1.0], [0.1, 0.0, 1.0]]), "rotation": npy(np.tile(np.eye(3), (2, 1, 1)))}
+
+
+def _recording() -> dict[str, Any]:
+    from tensionlab.validation.recordings import FORCES
+
+    modules = ["a", "b"]
+    columns: dict[str, Any] = {f"{name}.F{axis}": [0.5, 1.0] for name in FORCES for axis in "xyz"}
+    columns |= {f"tensions.{name}": [1.0, 2.0] for name in modules}
+    columns |= {"spread": [0.1, 0.2], "status": ["EXACT", "NEAREST"], "replaced": [True, False]}
+    columns |= {"samples": [10, 20], "hindered": ["", "a"]}
+    about = {
+        "simulated": True,
+        "rig": "r",
+        "modules": modules,
+        "solver": "newton",
+        "sensor": "sim:",
+        "alignment": "paper",
+        "rotations": {"paper": np.eye(3).tolist()},
+        "rate": 1000.0,
+        "hold": 1.0,
+    }
+    return {"columns": columns, "manifest": {"call": "x", "recording": about}}
+
+
+def _read_recording(place: Path) -> object:
+    from tensionlab.validation import recordings
+
+    found = recordings.read(place)
+    return found.error, found.in_sensor_axes(), found.simulated
+
+
+def _trials() -> dict[str, Any]:
+    numbers = ["angle", "angle_largest", "magnitude", "magnitude_error", "vector", "within"]
+    columns: dict[str, Any] = {
+        "question": ["preset"],
+        "choice": ["ideal"],
+        "seed": [1],
+        "vectors": [182],
+        "exact": [182],
+    }
+    return {"columns": columns | {name: [1.0] for name in numbers}, "manifest": {"seed": 1}}
+
+
+def _read_trials(place: Path) -> object:
+    from tensionlab.validation import trials
+
+    return trials.read(place).of("preset")
+
+
+def _vectors() -> dict[str, Any]:
+    return {"columns": {"vector": [0, 1], "x": [0.0, 1.0], "y": [1.0, 0.0], "z": [0.0, 0.0]}, "manifest": {}}
+
+
+def _read_vectors(place: Path) -> object:
+    from tensionlab.validation import vectors
+
+    return vectors.read(place)
+
+
+def _journal() -> list[Any]:
+    force = {
+        "number": 0,
+        "desired": [0.0, 1.0, 0.0],
+        "rendered": [0.0, 1.0, 0.0],
+        "measured": [0.0, 1.0, 0.0],
+        "tensions": [1.0, 2.0],
+        "status": "EXACT",
+        "replaced": False,
+        "samples": 10,
+        "spread": 0.1,
+        "rested": 0.0,
+        "hindered": [],
+    }
+    return [{"format": "tensionlab validation 1", "rig": "r"}, force, {**force, "number": 1}]
+
+
+def _json_lines(document: Any) -> bytes:
+    rows = document if isinstance(document, list) else [document]
+    return "".join(f"{row if isinstance(row, Raw) else json.dumps(row)}\n" for row in rows).encode(
+        errors="replace"
+    )
+
+
+def _read_journal(place: Path) -> object:
+    from tensionlab.validation.journal import Journal
+
+    return Journal(place, {"rig": "r"}).measurements
+
+
+@cache
+def _log() -> dict[str, Any]:
+    from tensionlab.hardware.log.columns import COLUMNS, TYPES, sizes
+
+    length = sizes(RIG)
+    cycle: dict[str, Any] = {}
+    for name, column in COLUMNS.items():
+        values = np.zeros([length[dim] for dim in column.dims], TYPES[name]).ravel().tolist()
+        cycle[name] = values if column.dims else values[0]
+    links = {module.name: "sim:" for module in RIG.modules}
+    setup = {
+        "solver": "newton",
+        "parameters": {},
+        "nearest": "direction",
+        "rate": 50.0,
+        "ttl": 0.25,
+        "on_loss": "stop",
+        "lower": [0.5] * RIG.m,
+        "upper": [6.0] * RIG.m,
+        "links": links,
+    }
+    event = {"cycle": 0, "time": 0.0, "kind": "armed", "text": "all", "module": ""}
+    return {
+        "rig": tomllib.loads(rig_to_toml(RIG)),
+        "manifest": {"call": "x"},
+        "setup": setup,
+        "modules": {name: {"protocol": 1} for name in links},
+        "summary": {"ended": "x"},
+        "events": [event],
+        "cycles": [cycle, {**cycle, "cycle": 1, "time": 0.02}],
+    }
+
+
+def _mcap(document: Any, folder: Path) -> bytes:
+    """Write a log; what it holds has checksums that are right."""
+    from tensionlab.hardware.log.mcap_file import McapWriter
+
+    given = document if isinstance(document, Mapping) else {}
+    path = folder / "written.mcap"
+    path.unlink(missing_ok=True)
+    writer = McapWriter(path, {"cycle": {"title": "c"}, "event": {"title": "e"}})
+    writer.attachment("rig.toml", "application/toml", toml(given.get("rig")))
+    for name in ("manifest", "setup", "modules", "summary"):
+        values = given.get(name)
+        writer.metadata(name, values if isinstance(values, dict) else {"x": values})
+    for topic in ("event", "cycle"):
+        messages = given.get(f"{topic}s")
+        for each in messages if isinstance(messages, list) else [messages]:
+            text = each if isinstance(each, Raw) else json.dumps(each)
+            writer.message(topic, 10**18, 10**18, text.encode("utf-8", "replace"))
+    writer.finish()
+    return path.read_bytes()
+
+
+def _read_log(place: Path) -> object:
+    from tensionlab.hardware.log.dataset import flat_columns
+    from tensionlab.hardware.log.reader import read_run
+    from tensionlab.hardware.log.report import report
+
+    run = read_run(place)
+    return report(run), flat_columns(run), run.allocation
+
+
+def _sweep(place: Path) -> object:
+    from tensionlab.workspace.paths import box
+    from tensionlab.workspace.sweep import sweep
+
+    return sweep(RIG, box((-0.1, 0.1), 0.3, 0.0, step=0.1), "wrench-closure", out=place, chunk=2)
+
+
+def _store(folder: Path) -> dict[str, bytes]:
+    """Return the files of a finished store."""
+    place = folder / "good.zarr"
+    if not place.exists():
+        _sweep(place)
+    return {path.relative_to(place).as_posix(): path.read_bytes() for path in place.rglob("*") if path.is_file()}
+
+
+def _store_files(document: Any) -> Files:
+    return {
+        name.replace("\x00", "_"): each if isinstance(each, bytes) else str(each).encode("utf-8", "replace")
+        for name, each in document.items()
+    }
+
+
+def kinds(folder: Path) -> dict[str, Kind]:
+    """Return all kinds by name; what has to be written to make one is put into a folder."""
+    from tensionlab.hardware.calibration.staircase import COLUMNS
+
+    described = tomllib.loads(rig_to_toml(RIG))
+    links = {"modules": {"floor-1": "socket://127.0.0.1:1", "floor-2": "/dev/rfcomm0"}}
+    parameters = {"module": {"serial_number": 1}, "parameters": {"tension_lower": 0.5, "slew": 60.0, "ttl": 250.0}}
+    staircase = [[*COLUMNS], *([0.1 * i, 0.1 * i, 0.3 * i, i, 1] for i in range(12))]
+    poses = [["x", "y", "z", "rx", "ry", "rz"], [0.0, 0.0, 1.0, 0.0, 0.0, 0.1], [0.1, 0.0, 1.0, 0.0, 0.0, 0.2]]
+    lengths = [[*(module.name for module in RIG.modules), "x", "y", "z"], [0.6, 0.7, 0.7, 2.0, 0.0, 0.3, 0.0]]
+    forces = [["Fx", "Fy", "Fz"], [1.0, 0.0, 0.5], [1.0, 0.0, 0.5]]
+    table = {"columns": {"x": [0.0, 0.1], "y": [0.0, 0.0], "z": [1.0, 1.0]}, "manifest": {"call": "x"}}
+    found = [
+        Kind("rig", ".toml", 12, lambda: described, toml, _read_rig),
+        Kind("space", ".toml", 10, _space, toml, _read_space),
+        Kind("scenario", ".toml", 6, _scenario, toml, _read_scenario),
+        Kind("program", ".toml", 6, _program, toml, _read_program),
+        Kind("modules", ".toml", 4, lambda: links, toml, _read_modules),
+        Kind("parameters", ".toml", 4, lambda: parameters, toml, _read_parameters),
+        Kind("published values", ".toml", 3, _published, toml, _read_published),
+        Kind("directions", ".csv", 5, lambda: [["x", "y", "z"], [1, 0, 0], [0, 1, 0]], csv, _read_directions),
+        Kind("poses, CSV", ".csv", 5, lambda: poses, csv, _read_poses),
+        Kind("staircase", ".csv", 4, lambda: staircase, csv, _read_staircase),
+        Kind("lengths", ".csv", 4, lambda: lengths, csv, _read_lengths),
+        Kind("forces", ".csv", 4, lambda: forces, csv, _read_forces),
+        Kind("poses, Parquet", ".parquet", 4, lambda: table, parquet, _read_poses),
+        Kind("recording", ".parquet", 4, _recording, parquet, _read_recording),
+        Kind("trials", ".parquet", 3, _trials, parquet, _read_trials),
+        Kind("vectors", ".parquet", 2, _vectors, parquet, _read_vectors),
+        Kind("poses, NPZ", ".npz", 5, _positions, npz, _read_poses),
+        Kind("CASPR", "", 6, _bodies, _both, _read_caspr),
+        Kind("journal", ".jsonl", 3, _journal, _json_lines, _read_journal),
+        Kind("log", ".mcap", 6, _log, partial(_mcap, folder=folder), _read_log),
+        Kind("store", ".zarr", 1, partial(_store, folder), _store_files, _sweep),
+    ]
+    return {kind.name: kind for kind in found}

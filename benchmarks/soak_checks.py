@@ -1,0 +1,139 @@
+"""What a long run on bad links must show: limits kept, nothing stale applied, the force that was asked for."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tensionlab.arrays import Integers
+from tensionlab.hardware.log.reader import Run
+from tensionlab.hardware.protocol.codes import Limit, State
+from tensionlab.solvers.base import Status
+
+ROUNDING = 1e-5
+"""Tensions travel as singles, N."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What was seen, and whether it may be.
+
+    Attributes
+    ----------
+    cycles, compared : int
+        Of the run, and those whose force could be compared.
+    largest_error, often_error : float
+        Of the force that the modules said they pull with, as a share of the demand in force: the largest, and that
+        which 99 % stay below.
+    outside : int
+        Tensions outside the limits, sent or, by the recordings, pulled with.
+    went_back : int
+        Times a module followed an older set-point than one before.
+    oldest : float
+        Age of the oldest set-point that a module was seen to follow, in s.
+    statuses : dict of str to int
+    """
+
+    cycles: int
+    compared: int
+    largest_error: float
+    often_error: float
+    outside: int
+    went_back: int
+    oldest: float
+    statuses: dict[str, int]
+
+    def problems(self, oldest: float, largest_error: float) -> list[str]:
+        """Which of it must not be, if set-points may be seen so old (s), and forces off by such a share?"""
+        wrong = []
+        if self.outside:
+            wrong.append(f"{self.outside} tensions outside their limits")
+        if self.went_back:
+            wrong.append(f"{self.went_back} times a module went back to an older set-point")
+        if self.oldest > oldest:
+            wrong.append(f"a set-point of {self.oldest:.3f} s was still followed; at most {oldest:g} s are right")
+        if not self.largest_error <= largest_error:
+            wrong.append(f"the force was off by {100 * self.largest_error:.1f} % of the demand")
+        if not self.compared:
+            wrong.append("no cycle could be compared")
+        return wrong
+
+
+def examine(run: Run, recordings: Iterable[Path]) -> Findings:
+    """What does a run show?
+
+    The force is that of the tensions which the modules said they pull with, at the pose by their cable lengths,
+    against the demand at the time the latest of their set-points was sent, where that was exact. Left out are
+    cycles in which a module says that something limits it, or the host held the set-points back: they are on
+    their way to a demand that has leapt.
+
+    Parameters
+    ----------
+    run : Run
+    recordings : iterable of Path
+        Of the simulated modules, as `tensionlab simulate --record` writes them.
+    """
+    source = followed(run)
+    known = (source >= 0).all(axis=1)
+    free = (run.limits == Limit.NONE) | (run.limits == Limit.LOWER)
+    rows = np.flatnonzero(known & free.all(axis=1))
+    latest = source[rows].max(axis=1)
+    whole = (run.sent[latest] == run.chosen[latest]).all(axis=1)
+    exact = (run.status[latest] == Status.EXACT) & whole
+    rows, latest = rows[exact], latest[exact]
+    pulled = np.einsum("knm,km->kn", run.structure[rows], run.tensions[rows])
+    wanted = run.demanded[latest]
+    errors = np.linalg.norm(pulled - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
+    sent = run.sent[np.isfinite(run.sent)]
+    lower, upper = run.rig.limits.lower, run.rig.limits.upper
+    outside = int(((run.sent < lower) | (run.sent > upper)).sum())
+    outside += sum(outside_in(path, run) for path in recordings)
+    ages = (run.time[:, None] - run.time[source] - run.ages)[known]
+    return Findings(
+        cycles=len(run),
+        compared=len(rows),
+        largest_error=float(errors.max(initial=0.0)) if sent.size else np.nan,
+        often_error=float(np.percentile(errors, 99.0)) if errors.size else np.nan,
+        outside=outside,
+        went_back=int((np.diff(source[known], axis=0) < 0).sum()),
+        oldest=float(ages.max(initial=0.0)),
+        statuses={status.name: int((run.status == status).sum()) for status in Status},
+    )
+
+
+def followed(run: Run) -> Integers:
+    """In which cycle was the set-point sent that each module followed, by its telemetry, in each cycle?
+
+    Returns
+    -------
+    (K, m) array
+        Row of the run; -1 before the first one that a module followed.
+    """
+    found: Integers = np.full(run.taken.shape, -1, dtype=np.int64)
+    for module in range(run.rig.m):
+        last = np.full(256, -1, dtype=np.int64)
+        for row in range(len(run)):
+            if run.taken[row, module] >= 0:
+                found[row, module] = last[run.taken[row, module]]
+            last[run.sequences[row, module]] = row
+    return found
+
+
+def outside_in(recording: Path, run: Run) -> int:
+    """How often was a running module made to pull with more or less than its limits, once it was taut?"""
+    names = [module.name for module in run.rig.modules]
+    count, taut = 0, False
+    with recording.open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if row["state"] != State.RUNNING.name:
+                taut = False
+                continue
+            index = names.index(row["module"])
+            lower, upper = run.rig.limits.lower[index], run.rig.limits.upper[index]
+            taut = taut or float(row["commanded"]) >= lower - ROUNDING
+            count += bool(taut and not lower - ROUNDING <= float(row["commanded"]) <= upper + ROUNDING)
+    return count

@@ -1,0 +1,141 @@
+"""How stiff may a wall really be? One hand, one wall and a late loop, simulated; many at a time.
+
+The hand is a mass with damping that is pushed against the wall by a constant force. It moves exactly between the
+steps (the force is constant meanwhile), so what the simulation finds is due to the loop alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats
+from tensionlab.haptics.effects.parameters import Damping, PositiveMass, require_parameters
+from tensionlab.haptics.rendering.stability import stiffness_bound
+
+Law = Callable[[int, Floats, Floats], Floats]
+"""Which force (...) acts on a hand at a position (...) with a velocity (...), at a step? As the host sees them."""
+
+
+@dataclass(frozen=True)
+class Hand:
+    """How is the hand? Mass in kg, damping in N s/m, and the constant force with which it pushes, in N.
+
+    0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero. Hands that
+    are simulated together may be pushed with different forces, (...).
+    """
+
+    mass: PositiveMass = 0.3
+    damping: Damping = 2.0
+    push: float | Floats = 2.0
+
+    def __post_init__(self) -> None:
+        require_parameters(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What happened? Arrays (steps, ...): position in m and velocity in m/s at each step's begin, force in N."""
+
+    position: Floats
+    velocity: Floats
+    force: Floats
+    step: float
+
+    def energy(self) -> Floats:
+        """How much energy has the wall really taken from the hand by each step (..., steps first), in J?
+
+        A passive wall never has less than none.
+        """
+        moved = np.diff(self.position, axis=0)
+        return np.cumsum(-self.force[:-1] * moved, axis=0)
+
+
+def simulate(
+    law: Law,
+    delays: NDArray[np.int64],
+    position: Floats,
+    velocity: Floats,
+    hand: Hand | None = None,
+    step: float = 0.001,
+    seconds: float = 4.0,
+) -> Track:
+    """How do hands move against a wall that answers late?
+
+    Parameters
+    ----------
+    law : callable
+        The host: its force is computed from the motion as it was ``delay`` steps ago, and held for a step.
+    delays : (...) array of int
+        There and back, in steps.
+    position, velocity : (...) arrays
+        At the begin, in m and m/s; before that, the hand had been there at rest.
+    hand : Hand or None
+        None: the usual one.
+    step : float
+        In s.
+    seconds : float
+        How long.
+    """
+    hand = hand or Hand()
+    count = round(seconds / step)
+    shape = np.broadcast_shapes(np.shape(delays), np.shape(position), np.shape(velocity))
+    kept = np.exp(-hand.damping * step / hand.mass)
+    mobility = (1.0 - kept) / hand.damping
+    drift = mobility * hand.mass
+    p, v, f = (np.empty((count, *shape)) for _ in range(3))
+    now, speed = np.broadcast_to(position, shape), np.broadcast_to(velocity, shape)
+    which = np.indices(shape)
+    for k in range(count):
+        p[k], v[k] = now, speed
+        past = k - np.broadcast_to(delays, shape)
+        seen = (np.maximum(past, 0), *which)
+        f[k] = law(k, p[seen], np.where(past >= 0, v[seen], 0.0))
+        pull = f[k] - hand.push
+        now = now + drift * speed + (step - drift) / hand.damping * pull
+        speed = kept * speed + mobility * pull
+    return Track(p, v, f, step)
+
+
+def measured_bound(
+    delays: Floats, damping: float = 0.0, hand: Hand | None = None, step: float = 0.001, seconds: float = 12.0
+) -> Floats:
+    """Which stiffness of the wall is the largest that does not shake, in N/m?
+
+    Each is tried on a grid of ratios to the predicted bound, 1 % apart, beginning a little beside the rest point.
+
+    Parameters
+    ----------
+    delays : (q,) array
+        Round trips, in s; a whole number of steps is simulated.
+    damping : float
+        B of the wall, in N s/m.
+    hand : Hand or None
+    step, seconds : float
+        In s.
+
+    Returns
+    -------
+    (q,) array
+    """
+    hand = hand or Hand()
+    steps = np.rint(delays / step).astype(np.int64)[:, None]
+    tried = stiffness_bound(np.multiply(steps, step, dtype=np.float64), step, hand.damping, damping) * np.arange(
+        0.7, 1.7, 0.01
+    )
+    rest = -hand.push / tried
+
+    def wall(_: int, position: Floats, velocity: Floats) -> Floats:
+        return np.where(position < 0.0, np.maximum(-tried * position - damping * velocity, 0.0), 0.0)
+
+    track = simulate(wall, steps, rest * 1.001, np.zeros_like(rest), hand, step, seconds)
+    off = np.abs(track.position - rest)
+    grows = off[-len(off) // 3 :].max(axis=0) > off[0]
+    first = np.argmax(grows, axis=1)
+    if not (grows.any(axis=1) & (first > 0)).all():
+        raise RuntimeError("the bound is outside the ratios tried, 0.7 to 1.7")
+    found: Floats = np.take_along_axis(tried, first[:, None], axis=1)[:, 0]
+    return found

@@ -1,0 +1,216 @@
+"""How fast are the workspace measures, and do they agree with a linear program for each pose?
+
+`python -m benchmarks.workspace` times them, one core and all, beside HiGHS and NumPy in turn;
+with `--verdicts` it compares the sign of the capacity margin with HiGHS's verdict at 100,000 random poses.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import highs
+from tensionlab.arrays import Floats
+from tensionlab.benchmark.batches import instruction_set, using_threads
+from tensionlab.benchmark.random_rigs import structures
+from tensionlab.benchmark.real_rigs import find_rig
+from tensionlab.workspace import capacity_margin, wrench_closure
+
+LOWER, UPPER = 0.5, 6.0
+SHAPES = ((2, 4), (3, 4), (3, 8), (6, 8))
+"""Components and cables of the verdicts."""
+UNDECIDED = 1e-6
+"""Margins this close to zero, in N, are left out of the verdicts: HiGHS itself has a tolerance of 1e-7."""
+PEER_CALLS = 400
+"""Linear programs in each round."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Seconds a pose, each the best of the rounds.
+
+    Attributes
+    ----------
+    name : str
+    poses, cores : int
+    one_core_s, all_cores_s : float
+        In one call over all poses.
+    numpy_s : float
+        Null space by `numpy.linalg.svd`, all poses at once; NaN where there is none.
+    highs_s, linprog_s : float
+        One linear program a pose: HiGHS's own module, its models ready, and `scipy.optimize.linprog`.
+    """
+
+    name: str
+    poses: int
+    cores: int
+    one_core_s: float
+    all_cores_s: float
+    numpy_s: float
+    highs_s: float
+    linprog_s: float
+
+
+def margin_row(n: int, m: int, count: int, rounds: int, seed: int = 0) -> Row:
+    """How long does the capacity margin about zero take at random poses?"""
+    W = structures(np.random.default_rng(seed), n, m, count)
+    limits = np.full(m, LOWER), np.full(m, UPPER)
+    return _row(f"capacity margin, n = {n}, m = {m}", W, limits, lambda: capacity_margin(W, limits), None, rounds)
+
+
+def closure_row(step: float, rounds: int) -> Row:
+    """How long does wrench closure take over the published grid of IPAnema 2, for a step in m?"""
+    rig = find_rig("ipanema-2")
+    axes = [np.arange(-4.0, 4.0 + step / 2, step), np.arange(-3.0, 3.0 + step / 2, step), np.arange(2.0, 4.5)]
+    W = rig.structure_matrix(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
+    pulling = np.ones(rig.m), np.full(rig.m, np.inf)
+    found, expected = wrench_closure(W), closure_by_svd(W)
+    if not np.array_equal(found, expected):
+        raise AssertionError(f"NumPy's null space contradicts {np.count_nonzero(found != expected)} poses")
+    return _row(
+        "wrench closure, IPAnema 2", W, pulling, lambda: wrench_closure(W), lambda: closure_by_svd(W), rounds
+    )
+
+
+def closure_by_svd(structure: Floats) -> NDArray[np.bool_]:
+    """Which poses have wrench closure, by singular values; two more cables than components.
+
+    Positive tensions N x in the null space are there if the rows of its basis N fit in an open half-plane: if the
+    largest angle between neighbours is more than a half turn.
+
+    Parameters
+    ----------
+    structure : (B, n, n + 2) array
+
+    Returns
+    -------
+    (B,) array of bool
+    """
+    _, sigma, rows = np.linalg.svd(structure)
+    null = rows[:, -2:]
+    angles = np.sort(np.arctan2(null[:, 1], null[:, 0]), axis=1)
+    gaps = np.diff(angles, axis=1, append=angles[:, :1] + 2 * np.pi)
+    return np.asarray((gaps.max(axis=1) > np.pi + 1e-9) & (sigma[:, -1] > 1e-8 * sigma[:, 0]))
+
+
+def _row(
+    name: str,
+    W: Floats,
+    limits: tuple[Floats, Floats],
+    measure: Callable[[], Any],
+    by_numpy: Callable[[], Any] | None,
+    rounds: int,
+) -> Row:
+    """All contestants in turn, so that what else the machine does hits all alike."""
+    from scipy.optimize import linprog
+
+    count, n, m = W.shape
+    cores = os.cpu_count() or 1
+    zero, cost, feasible = np.zeros(n), np.zeros(m), highs.judge()
+    bounds = [(float(low), float(high)) for low, high in zip(*limits, strict=True)]
+    times: dict[str, list[float]] = {"one": [], "all": [], "numpy": [], "highs": [], "linprog": []}
+
+    def clock(key: str, poses: int, work: Callable[[], Any]) -> None:
+        began = time.perf_counter()
+        work()
+        times[key].append((time.perf_counter() - began) / poses)
+
+    def by_scipy(matrices: Floats) -> None:
+        for matrix in matrices:
+            linprog(cost, A_eq=matrix, b_eq=zero, bounds=bounds)
+
+    for turn in range(rounds):
+        for key, number in (("one", 1), ("all", cores)):
+            with using_threads(number):
+                clock(key, count, measure)
+        if by_numpy is not None:
+            clock("numpy", count, by_numpy)
+        some = W[np.arange(turn * PEER_CALLS, (turn + 1) * PEER_CALLS) % count]
+        few = some[: PEER_CALLS // 8]
+        models = [highs.model(each, zero, *limits) for each in some]
+        clock("highs", len(some), partial(feasible, models))
+        clock("linprog", len(few), partial(by_scipy, few))
+    best = {key: min(values, default=float("nan")) for key, values in times.items()}
+    return Row(name, count, cores, best["one"], best["all"], best["numpy"], best["highs"], best["linprog"])
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """How often did margin and linear program agree?
+
+    Attributes
+    ----------
+    n, m, poses : int
+    inside : int
+        Poses that HiGHS can render.
+    undecided : int
+        Margins too close to zero to tell.
+    contradicted : int
+        Of the others, those with another sign than the verdict.
+    """
+
+    n: int
+    m: int
+    poses: int
+    inside: int
+    undecided: int
+    contradicted: int
+
+
+def verdicts(n: int, m: int, count: int, seed: int = 0) -> Verdicts:
+    """Has the capacity margin about a random wrench the sign of HiGHS's verdict, at random poses?
+
+    Every cable has limits of its own. A point in a plane, n = 2, is a point in space without its third component.
+    """
+    rng = np.random.default_rng([seed, n, m])
+    W = structures(rng, max(n, 3), m, count)[:, :n]
+    lower = rng.uniform(0.0, 1.0, (count, m))
+    upper = lower + rng.uniform(0.5, 6.0, (count, m))
+    wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 3.0, (count, 1))
+    margin = capacity_margin(W, (lower, upper), wrench[:, None])
+    found = np.array(highs.judge()(map(highs.model, W, wrench, lower, upper)))
+    decided = np.abs(margin) > UNDECIDED
+    wrong = decided & ((margin > 0) != found)
+    return Verdicts(n, m, count, *(int(np.count_nonzero(each)) for each in (found, ~decided, wrong)))
+
+
+def main() -> None:
+    """Print one of the two tables; exit status 1 if a verdict is contradicted."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--verdicts", action="store_true", help="compare signs instead of times")
+    parser.add_argument("--count", type=int, default=100_000, help="poses of the verdicts")
+    parser.add_argument("--rounds", type=int, default=9)
+    asked = parser.parse_args()
+    if asked.verdicts:
+        print("  n   m    poses   inside  undecided  contradicted")
+        found = [verdicts(n, m, asked.count // len(SHAPES)) for n, m in SHAPES]
+        for each in found:
+            print(
+                f"{each.n:3d} {each.m:3d} {each.poses:8,d} {each.inside:8,d} {each.undecided:10,d} "
+                f"{each.contradicted:13,d}"
+            )
+        raise SystemExit(any(each.contradicted for each in found))
+    print(f"Instruction set: {instruction_set()}")
+    print(
+        "              µs a pose:            poses   1 core      all NumPy SVD    HiGHS  linprog  HiGHS / 1 core"
+    )
+    for row in (
+        margin_row(3, 8, 20_000, asked.rounds),
+        margin_row(6, 8, 10_000, asked.rounds),
+        closure_row(0.1, asked.rounds),
+    ):
+        times = (row.one_core_s, row.all_cores_s, row.numpy_s, row.highs_s, row.linprog_s)
+        cells = " ".join(f"{1e6 * value:8.3f}" for value in times)
+        print(f"{row.name:32} {row.poses:8,d} {cells} {row.highs_s / row.one_core_s:10.0f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""What does the number of modules buy? Published rigs, and three to eight modules in one room."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.benchmark.real_rigs import find_rig
+from tensionlab.model.layouts import LIMITS, box_corners
+from tensionlab.model.module import Module
+from tensionlab.model.rig import Rig
+from tensionlab.workspace.sweep import sweep
+from tensionlab.workspace.sweep.pose_sets import Grid
+
+if TYPE_CHECKING:
+    import xarray
+
+ROOM = (4.0, 2.5, 4.0)
+"""Along X, Y and Z, in m; Y is up, the floor is y = 0, and the Y axis runs through its middle."""
+MEASURE = "capacity-margin"
+"""About no force, it is the force that a point rig renders in every direction."""
+POINTS = 61
+"""Of a grid, along the longest edge of its box."""
+
+
+def room_rigs() -> list[Rig]:
+    """Which rigs of three to eight modules would one mount in the room at once?
+
+    Corners of the room, or of the largest triangle in it that is even about the middle; half of the modules on the
+    floor and half on the ceiling, as far as that goes.
+    """
+    x, z = ROOM[0] / 2, ROOM[2] / 2
+    corners = [(x, z), (-x, z), (-x, -z), (x, -z)]
+    triangle = [(x, z), (-x, z), (0.0, -z)]
+    mirrored = [(a, -b) for a, b in triangle]
+    middle = [(0.0, 0.0)]
+    return [
+        _room_rig("3: triangle on the floor", triangle, []),
+        _room_rig("4: every other corner", corners[::2], corners[1::2]),
+        _room_rig("5: floor corners, top", corners, middle),
+        _room_rig("6: two triangles", triangle, mirrored),
+        _room_rig("7: triangle, ceiling corners", triangle, corners),
+        _room_rig("8: all corners", corners, corners),
+    ]
+
+
+def sweep_room(points: int = POINTS) -> xarray.Dataset:
+    """How much force can the rigs of the room render in every direction, all over it?"""
+    low, high = np.array([-ROOM[0] / 2, 0.0, -ROOM[2] / 2]), np.array([ROOM[0] / 2, ROOM[1], ROOM[2] / 2])
+    return sweep(room_rigs(), _grid(low, high, points), MEASURE, progress=False)
+
+
+def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
+    """The same for published rigs, each in the box of its anchors."""
+    big = find_rig("spidar-big")
+    eight = replace(
+        box_corners(2 * np.abs(big.anchors[0]), (big.modules[0].lower, big.modules[0].upper)),
+        name="spidar-big, 8 wires",
+    )
+    rigs = [
+        find_rig("bartels2026-validation"),
+        find_rig("cube-8"),
+        replace(big, name="spidar-big, 4 wires"),
+        eight,
+    ]
+    return [
+        sweep(rig, _grid(rig.anchors.min(axis=0), rig.anchors.max(axis=0), points), MEASURE, progress=False)
+        for rig in rigs
+    ]
+
+
+def _grid(low: Floats, high: Floats, points: int) -> Grid:
+    """Cells as even as can be, with so many points along the longest edge, and one in the middle of every edge."""
+    counts = [2 * max(1, round((points - 1) / 2 * edge / (high - low).max())) + 1 for edge in high - low]
+    return Grid(*(np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True)))
+
+
+def _room_rig(name: str, floor: list[tuple[float, float]], ceiling: list[tuple[float, float]]) -> Rig:
+    lower, upper = LIMITS
+    places = [(x, 0.0, z) for x, z in floor] + [(x, ROOM[1], z) for x, z in ceiling]
+    modules = [
+        Module(name=str(number), anchor=np.array(place), lower=lower, upper=upper)
+        for number, place in enumerate(places, 1)
+    ]
+    home = np.array([0.0, ROOM[1] / 2, 0.0])
+    return Rig(name=name, kind="point", modules=tuple(modules), home=home, up="y")

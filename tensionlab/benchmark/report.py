@@ -1,0 +1,222 @@
+"""The report of a benchmark in Markdown, written from the table alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+
+from tensionlab.benchmark.calls import PASSES
+from tensionlab.benchmark.findings import findings
+from tensionlab.benchmark.headline import Headline, headlines
+from tensionlab.benchmark.results import Results
+from tensionlab.benchmark.rows import Row
+from tensionlab.benchmark.text import count, duration, newton, percent, table, times
+
+FIGURES = {
+    "profile": "Performance profile: for which share of the problems each contestant has an answer to 1e-6 N "
+    "within so many times the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
+    "accuracy": "Time and accuracy: median time of a call, and the error that 99 % of the answers do not "
+    "exceed. Down and left is better.",
+    "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all sets within reach.",
+    "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
+}
+"""Pictures beside the report, with their captions."""
+
+IDLE = 0.9
+"""Share of the time that the measuring process has the processor, on a machine with nothing else to do."""
+
+HEADLINE: list[tuple[str, Callable[[Headline], str]]] = [
+    ("1e-3 N", lambda line: percent(line.solved_1e3)),
+    ("1e-6 N", lambda line: percent(line.solved_1e6)),
+    ("1e-9 N", lambda line: percent(line.solved_1e9)),
+    ("elsewhere 1e-6 N", lambda line: percent(line.elsewhere)),
+    ("largest gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
+    ("typical call", lambda line: duration(line.sgm_s)),
+    ("p99.9", lambda line: duration(line.p999_s)),
+    ("worst", lambda line: duration(line.worst_s)),
+    ("in a batch", lambda line: duration(line.batch_s)),
+    ("iterations", lambda line: count(line.iterations_max) if line.iterations_max else "–"),
+    ("jump, N/mm", lambda line: newton(line.jump_max)),
+]
+DETAIL: list[tuple[str, Callable[[Row], str]]] = [
+    ("tried", lambda row: count(row.tried)),
+    ("proved", lambda row: percent(row.proved / row.tried) if row.setting == "proved" else "–"),
+    ("1e-3 N", lambda row: percent(row.solved_1e3)),
+    ("1e-6 N", lambda row: percent(row.solved_1e6)),
+    ("1e-9 N", lambda row: percent(row.solved_1e9)),
+    ("error, N", lambda row: newton(row.error_max)),
+    ("limits, N", lambda row: newton(row.violation_max)),
+    ("gap median", lambda row: marked(newton(row.gap_median), row.comparable)),
+    ("gap max, N", lambda row: marked(newton(row.gap_max), row.comparable)),
+    ("typical", lambda row: duration(row.sgm_s)),
+    ("median", lambda row: duration(row.median_s)),
+    ("p99", lambda row: duration(row.p99_s)),
+    ("p99.9", lambda row: duration(row.p999_s)),
+    ("worst", lambda row: duration(row.worst_s)),
+    ("build", lambda row: duration(row.build_s)),
+    ("set-up", lambda row: duration(row.setup_s)),
+    ("solve", lambda row: duration(row.solve_s)),
+    ("batch", lambda row: duration(row.batch_s)),
+    ("iterations", lambda row: count(row.iterations_max) if row.iterations_max else "–"),
+]
+
+HOW_TO_READ = """\
+- **Every problem** asks for the tensions of least `|t|²` that render a wrench inside their limits. A solver
+  with another objective (†) is measured on feasibility, speed and continuity; its gap is a difference of
+  taste.
+- **Solvers of the house** run through the interface: a prepared `tl.Allocator`, the time of clipping,
+  measuring and proving included. **Peers** get the plain program and return what they return, *default*
+  with their own settings and *tight* with the strictest that make sense; nothing is proved in their time.
+  `daqp` is its own Python module; `qpsolvers:…` goes through qpsolvers; `cvxpy` fills numbers into a
+  program that it compiled once.
+- **1e-3, 1e-6, 1e-9 N**: the share of the problems solved so accurately: the wrench (of the tensions
+  clipped into their limits) as near as it can be, and the raw tensions outside their limits by no more;
+  times the norm of the wrench where that is above 1 N. Out of reach, "near" is measured by the policy (the
+  closest wrench for a solver without one), and the least possible error is subtracted. Refused problems are
+  not solved.
+- **gap**: largest difference of a tension to the optimum. The optimum comes from the exact solver and is
+  verified by its duality gap, which anyone can compute; problems where that proof fails are left out of the
+  gap.
+- **error** and **limits**: the largest error above the least possible, and the largest violation of a limit
+  by a raw answer.
+- **Times** are of one call from arrays to tensions, each problem the best of {repeats} in random order, in
+  blocks in which the contestants take turns; so they are the solver's and not the machine's. *typical* is
+  the shifted geometric mean (shift 1 µs). *build* is what of it brings the arrays into the peer's form;
+  *set-up* and *solve* are the peer's own clock, where it tells. *batch*: a problem in one large batch.
+- **tried**: each contestant has {seconds:g} s for each set; one that needs longer sees fewer of the
+  problems, drawn at random.
+- **jump**: largest change of a tension from one sample of a trajectory to the next, for each millimetre of
+  path."""
+
+
+def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
+    """Return what was found, in Markdown.
+
+    Parameters
+    ----------
+    results : Results
+    figures : collection of str
+        Those of `FIGURES` that stand beside it.
+    """
+    plan = results.manifest["bench"]["plan"]
+    total = sum(about["problems"] for about in results.sets.values())
+    parts = [
+        "# Tension solvers compared",
+        f"{count(total)} problems in {len(results.sets)} sets; {count(len(headlines(results)))} contestants.",
+        "## Findings",
+        "\n".join(f"- {finding}" for finding in findings(results)),
+        "## All sets",
+        "Shares and times are means over the sets within reach, each set counting the same; *elsewhere* is the "
+        "share in the sets that are out of reach or partly so. p99.9 and worst are those of the worst set. † has "
+        "another objective.",
+        headline_table(results),
+        *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items() if name in figures),
+        "## How to read it",
+        HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
+        *(_set(results, name) for name in results.sets),
+        *_batches(results),
+        "## Machine and versions",
+        _machine(results),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def marked(text: str, comparable: bool) -> str:
+    """The text, with a dagger where the objective is another one."""
+    return text if comparable or text == "–" else f"{text} †"
+
+
+def headline_table(results: Results) -> str:
+    """Every contestant over all sets; those that did not take part last, with the reason."""
+    rows = []
+    for line in headlines(results):
+        name = marked(f"**{line.label}**" if line.house else line.label, line.comparable)
+        absent = math.isnan(line.sgm_s) and math.isnan(line.elsewhere)
+        cells = (
+            [line.note or "–", *[""] * (len(HEADLINE) - 1)] if absent else [write(line) for _, write in HEADLINE]
+        )
+        rows.append([name, *cells])
+    return table(["solver", *(heading for heading, _ in HEADLINE)], rows)
+
+
+def _set(results: Results, name: str) -> str:
+    """One problem set: what it is, who did what, who refused."""
+    about, rows = results.sets[name], results.of_set(name)
+    groups = ", ".join(f"{label} ({size})" for label, size in about["groups"])
+    verified = min(about["verified"].values())
+    cells, notes = [], []
+    for row in rows:
+        label = marked(f"**{row.label}**" if row.setting == "proved" else row.label, row.comparable)
+        if row.tried:
+            cells.append([label, row.nearest or "–", *(write(row) for _, write in DETAIL)])
+        else:
+            cells.append([label, row.nearest or "–", row.note or "–", *[""] * (len(DETAIL) - 1)])
+        if row.tried and row.note:
+            notes.append(f"- {row.label}: {row.note} ({count(row.refused)} of {count(row.tried)} problems)")
+    parts = [
+        f"## {name}",
+        f"{about['title'][0].upper()}{about['title'][1:]}. {groups}. "
+        f"The optimum is verified for {count(verified)} of {count(about['problems'])}.",
+        table(["solver", "out of reach", *(heading for heading, _ in DETAIL)], cells, left=2),
+    ]
+    return "\n\n".join(parts + (["\n".join(notes)] if notes else []))
+
+
+def _batches(results: Results) -> list[str]:
+    """The exact solver's batches and single calls, against DAQP; nothing where they were left out."""
+    if not results.batches:
+        return []
+    rows = [
+        [
+            f"n = {row.components}, m = {row.cables}",
+            "within reach" if row.reachable else "out of reach",
+            duration(row.one_core_s),
+            duration(row.all_cores_s),
+            duration(row.daqp_c_s),
+            duration(row.daqp_loop_s),
+            f"{row.ratio:.3f}",
+            times(row.daqp_loop_s / row.all_cores_s),
+            newton(row.gap_max),
+        ]
+        for row in results.batches
+    ]
+    first = results.batches[0]
+    headings = ["", "wrenches", "one core", f"all {first.cores} cores", "DAQP in C", "loop over DAQP",
+                "one core / DAQP in C", "loop / all cores", "largest gap, N"]  # fmt: skip
+    calls = [
+        [
+            f"n = {call.components}, m = {call.cables}",
+            f"`{call.caller}`",
+            duration(call.median_s),
+            duration(call.p999_s),
+            times(call.p999_s / call.median_s),
+            times(call.quiet_p999_s / call.median_s),
+        ]
+        for call in results.calls
+    ]
+    return [
+        "## Batches",
+        f"{count(first.count)} random problems in one `tl.allocate` call, proof included: time for each. DAQP's "
+        "time in C is set-up plus solve by its own clock; the loop calls its Python module with all arrays ready. "
+        "Each the best of its rounds.",
+        table(headings, rows, left=2),
+        "One call for one problem. Whatever interrupts the process counts in p99.9, but hardly in the last "
+        f"column, where each problem has its best time of {PASSES}:",
+        table(["", "caller", "median", "p99.9", "p99.9 / median", "uninterrupted"], calls, left=2),
+    ]
+
+
+def _machine(results: Results) -> str:
+    about, bench = results.manifest, results.manifest["bench"]
+    busy = bench["processor_share"]
+    lines = [
+        f"- Processor: {about['processor']}; instruction set taken: {bench['instruction_set']}; one thread, but "
+        "for the batches on all cores.",
+        f"- {about['platform']}; Python {about['python']}.",
+        "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
+        f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",
+        f"- The measuring process had the processor for {percent(busy)} of the time"
+        + ("." if busy >= IDLE else ": **the machine was busy, and times are worse than they should be.**"),
+        f"- To repeat: `{about['call']}`",
+    ]
+    return "\n".join(lines)

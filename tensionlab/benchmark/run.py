@@ -1,0 +1,230 @@
+"""One benchmark from plan to table, in a process of its own whose libraries are told to use one thread.
+
+Numerical libraries read how many threads they may use when they are loaded, and the process that asks for a
+benchmark has loaded them already.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tensionlab import records
+from tensionlab.benchmark import batches, results
+from tensionlab.benchmark.calls import CallRow, single_calls
+from tensionlab.benchmark.entries import contestants
+from tensionlab.benchmark.evaluation import Effort, measure_set
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
+from tensionlab.benchmark.rows import Row
+from tensionlab.errors import ShapeError, TensionlabError, WriteError
+from tensionlab.files import writing
+
+ONE_THREAD = dict.fromkeys(
+    (
+        "TENSIONLAB_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "RAYON_NUM_THREADS",
+    ),
+    "1",
+)
+"""The environment of the measuring process. The batches on all cores set the first one themselves."""
+BATCH_SHARE = 0.15
+"""About this share of the time goes to the batches."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to measure, and how long.
+
+    Attributes
+    ----------
+    sets : tuple of str
+        Names in `PROBLEM_SETS`; None for all.
+    solvers : tuple of str or None
+        As in `contestants`; None for everyone.
+    count, seed : int
+        Problems in each set, and the seed of problems and shuffles.
+    seconds, repeats
+        As in `Effort`.
+    batch, rounds, calls : int
+        Problems in a batch, rounds, and single calls, of `batches`. No rounds: leave them out.
+    """
+
+    sets: tuple[str, ...]
+    solvers: tuple[str, ...] | None = None
+    count: int = 1000
+    seed: int = 0
+    seconds: float = 3.0
+    repeats: int = 3
+    batch: int = 100_000
+    rounds: int = 7
+    calls: int = 5000
+
+    def __post_init__(self) -> None:
+        """Refuse what can't be measured, before any work."""
+        if not self.sets:
+            raise ShapeError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
+        if self.solvers is not None and not self.solvers:
+            raise ShapeError("no solver is named; leave the option out for all of them")
+        for name in self.sets:
+            if name not in PROBLEM_SETS:
+                raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
+        if self.count < 1 or self.seed < 0 or not self.seconds > 0 or self.repeats < 1:
+            raise ShapeError(
+                f"count {self.count} and repeats {self.repeats} must be 1 or more, seconds {self.seconds} "
+                f"above 0, and seed {self.seed} not negative"
+            )
+        contestants("none", self.solvers)
+
+
+def plan(
+    sets: Sequence[str] | None = None,
+    solvers: Sequence[str] | None = None,
+    count: int | None = None,
+    seed: int = 0,
+    quick: bool = False,
+) -> Plan:
+    """What does a full benchmark measure, or one of two minutes?
+
+    Raises
+    ------
+    ShapeError, UnknownSolver
+        If a name is unknown or a number impossible.
+    """
+    names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
+    asked = None if solvers is None else tuple(solvers)
+    if quick:
+        return Plan(names, asked, count or 60, seed, seconds=0.1, repeats=2, batch=20_000, rounds=3, calls=1000)
+    return Plan(names, asked, count or 1000, seed)
+
+
+def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> results.Results:
+    """Measure in a process of its own, and read back what it wrote: arguments and errors as those of `measure`."""
+    return results.read(measure(what, folder, call, progress))
+
+
+def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+    """Measure in a process of its own, and return the folder with what it wrote.
+
+    Parameters
+    ----------
+    what : Plan
+    folder : path
+        Where `results.FILE` and ``manifest.json`` go; made if it is not there. If they cannot be written there in
+        the end, they go to a temporary folder.
+    call : sequence of str
+        What was asked for, for the manifest.
+    progress : callable
+        Told the share that is done.
+
+    Raises
+    ------
+    WriteError
+        If the folder cannot be written to.
+    TensionlabError
+        If the process broke; what it said has gone to stderr.
+    """
+    writing.require_folder(folder, parents=True)
+    writing.make_folder(folder)
+    order = json.dumps({"plan": dataclasses.asdict(what), "folder": str(folder), "call": list(call)})
+    command = [sys.executable, "-m", "tensionlab.benchmark", order]
+    kept = folder
+    # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD, process_group=0
+    ) as process:
+        assert process.stdout
+        try:
+            for line in process.stdout:
+                said = json.loads(line)
+                if "share" in said:
+                    progress(said["share"])
+                elif "error" in said:
+                    raise TensionlabError(said["error"])
+                else:
+                    kept = Path(said["folder"])
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+    if process.returncode:
+        raise TensionlabError(f"the measuring process ended with status {process.returncode}; it said why above")
+    return kept
+
+
+def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+    """Measure every set and the batches in this process, write the table with its manifest, and return where."""
+    wall, processor = time.perf_counter(), time.process_time()
+    share = (1.0 - BATCH_SHARE) / len(what.sets)
+    rows: list[Row] = []
+    sets = {}
+    effort, rng = Effort(what.seconds, what.repeats), np.random.default_rng(what.seed)
+    for done, name in enumerate(what.sets):
+        problems = problem_set(name, what.count, what.seed)
+        takers = contestants(problems.reachable, what.solvers)
+        measured = measure_set(problems, takers, effort, rng, _within(progress, share * done, share))
+        rows += measured.rows
+        sets[name] = {
+            "title": problems.title,
+            "reachable": problems.reachable,
+            "groups": [[group.label, len(group.structure)] for group in problems.groups],
+            "problems": sum(len(group.structure) for group in problems.groups),
+            "verified": measured.verified,
+        }
+    busy = (time.process_time() - processor) / (time.perf_counter() - wall)
+    batch_rows, call_rows = _batches(what, progress)
+    manifest = records.manifest(call, what.seed)
+    manifest["bench"] = {
+        "sets": sets,
+        "plan": dataclasses.asdict(what),
+        "instruction_set": batches.instruction_set(),
+        "processor_share": busy,
+        "threads": {name: os.environ.get(name) for name in ONE_THREAD},
+        "batches": [dataclasses.asdict(row) for row in batch_rows],
+        "calls": [dataclasses.asdict(row) for row in call_rows],
+    }
+    try:
+        _write(folder, rows, manifest)
+    except WriteError:
+        folder = Path(tempfile.mkdtemp(prefix="tensionlab-bench-"))
+        _write(folder, rows, manifest)
+    return folder
+
+
+def _write(folder: Path, rows: Sequence[Row], manifest: dict[str, Any]) -> None:
+    results.write(folder / results.FILE, rows, manifest)
+    writing.write_text(folder / "manifest.json", json.dumps(manifest, indent=2) + "\n")
+
+
+def _batches(what: Plan, progress: Callable[[float], None]) -> tuple[list[batches.BatchRow], list[CallRow]]:
+    """The measurements of `batches`, none if there are no rounds."""
+    if not what.rounds:
+        return [], []
+    cases = [(n, m, reachable) for n, m in batches.SHAPES for reachable in (True, False)]
+    found = []
+    for done, case in enumerate(cases):
+        found.append(batches.against_daqp(*case, what.batch, what.rounds, what.seed))
+        progress(1.0 - BATCH_SHARE * (1.0 - 0.9 * (done + 1) / len(cases)))
+    calls = [row for shape in ((3, 8), (6, 8)) for row in single_calls(*shape, what.calls, what.seed)]
+    progress(1.0)
+    return found, calls
+
+
+def _within(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
+    """Tell the progress of a part as progress of the whole."""
+    return lambda part: progress(start + share * part)

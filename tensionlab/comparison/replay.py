@@ -1,0 +1,143 @@
+"""What other solvers would have chosen in a run: its demands, at its poses, scored alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.allocation import Allocator
+from tensionlab.comparison.scores import Score, finite, score
+from tensionlab.comparison.selected_solvers import lineup
+from tensionlab.hardware.log.reader import Run
+from tensionlab.solvers import make
+from tensionlab.solvers.base import Nearest
+from tensionlab.verification import Allocation
+
+
+@dataclass(frozen=True)
+class ReplayRow(Score):
+    """What one solver did, or would have done, with the demands of a run; NaN where nothing was measured.
+
+    Attributes
+    ----------
+    replaced : int
+        Answers that the run's solver left unproved. In the run's own row, those of the exact solver are in their
+        place, and are scored as its own.
+    magnitude_mean, magnitude_max : float
+        How much larger or smaller the rendered force is than the desired one, in N.
+    tension_max : float
+        In N.
+    jump_max : float
+        Largest change of a tension from one cycle to the next, in N, before the runner limits it; where the same
+        modules take part in both.
+    iterations_mean, iterations_max : float
+        As the solver counts them.
+    """
+
+    replaced: int
+    magnitude_mean: float
+    magnitude_max: float
+    tension_max: float
+    jump_max: float
+    iterations_mean: float
+    iterations_max: float
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Solvers on the demands of a run.
+
+    Attributes
+    ----------
+    cycles : int
+        How many of the run's cycles are in it: those with a wrench to be rendered.
+    rows : tuple of ReplayRow
+        The run's own first, as it was; then each solver with its own policy.
+    missing : dict of str to str
+        Solvers left out, and why.
+    """
+
+    cycles: int
+    rows: tuple[ReplayRow, ...]
+    missing: dict[str, str]
+
+
+def replay(
+    run: Run, solvers: Sequence[str] | None = None, progress: Callable[[float], None] | None = None
+) -> Replay:
+    """What would other solvers have chosen in a run?
+
+    Each gets the wrenches that were asked for, at the poses where the run was, with the run's limits and the
+    modules that took part. What the run would have been then, where it would have gone, nobody knows.
+
+    Parameters
+    ----------
+    run : Run
+    solvers : sequence of str, optional
+        Names, as in `lineup`; None for all that serve this rig.
+    progress : callable, optional
+        Told the share of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    ValueError, UnknownSolver, MissingDependency, PluginError
+        As `lineup`.
+    """
+    runs, missing = lineup(solvers, None, (run.rig.n, run.rig.m))
+    own: dict[str, Nearest | None] = {}
+    for name, policy in runs:  # a solver's own policy is its first
+        own.setdefault(name, policy)
+    asked = np.asarray(np.isfinite(run.demanded).all(axis=1))
+    part = _part(run)[asked]
+    limits = np.where(part, run.setup.lower, 0.0), np.where(part, run.setup.upper, 0.0)
+    recorded = run.allocation
+    kept = Allocation(
+        tensions=recorded.tensions[asked],
+        wrench=recorded.wrench[asked],
+        residual=recorded.residual[asked],
+        status=recorded.status[asked],
+        scale=recorded.scale[asked],
+        iterations=recorded.iterations[asked],
+        separation=recorded.separation[asked],
+    )
+    rows = [_row(run, asked, run.setup.solver, run.setup.nearest, kept, int(run.replaced[asked].sum()))]
+    for done, (name, policy) in enumerate(own.items(), start=1):
+        allocator = Allocator(limits, make(name), nearest=policy)
+        found = allocator(run.structure[asked], run.asked[asked])
+        rows.append(_row(run, asked, name, policy, found, 0))
+        if progress:
+            progress(done / len(own))
+    return Replay(int(asked.sum()), tuple(rows), missing)
+
+
+def _part(run: Run) -> NDArray[np.bool_]:
+    """Which modules shared in rendering the wrench, in each cycle? Not those that were lost, nor springs."""
+    return np.asarray(run.active & np.isnan(run.impedances[:, :, 0]))
+
+
+def _row(
+    run: Run,
+    asked: NDArray[np.bool_],
+    solver: str,
+    nearest: Nearest | None,
+    found: Allocation,
+    replaced: int,
+) -> ReplayRow:
+    dimension = run.rig.dimension
+    wrenches, part, cycle = run.asked[asked], _part(run)[asked], run.cycle[asked]
+    forces, rendered = wrenches[:, :dimension], found.wrench[:, :dimension]
+    magnitude = abs(np.linalg.norm(rendered, axis=1) - np.linalg.norm(forces, axis=1))
+    neighbours = (np.diff(cycle) == 1) & (part[1:] == part[:-1]).all(axis=1)
+    return ReplayRow(
+        **vars(score(solver, nearest, wrenches, found, dimension)),
+        replaced=replaced,
+        magnitude_mean=finite(np.mean, magnitude),
+        magnitude_max=finite(np.max, magnitude),
+        tension_max=finite(np.max, found.tensions),
+        jump_max=finite(np.max, abs(np.diff(found.tensions, axis=0))[neighbours]),
+        iterations_mean=finite(np.mean, found.iterations),
+        iterations_max=finite(np.max, found.iterations),
+    )

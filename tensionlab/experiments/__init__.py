@@ -1,1 +1,0 @@
-"""Runs that compare solvers and rigs, and the records they leave."""

@@ -1,1 +1,0 @@
-"""Scenarios, played and judged: play, direction, feel."""

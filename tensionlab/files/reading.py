@@ -1,0 +1,176 @@
+"""Files from outside, read within bounds: bytes, text, TOML and JSON, each refused in words.
+
+Whoever reads a file of some kind goes through here, so that a folder, a device, a file of gigabytes, another
+encoding, tables nested a thousand deep and numbers of a thousand digits are refused once and in the same words.
+`tensionlab.files.tables` reads columns of numbers.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import reprlib
+import tomllib
+from collections.abc import Iterator
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from tensionlab.errors import TensionlabError
+
+MAX_TEXT_BYTES = 1_000_000
+"""Of a file that describes something, such as a rig; a large one has some ten thousand."""
+MAX_NESTING = 32
+"""Tables and lists within each other."""
+MAX_INTEGER = 2**63
+"""Whole numbers are below this size, as TOML has it."""
+MAX_KEY_PARTS = 32
+"""Of a dotted key. The parser takes the square of their number, in time and in memory."""
+LONG_KEY = re.compile(rf"""(?:(?:"[^"\n]*"|'[^'\n]*'|[\w-]+)[ \t]*\.[ \t]*){{{MAX_KEY_PARTS}}}""")
+PIECE_BYTES = 1_000_000
+"""Read at a time: who asks for a gigabyte at once gets its memory before there is a byte."""
+
+MAX_SHOWN = 80
+"""Characters of a value in a message."""
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = _short.maxlong = 60
+_short.maxlevel = 3
+
+
+def brief(value: object) -> str:
+    """Return the representation of a value, shortened for a message."""
+    text = _short.repr(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 1]}…"
+
+
+def read_bytes(
+    path: str | PathLike[str], what: str, error: type[TensionlabError], largest: int = MAX_TEXT_BYTES
+) -> bytes:
+    """Return the contents of a file.
+
+    Parameters
+    ----------
+    path : path
+    what : str
+        What kind of file is wanted, such as "a rig file (*.toml)", for messages.
+    error : type
+        Of the error that is raised.
+    largest : int
+        More bytes than this are refused.
+
+    Raises
+    ------
+    error
+        Naming the file: it is not there, is a folder, cannot be read, or is too large.
+    """
+    pieces: list[bytes] = []
+    left = largest + 1
+    try:
+        with Path(path).open("rb") as file:
+            while left > 0 and (piece := file.read(min(left, PIECE_BYTES))):
+                pieces.append(piece)
+                left -= len(piece)
+    except FileNotFoundError:
+        raise error(f"{path}: no such file; give the path of {what}") from None
+    except IsADirectoryError:
+        raise error(f"{path}: is a folder; give {what}") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror}); give {what}") from None
+    except ValueError as problem:  # a path that no system takes
+        raise error(f"{brief(str(path))}: cannot be read ({problem}); give {what}") from None
+    if left == 0:
+        raise error(f"{path}: has more than {largest:,} bytes; give {what}")
+    return b"".join(pieces)
+
+
+def read_text(
+    path: str | PathLike[str], what: str, error: type[TensionlabError], largest: int = MAX_TEXT_BYTES
+) -> str:
+    """Return the text of a file in UTF-8, with or without a byte order mark.
+
+    Parameters and errors as in `read_bytes`.
+    """
+    try:
+        return read_bytes(path, what, error, largest).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise error(f"{path}: not UTF-8 text; save it as UTF-8, or give {what}") from None
+
+
+def read_toml(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> dict[str, Any]:
+    """Return the tables of a TOML file. Parameters and errors as in `read_bytes` and `parse_toml`."""
+    return parse_toml(read_text(path, what, error), str(path), error)
+
+
+def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str, Any]:
+    """Return the keys and values of a TOML text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        What the text is called in messages.
+    error : type
+        Of the error that is raised.
+
+    Raises
+    ------
+    error
+        It is not valid TOML, too large, nested too deep, or has a whole number of more than 64 bits.
+    """
+    if len(text) > MAX_TEXT_BYTES:
+        raise error(f"{source}: has more than {MAX_TEXT_BYTES:,} characters; shorten it") from None
+    if LONG_KEY.search(text):
+        raise error(f"{source}: a key has more than {MAX_KEY_PARTS} parts with dots between; shorten it") from None
+    try:
+        document = tomllib.loads(text)
+    except RecursionError:
+        raise _too_deep(source, error) from None
+    except tomllib.TOMLDecodeError as problem:
+        raise error(f"{source}: not valid TOML: {_clipped(problem)}; correct that line") from None
+    except ValueError:  # Python itself refuses to read so many digits
+        raise error(f"{source}: a whole number has thousands of digits; correct it") from None
+    _require_bounded(document, source, error)
+    return document
+
+
+def parse_json(text: str | bytes, source: str, error: type[TensionlabError]) -> Any:
+    """Return what a JSON text holds. Parameters and errors as in `parse_toml`, but for the size."""
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise _too_deep(source, error) from None
+    except ValueError as problem:
+        raise error(f"{source}: not valid JSON: {_clipped(problem)}; correct it") from None
+    _require_bounded(value, source, error)
+    return value
+
+
+def _require_bounded(document: Any, source: str, error: type[TensionlabError]) -> None:
+    """Refuse what is nested too deep for those who go through it, and whole numbers that no float holds."""
+    level: list[tuple[str, Any]] = [("", document)]
+    for _ in range(MAX_NESTING):
+        for where, value in level:
+            if type(value) is int and not -MAX_INTEGER <= value < MAX_INTEGER:
+                raise error(f"{source}: {where}: a whole number beyond 64 bits; correct it") from None
+        level = [inner for where, value in level for inner in _inside(where, value)]
+        if not level:
+            return
+    raise _too_deep(source, error) from None
+
+
+def _inside(where: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield what a table or a list holds, each with the key that leads to it."""
+    if isinstance(value, dict):
+        yield from ((brief(key) if where == "" else where, each) for key, each in value.items())
+    elif isinstance(value, list):
+        yield from ((where, each) for each in value)
+
+
+def _too_deep(source: str, error: type[TensionlabError]) -> TensionlabError:
+    return error(f"{source}: tables or lists are nested more than {MAX_NESTING} deep; flatten them")
+
+
+def _clipped(problem: Exception) -> str:
+    words = " ".join(str(problem).split())
+    return words if len(words) <= 120 else f"{words[:119]}…"

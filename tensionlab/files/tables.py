@@ -1,0 +1,305 @@
+"""Tables of numbers from outside: CSV, Parquet and NPZ files, read within bounds and refused in words."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+import zipfile
+from array import array
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import TensionlabError
+from tensionlab.files.reading import brief, parse_json, read_bytes, read_text
+
+Row = TypeVar("Row")
+
+MAX_FILE_BYTES = 500_000_000
+"""Of a table on disk."""
+MAX_VALUES = 200_000_000
+"""In a table, compressed as it may be: 1.6 GB."""
+
+
+def csv_rows(text: str, source: str, error: type[TensionlabError]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the cells of each line that says something, with its number from 1.
+
+    Empty lines, and those that begin with #, are passed over.
+
+    Raises
+    ------
+    error
+        Naming the line: cells that are no CSV, as with a quotation mark that is never closed.
+    """
+    for number, line in enumerate(io.StringIO(text), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        try:
+            cells = next(csv.reader([line.rstrip("\r\n")], strict=True))
+        except (csv.Error, StopIteration) as problem:
+            raise error(f"{source}: line {number}: {problem}; correct that line") from None
+        yield number, [cell.strip() for cell in cells]
+
+
+def read_table(
+    path: str | PathLike[str],
+    needed: Sequence[str],
+    optional: Collection[str] = (),
+    *,
+    error: type[TensionlabError],
+    what: str = "a table of numbers (*.csv)",
+) -> dict[str, Floats]:
+    """Return the numbers of each column of a CSV file whose first line names the columns.
+
+    Parameters
+    ----------
+    path : path
+    needed, optional : sequence of str
+        Columns that must and that may be there; a file with others is refused. Parts of the names before a comma
+        or a bracket do not count: names are compared as they are.
+    error : type
+        Of the error that is raised.
+    what : str
+        Which kind of file is wanted, for messages.
+
+    Returns
+    -------
+    dict of (K,) arrays
+        By column.
+
+    Raises
+    ------
+    error
+        Naming the file, the line and the column: what is wrong and what to do.
+    """
+    rows = csv_rows(read_text(path, what, error, MAX_FILE_BYTES), str(path), error)
+    _, heading = next(rows, (0, []))
+    check_columns(heading, needed, optional, str(path), error)
+    values = array("d")
+    for number, cells in rows:
+        if len(cells) != len(heading):
+            raise error(f"{path}: line {number} has {len(cells)} values for {len(heading)} columns")
+        for column, word in zip(heading, cells, strict=True):
+            values.append(number_of(word, f'{path}: line {number}, column "{column}"', error))
+    if not values:
+        raise error(f"{path}: no numbers; the first line names the columns {', '.join(needed)}")
+    table = np.array(values).reshape(-1, len(heading))
+    return {name: table[:, column] for column, name in enumerate(heading)}
+
+
+def check_columns(
+    names: Sequence[str],
+    needed: Sequence[str],
+    optional: Collection[str],
+    source: str,
+    error: type[TensionlabError],
+) -> None:
+    """Refuse columns that are missing, are there twice, or are not known."""
+    for name in (*needed, *optional):
+        if names.count(name) > 1:
+            raise error(f'{source}: column "{name}" is there twice; there must be {", ".join(needed)}')
+    for name in needed:
+        if name not in names:
+            there = ", ".join(names[:20]) or "none"
+            raise error(
+                f'{source}: column "{name}" is missing; there must be {", ".join(needed)}, there are {there:.100}'
+            )
+    for name in names:
+        if name not in needed and name not in optional:
+            known = ", ".join([*needed, *optional])
+            raise error(f'{source}: nobody knows what the column "{name:.40}" is; there may be {known}')
+
+
+def number_of(word: str, where: str, error: type[TensionlabError]) -> float:
+    """Return a finite number from its text."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise error(f"{where}: {brief(word)} is no finite number")
+    return value
+
+
+class ParquetTable(NamedTuple):
+    """A Parquet file: its columns, and the manifest in its metadata."""
+
+    source: str
+    columns: Any
+    """The table, as pyarrow has it."""
+    manifest: dict[str, Any]
+    """Empty if there is none."""
+
+    def numbers(self, name: str, error: type[TensionlabError]) -> Floats:
+        """Return a column of finite numbers, (K,)."""
+        import pyarrow as pa
+
+        if name not in self.columns.column_names:
+            raise self._missing(name, error)
+        column = self.columns[name]
+        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+            raise error(f'{self.source}: column "{name}" is of {column.type}; it must be of numbers')
+        values: Floats = np.asarray(column.to_numpy(), dtype=np.float64)  # missing ones become NaN
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise error(f'{self.source}: column "{name}", row {row + 1}: {values[row]} is no finite number')
+        return values
+
+    def values(self, name: str, kind: type, error: type[TensionlabError]) -> list[Any]:
+        """Return a column whose values are all of a type, such as str."""
+        if name not in self.columns.column_names:
+            raise self._missing(name, error)
+        found: list[Any] = self.columns[name].to_pylist()
+        for number, value in enumerate(found, start=1):
+            if not _suits(value, kind):
+                raise error(
+                    f'{self.source}: column "{name:.40}", row {number}: {brief(value)} is no {_named(kind)}'
+                )
+        return found
+
+    def rows(self, kind: type[Row], error: type[TensionlabError]) -> list[Row]:
+        """Return the rows as instances of a dataclass, whose fields are the columns."""
+        return from_mappings(self.columns.to_pylist(), kind, self.source, error)
+
+    def _missing(self, name: str, error: type[TensionlabError]) -> TensionlabError:
+        there = ", ".join(self.columns.column_names[:20]) or "none"
+        return error(f'{self.source}: column "{name:.40}" is missing; there are {there:.100}')
+
+
+def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type[TensionlabError]) -> list[Row]:
+    """Return mappings, such as the rows of a table, as instances of a dataclass, checked against its annotations.
+
+    Raises
+    ------
+    error
+        Naming the row, from 1, and the field.
+    """
+    hints = get_type_hints(kind)
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    needed = {
+        each.name
+        for each in fields
+        if each.default is dataclasses.MISSING and each.default_factory is dataclasses.MISSING
+    }
+    found = []
+    for number, values in enumerate(rows, start=1):
+        here = f"{source}: row {number}"
+        if not isinstance(values, Mapping):
+            raise error(f"{here} is {brief(values)}; it must be a table")
+        for name in sorted(needed - values.keys()):
+            raise error(f'{here}: "{name}" is missing')
+        for name, value in values.items():
+            if name not in hints:
+                raise error(f'{here}: nobody knows what "{name:.40}" is')
+            if not _suits(value, hints[name]):
+                raise error(f'{here}: "{name}" is {brief(value)}; it must be of {_named(hints[name])}')
+        found.append(kind(**values))
+    return found
+
+
+def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:
+    """Return the table of a Parquet file, with its manifest.
+
+    Raises
+    ------
+    error
+        Naming the file: it cannot be read, is damaged, too large, or has a column twice.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    data = read_bytes(path, what, error, MAX_FILE_BYTES)
+    try:
+        file = pq.ParquetFile(pa.BufferReader(data))
+        size = file.metadata.num_rows * max(file.metadata.num_columns, 1)
+        if 0 <= size <= MAX_VALUES:
+            table = file.read()
+            table.validate(full=True)
+    except Exception as problem:  # whatever a decoder raises over damaged bytes
+        raise error(f"{path}: a damaged file ({type(problem).__name__}); give {what}") from None
+    if not 0 <= size <= MAX_VALUES:
+        raise error(f"{path}: has {size:,} values; more than {MAX_VALUES:,} are not read")
+    names = table.column_names
+    for name in names:
+        if names.count(name) > 1:
+            raise error(f'{path}: column "{name}" is there twice; give each its own name')
+    kept = (table.schema.metadata or {}).get(b"tensionlab", b"{}")
+    manifest = parse_json(kept, f"{path}: its manifest", error)
+    if not isinstance(manifest, dict):
+        raise error(f"{path}: its manifest is {brief(manifest)}; give {what}")
+    return ParquetTable(str(path), table, manifest)
+
+
+def read_npz(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> dict[str, Floats]:
+    """Return the arrays of numbers in an NPZ file.
+
+    Each is unpacked up to a bound, and its header checked against what was unpacked, before there is an array: a
+    small file may claim, or unpack to, more than the memory.
+
+    Raises
+    ------
+    error
+        Naming the file and the array.
+    """
+    data = read_bytes(path, what, error, MAX_FILE_BYTES)
+    arrays: dict[str, Floats] = {}
+    left = 8 * MAX_VALUES
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            for member in archive.namelist():
+                with archive.open(member) as file:
+                    content = file.read(left + 1) if archive.getinfo(member).file_size <= left else None
+                if content is None or len(content) > left:
+                    raise error(f"{path}: its arrays have more than {MAX_VALUES:,} values; give fewer")
+                left -= len(content)
+                arrays[member.removesuffix(".npy")] = _array(content, f"{path}: {member:.40}", error)
+    except TensionlabError:
+        raise
+    except Exception as problem:  # whatever a decoder raises over damaged bytes
+        raise error(f"{path}: a damaged file ({type(problem).__name__}); give {what}") from None
+    return arrays
+
+
+def _array(content: bytes, where: str, error: type[TensionlabError]) -> Floats:
+    """Return the array of an NPY file."""
+    file = io.BytesIO(content)
+    version = np.lib.format.read_magic(file)
+    read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, fortran, dtype = read_header(file)
+    if dtype.kind not in "fiu":
+        raise error(f"{where}: an array of {dtype}; give one of numbers")
+    count = math.prod(shape)
+    if count * dtype.itemsize != len(content) - file.tell() or any(size < 0 for size in shape):
+        raise error(f"{where}: is cut off: its header tells of {count:,} values")
+    values = np.frombuffer(content, dtype, count, file.tell())
+    return np.asarray(values.reshape(shape, order="F" if fortran else "C"), dtype=np.float64)
+
+
+def _suits(value: Any, hint: Any) -> bool:
+    """Tell whether a value is of an annotated type, as far as tables have them."""
+    if hint is Any:
+        return True
+    if get_origin(hint) is Mapping:
+        _, inner = get_args(hint)
+        return isinstance(value, Mapping) and all(_suits(each, inner) for each in value.values())
+    if get_origin(hint) is list:
+        (inner,) = get_args(hint)
+        return isinstance(value, list) and all(_suits(each, inner) for each in value)
+    if get_origin(hint) is tuple:
+        return isinstance(value, tuple) and all(_suits(each, get_args(hint)[0]) for each in value)
+    if get_origin(hint) is Literal:
+        return value in get_args(hint)
+    if options := get_args(hint):
+        return any(_suits(value, each) for each in options)
+    if hint is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return type(value) is (type(None) if hint is None else hint)
+
+
+def _named(hint: Any) -> str:
+    return str(getattr(hint, "__name__", hint))

@@ -1,0 +1,1 @@
+"""One-way brakes: cones, choice, contact, maps."""

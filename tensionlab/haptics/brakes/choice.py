@@ -1,0 +1,208 @@
+"""Which brakes to lock, so that a wall holds against more than the motors can, and lets the hand go?
+
+The user pushes with F newtons against the normal n of a wall. Motors pull with at most some newtons each; a locked
+one-way brake holds its cable against up to its own strength. `choose_locks` tries every small set L of cables
+that may be locked and prices it: the force that stays unresisted, plus a share of F for each lock.
+
+- A cable is locked only if it pulls the hand out of the wall, ``u_i·n > margin``. Then every locked cable reels
+  in when the hand withdraws along n, so no set can keep it. A non-negative least squares alone does not see to it.
+- For each L, the tensions nearest to the wanted force are a bounded least squares, with the brakes' strength as
+  upper limit in L: the exact solver's, of `tensionlab.solvers`. The motors pull with as much of it as they can.
+- What a brake holds is there only while the user pushes. It is reported apart from what the motors pull.
+
+Where the motors alone render the force, nothing is locked. The rule and its numbers are this project's own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensionlab import _native
+from tensionlab.arrays import Floats, as_floats
+from tensionlab.errors import ShapeError
+from tensionlab.haptics.brakes.cones import Flags
+from tensionlab.model import pose
+from tensionlab.model.limits import TensionLimits
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
+
+
+@dataclass(frozen=True)
+class LockRule:
+    """How are sets of brakes compared?
+
+    Attributes
+    ----------
+    margin : float
+        Least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the hand, or 2 cm of
+        error in the hand's position at 1 m from the anchor. A locked one stays until it is 0.
+    most : int
+        Largest number of locked cables, up to 3: any force of a cone is one of three of its cables.
+    price : float
+        Of each lock, as a share of the wanted force.
+    hysteresis : float
+        By which share of the wanted force another set must be better than the one that is locked.
+    """
+
+    margin: float = 0.02
+    most: int = 3
+    price: float = 0.02
+    hysteresis: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.margin < 1.0:
+            raise ValueError(
+                f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap"
+            )
+        if not 0 <= self.most <= 3:
+            raise ValueError(f"LockRule(most={self.most}): must be from 0 to 3; a fourth cable adds nothing")
+        for name in ("price", "hysteresis"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"LockRule({name}={getattr(self, name)}): must be 0 or more")
+
+
+DEFAULT = LockRule()
+
+
+class LockSet(NamedTuple):
+    """Which brakes to lock, how hard to pull, and what comes of it?
+
+    Attributes
+    ----------
+    locked : (..., m) array of bool
+    motors : (..., m) array
+        Tensions to ask of the motors, inside their limits, in N.
+    brakes : (..., m) array
+        What each brake adds while the user pushes with the wanted force, in N; 0 where it is not locked.
+    unresisted : (...) array
+        Norm of what is missing to the wanted force while the user pushes with it, in N.
+    able : (..., m) array of bool
+        Which brakes may be locked for this wall. Where none is, the motors are all there is.
+    """
+
+    locked: Flags
+    motors: Floats
+    brakes: Floats
+    unresisted: Floats
+    able: Flags
+
+
+def brake_strengths(rig: Rig) -> Floats:
+    """How hard does the brake of each module hold, in N? (m,) array, 0 for a module without one."""
+    return np.array([module.brake or 0.0 for module in rig.modules])
+
+
+def choose_locks(
+    structure: ArrayLike,
+    normal: ArrayLike,
+    force: ArrayLike,
+    limits: TensionLimits,
+    strengths: ArrayLike,
+    pushing: ArrayLike = True,
+    held: ArrayLike | None = None,
+    crowding: ArrayLike | None = None,
+    rule: LockRule = DEFAULT,
+) -> LockSet:
+    """Which brakes should be locked to hold a push against a wall, and how hard should the motors pull?
+
+    Leading axes of all arrays broadcast: one hand at one wall, or ten thousand.
+
+    Parameters
+    ----------
+    structure : (..., d, m) array
+        Structure matrices of a point: unit vectors towards the anchors.
+    normal : (..., d) array
+        Unit normal of the wall, towards the free side.
+    force : (...) array
+        What the wall should hold, in N, 0 or more.
+    limits : TensionLimits
+        Of the motors.
+    strengths : (m,) array
+        What each brake may be loaded with, in N: its own strength or a lower cap for safety; 0 for none.
+    pushing : (...) array of bool
+        Whether the contact takes energy from the user: the hand moves into the wall or is held by it. Where it
+        does not, nothing new is locked.
+    held : (..., m) array of bool, optional
+        Which brakes are locked now. Leave it out where there are none.
+    crowding : (...) array, optional
+        Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
+        `tensionlab.haptics.brakes.contact.ImpactCap`.
+    rule : LockRule
+
+    Returns
+    -------
+    LockSet
+
+    Raises
+    ------
+    ShapeError
+        Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
+        or strength is negative.
+    """
+    U, n = pose.numbers(structure, "structure"), pose.numbers(normal, "normal")
+    m = limits.lower.size
+    if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
+        raise ShapeError(
+            f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
+            "(..., d) and m, with d = 2 or 3 for a point"
+        )
+    F, holds = pose.numbers(force, "force"), pose.points(strengths, m, "strengths")
+    if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
+        raise ShapeError(
+            "force and strengths must be 0 N or more; turn the normal round for a force the other way"
+        )
+    if np.abs(np.einsum("...i,...i->...", n, n) - 1.0).max(initial=0.0) > 2e-6:
+        raise ShapeError("normal is not a unit vector; divide it by its length")
+    push = np.asarray(pushing, np.bool_)
+    now = np.zeros(m, np.bool_) if held is None else np.asarray(held, np.bool_)
+    stiff = as_floats("crowding", math.inf if crowding is None else crowding)
+    if now.shape[-1:] != (m,):
+        raise ShapeError(f"held has shape {now.shape}; give one bool for each of {m} cables")
+    shape = pose.common_shape(
+        {
+            "structure": U.shape[:-2],
+            "normal": n.shape[:-1],
+            "force": F.shape,
+            "pushing": push.shape,
+            "held": now.shape[:-1],
+            "crowding": stiff.shape,
+        }
+    )
+    locked, tensions, unresisted, able = _native.choose_locks(
+        _rows(U, shape, 2),
+        _rows(n, shape, 1),
+        _rows(F, shape, 0),
+        _rows(push, shape, 0),
+        _rows(now, shape, 1),
+        _rows(stiff, shape, 0),
+        np.stack([limits.lower, limits.upper, np.maximum(limits.upper, holds)]),
+        holds > 0.0,
+        rule.margin,
+        rule.most,
+        rule.price,
+        rule.hysteresis,
+        TOLERANCE,
+        RANK_TOLERANCE,
+    )
+    motors = np.minimum(tensions, limits.upper)
+    brakes = tensions - motors
+    return LockSet(
+        locked.reshape((*shape, m)),
+        motors.reshape((*shape, m)),
+        brakes.reshape((*shape, m)),
+        unresisted.reshape(shape),
+        able.reshape((*shape, m)),
+    )
+
+
+def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[Any]:
+    """An array with one leading axis, one row a wall; in one piece."""
+    own = array.shape[array.ndim - inner :]
+    if array.shape != shape + own:
+        array = np.broadcast_to(array, shape + own)
+    return np.ascontiguousarray(array.reshape((math.prod(shape), *own)))

@@ -1,0 +1,259 @@
+"""When to lock, and when to let go? One hand, or one head, at one wall, over time.
+
+A brake takes time to lock and its teeth leave slack, so it is locked before the wall is reached; the faster the
+approach, the further off. A fast body is not stopped at all: the force on it would be too large. Locked brakes
+stay locked until the hand has left the place where it was caught by some millimetres, so that a hand at rest does
+not make them chatter.
+
+All numbers are this project's defaults, not published ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.arrays import Floats
+from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
+from tensionlab.haptics.brakes.cones import Flags
+from tensionlab.model import pose
+from tensionlab.model.limits import TensionLimits
+from tensionlab.solvers.base import TOLERANCE
+
+Why = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
+"""What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
+for this wall; the impact would exceed the cap; the wall is not near yet; the hand does not move into it."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How soon do brakes lock, and how far off do they let go?
+
+    Attributes
+    ----------
+    latency : float
+        From the decision to a locked brake, in s.
+    slack : float
+        Cable that pays out before the pawl meets a tooth, in m.
+    release : float
+        How far along the normal from where it was caught a hand has withdrawn when brakes are released, in m.
+    """
+
+    latency: float = 0.080
+    slack: float = 0.003
+    release: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"Timing({name}={value}): must be 0 or more")
+
+    def near(self, distance: ArrayLike, approach: ArrayLike) -> Flags:
+        """Must brakes be locked now, so that they hold where the wall is?
+
+        Parameters
+        ----------
+        distance : (...) array
+            To the wall, below zero inside it, in m.
+        approach : (...) array
+            Speed towards the wall, ``-n·v``, in m/s.
+
+        Returns
+        -------
+        (...) array of bool
+        """
+        return np.asarray(np.asarray(distance) <= np.maximum(0.0, approach) * self.latency + self.slack)
+
+
+TIMING = Timing()
+
+
+@dataclass(frozen=True)
+class ImpactCap:
+    """How hard may a body be stopped?
+
+    A body of mass m, stopped by a cable of stiffness k, feels at most ``v sqrt(k m)``. That is the impact: who
+    goes on pushing is held with all that the brakes bear, and no sensor tells the host how much that is. So links
+    that break away below the cap are part of it: without them, 23 of 1,000 random heads felt more. A scenario
+    refuses a rig whose motors and brakes could together pull harder than its cap.
+
+    Attributes
+    ----------
+    force : float
+        Largest force on it, in N. The cable should have a link that breaks away at this force.
+    stiffness : float
+        Of a locked cable with all that gives way at both of its ends, in N/m.
+    mass : float
+        In kg.
+    """
+
+    force: float = 60.0
+    stiffness: float = 5000.0
+    mass: float = 5.0
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"ImpactCap({name}={value}): must be above 0")
+
+    def peak(self, speed: ArrayLike, crowding: ArrayLike = 1.0) -> Floats:
+        """How hard is the impact, in N, with cables that are together so many times as stiff as one?"""
+        return np.asarray(speed, dtype=np.float64) * np.sqrt(self.stiffness * self.mass * np.asarray(crowding))
+
+    def crowding(self, speed: ArrayLike) -> Floats:
+        """How many times as stiff as one cable may all locked ones together be, at this speed in m/s?
+
+        Below 1 not even one may be locked: that is above the speed ``force / sqrt(stiffness mass)``, 0.38 m/s.
+        Along no direction is a locked set stiffer than the largest eigenvalue of ``U_L U_L'``, for which
+        `choose_locks` has a bound.
+        """
+        with np.errstate(divide="ignore"):
+            return np.asarray(self.force**2 / (np.square(speed) * self.stiffness * self.mass))
+
+
+class Wall(NamedTuple):
+    """Where is the wall, as seen from the point that the cables hold?
+
+    Attributes
+    ----------
+    normal : (d,) array
+        Unit vector towards the free side.
+    distance : float
+        To the surface, below zero inside, in m.
+    force : float
+        What it should hold, in N.
+    """
+
+    normal: ArrayLike
+    distance: float
+    force: float
+
+
+@dataclass(frozen=True, eq=False)
+class Catch:
+    """Which brakes hold a hand, and where?
+
+    Attributes
+    ----------
+    locked : (m,) array of bool
+    position : (d,) array
+        Where it was deepest in the wall, in m.
+    """
+
+    locked: Flags
+    position: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What to do in this cycle?
+
+    Attributes
+    ----------
+    locked : (m,) array of bool
+        Brakes to lock; all others are to be released.
+    motors : (m,) array
+        Tensions for the wall, in N: as `LockSet.motors` inside it, and the least ones before it is reached.
+    why : str
+        One of `Why`.
+    chosen : LockSet
+        What a push with the whole force of the wall will meet.
+    catch : Catch or None
+        To be given to the next cycle; None where nothing is locked.
+    """
+
+    locked: Flags
+    motors: Floats
+    why: Why
+    chosen: LockSet
+    catch: Catch | None
+
+
+def decide(
+    structure: ArrayLike,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    wall: Wall,
+    limits: TensionLimits,
+    strengths: ArrayLike,
+    catch: Catch | None = None,
+    timing: Timing = TIMING,
+    cap: ImpactCap | None = None,
+    rule: LockRule = DEFAULT,
+) -> Decision:
+    """Which brakes should be locked in this cycle, and why?
+
+    Parameters
+    ----------
+    structure : (d, m) array
+        Structure matrix of a point: unit vectors towards the anchors.
+    position, velocity : (d,) arrays
+        Of the point, in m and m/s. Where anchors move with the user's body, as seen from there.
+    wall : Wall
+    limits : TensionLimits
+        Of the motors.
+    strengths : (m,) array
+        As in `choose_locks`.
+    catch : Catch or None
+        What the last cycle decided.
+    timing : Timing
+    cap : ImpactCap or None
+        For what must not be hurt. It limits what each brake may be loaded with as well.
+    rule : LockRule
+
+    Returns
+    -------
+    Decision
+
+    Raises
+    ------
+    ShapeError
+        As `choose_locks`.
+    """
+    n = pose.numbers(wall.normal, "normal")
+    p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")
+    hold = pose.points(strengths, limits.lower.size, "strengths")
+    approach = -float(n @ v)
+    if catch is not None and n @ (p - catch.position) > timing.release:
+        catch = None
+    near = bool(timing.near(wall.distance, approach))
+    crowding = None
+    if cap is not None:
+        hold = np.minimum(hold, cap.force)
+        crowding = cap.crowding(np.linalg.norm(v))  # a cable stops what moves along it, not along the normal
+    chosen = choose_locks(
+        structure,
+        n,
+        wall.force,
+        limits,
+        hold,
+        pushing=near and approach >= 0.0,
+        held=None if catch is None else catch.locked,
+        crowding=crowding,
+        rule=rule,
+    )
+    why: Why
+    if chosen.locked.any():
+        why = "locked"
+        caught = p if catch is None or n @ (p - catch.position) < 0.0 else catch.position
+        catch = Catch(chosen.locked, caught)
+    else:
+        catch = None
+        if not near:
+            why = "not near"
+        elif approach < 0.0:
+            why = "leaving"
+        elif chosen.unresisted <= TOLERANCE:
+            why = "motors"
+        elif not chosen.able.any():
+            why = "no cable"
+        elif crowding is not None and crowding < 1.0:
+            why = "too fast"
+        else:
+            why = "motors"
+    motors = chosen.motors if wall.distance <= 0.0 else limits.lower
+    return Decision(chosen.locked, motors, why, chosen, catch)

@@ -1,0 +1,1 @@
+"""From effects to a demand: assignment, filtering, stability, passivity."""

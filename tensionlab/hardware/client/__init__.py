@@ -1,0 +1,1 @@
+"""Clients of modules: links, locks, connections, groups, discovery, emergency stop."""

@@ -1,0 +1,246 @@
+"""Bytes to a module and back: serial ports, Bluetooth, TCP, and simulated modules, all behind one interface.
+
+Each link counts time by its own clock. That of a simulated module stands still but while somebody waits for it.
+"""
+
+from __future__ import annotations
+
+import re
+import select
+import socket
+import time
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from tensionlab.errors import LinkError, MissingDependency
+from tensionlab.hardware.client.locks import Claim
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
+
+CHUNK = 4096
+"""Bytes read at a time, at most."""
+BAUD = 921_600
+"""Bits a second over USB; Bluetooth and TCP do not care."""
+CONNECT_TIMEOUT = 10.0
+"""Time that a connection may take to come about, in s."""
+KINDS = """
+  bt://AA:BB:CC:DD:EE:FF/1   Bluetooth, by address and channel
+  /dev/ttyUSB0, COM5         a serial port
+  socket://host:port         TCP, as `tensionlab simulate` serves
+  sim:                       a simulated module in this process""".lstrip("\n")
+KNOWN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
+"""What a URL looks like."""
+NEEDS_PYSERIAL = 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
+
+
+@dataclass(frozen=True)
+class SerialPort:
+    """Which ports has this computer?
+
+    Attributes
+    ----------
+    url : str
+    about : str
+        What the system says of it.
+    hardware : str
+        What the system calls it, such as ``USB VID:PID=10C4:EA60 ...``; ``BTHENUM...`` is Bluetooth on Windows.
+    vendor : int or None
+        The number of the USB chip's maker.
+    """
+
+    url: str
+    about: str
+    hardware: str
+    vendor: int | None
+
+
+class Link(Protocol):
+    """Bytes to one module and back.
+
+    Attributes
+    ----------
+    url : str
+        Where the module is reached.
+    lockstep : bool
+        Whether its time passes only while somebody waits; no thread may then read it meanwhile.
+    """
+
+    url: str
+    lockstep: bool
+
+    def send(self, content: bytes) -> None:
+        """Send bytes; a `LinkError` if the link is broken."""
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes, for so many s at most; empty if none came. A `LinkError` if the link is broken."""
+
+    def clock(self) -> float:
+        """Time by which timeouts count, in s."""
+
+    def close(self) -> None:
+        """Let go of the link; a closed link may be closed again."""
+
+
+def serial_ports() -> list[SerialPort]:
+    """Which serial ports are there, by USB or Bluetooth, free or not?"""
+    try:
+        from serial.tools import list_ports
+    except ImportError as missing:
+        raise MissingDependency(NEEDS_PYSERIAL) from missing
+    return [
+        SerialPort(port.device, "" if port.description == "n/a" else port.description, port.hwid, port.vid)
+        for port in sorted(list_ports.comports())
+    ]
+
+
+def require_known(url: str) -> None:
+    """Refuse, by a `LinkError`, what can be no link, before any is opened."""
+    if not KNOWN.fullmatch(url):
+        raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+
+
+def open_link(url: str) -> Link:
+    """Reach a module.
+
+    Parameters
+    ----------
+    url : str
+        ``bt://AA:BB:CC:DD:EE:FF/1``, a serial port such as ``/dev/rfcomm0`` or ``COM5``, ``socket://host:port``,
+        or ``sim:`` for a simulated module of its own.
+
+    Raises
+    ------
+    LinkError
+        If the URL is of no known kind, nothing answers there, or the module is in use.
+    MissingDependency
+        If pyserial or filelock is not installed.
+    """
+    require_known(url)
+    if url == "sim:":
+        return SimulatedLink(SimulatedModule())
+    kind = BluetoothLink if url.startswith("bt://") else SerialLink
+    claim = Claim(url)
+    try:
+        return kind(url, claim)
+    except BaseException:
+        claim.release()
+        raise
+
+
+class SerialLink:
+    """A serial port, or TCP in its place, through pyserial; the claim ends with it."""
+
+    lockstep = False
+
+    def __init__(self, url: str, claim: Claim) -> None:
+        try:
+            import serial
+        except ImportError as missing:
+            raise MissingDependency(NEEDS_PYSERIAL) from missing
+        self.url, self._claim = url, claim
+        # A port that is closed while another thread reads it is none of pyserial's own errors.
+        self._broken = (serial.SerialException, TypeError, AttributeError)
+        try:
+            # Only the ports of a system know of being taken; a TCP port refuses by itself.
+            taken = {} if url.startswith("socket://") else {"exclusive": True}
+            self._port: Any = serial.serial_for_url(
+                url, BAUD, timeout=0, write_timeout=0, do_not_open=True, **taken
+            )
+            self._port.dtr = self._port.rts = False  # they reset most boards
+            self._port.open()
+        except (serial.SerialException, ValueError) as error:
+            raise LinkError(
+                f"{url} cannot be opened: {error}; is it there, and is no other program using it?"
+            ) from None
+
+    def send(self, content: bytes) -> None:
+        """Send bytes; never waits."""
+        try:
+            taken = self._port.write(content)
+        except (*self._broken, OSError) as error:
+            raise LinkError(f"{self.url} broke: {error}") from None
+        if taken != len(content):
+            raise LinkError(f"{self.url} takes no more bytes; does the module still read?")
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes."""
+        try:
+            self._wait(timeout)
+            return bytes(self._port.read(CHUNK))
+        except (*self._broken, OSError, ValueError) as error:
+            raise LinkError(f"{self.url} broke: {error}") from None
+
+    def _wait(self, timeout: float) -> None:
+        """Come back when something is there to read: pyserial's own waiting sets the port up anew each time."""
+        if hasattr(self._port, "fileno"):
+            select.select([self._port.fileno()], [], [], timeout)
+            return
+        end = time.monotonic() + timeout
+        while not self._port.in_waiting and time.monotonic() < end:  # Windows cannot wait for a port's file
+            time.sleep(1e-3)
+
+    def clock(self) -> float:
+        """Time, in s."""
+        return time.monotonic()
+
+    def close(self) -> None:
+        """Let go of the port."""
+        inner = getattr(self._port, "_socket", None)
+        self._port.close()
+        if inner is not None:
+            inner.close()  # which pyserial forgets if the far end has gone
+        self._claim.release()
+
+
+class BluetoothLink:
+    """Bluetooth Classic: an RFCOMM socket, where this Python has them; the claim ends with it."""
+
+    lockstep = False
+
+    def __init__(self, url: str, claim: Claim) -> None:
+        self.url, self._claim = url, claim
+        match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
+        if match is None:
+            raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")
+        family, protocol = getattr(socket, "AF_BLUETOOTH", None), getattr(socket, "BTPROTO_RFCOMM", None)
+        if family is None or protocol is None:
+            raise LinkError(
+                f"{url}: this Python was built without Bluetooth sockets. On Linux, bind the module to a port "
+                f"(sudo rfcomm bind 0 {match[1]} {match[2] or 1}) and use /dev/rfcomm0; on macOS, pair it and use "
+                "/dev/cu.tensionlab-…; on Windows, pair it and use its COM port"
+            )
+        self._socket = socket.socket(family, socket.SOCK_STREAM, protocol)
+        self._socket.settimeout(CONNECT_TIMEOUT)
+        try:
+            self._socket.connect((match[1], int(match[2] or 1)))
+        except OSError as error:
+            self._socket.close()
+            raise LinkError(f"{url} cannot be reached: {error}; is the module on, paired, and in range?") from None
+
+    def send(self, content: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._socket.sendall(content)
+        except OSError as error:
+            raise LinkError(f"{self.url} broke: {error}") from None
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes."""
+        try:
+            if not select.select([self._socket], [], [], timeout)[0]:
+                return b""
+            content = self._socket.recv(CHUNK)
+        except (OSError, ValueError) as error:  # a socket closed while it is waited for is a ValueError
+            raise LinkError(f"{self.url} broke: {error}") from None
+        if not content:
+            raise LinkError(f"{self.url} was closed by the module")
+        return content
+
+    def clock(self) -> float:
+        """Time, in s."""
+        return time.monotonic()
+
+    def close(self) -> None:
+        """Let go of the module."""
+        self._socket.close()
+        self._claim.release()

@@ -1,0 +1,195 @@
+"""Files in the MCAP format: what the log of a run is written to and read from. The only importer of mcap."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+from tensionlab.errors import LogError, MissingDependency
+from tensionlab.files import writing
+from tensionlab.files.reading import parse_json
+
+PROFILE = "tensionlab-run-1"
+"""Says in a file's header that it is the log of a run, and which version of it."""
+MAX_CHUNK_BYTES = 256_000_000
+"""Of a chunk, unpacked: a hostile file may unpack to more than the memory. Those of a log have a megabyte."""
+TOLD = 1000
+"""After so many messages, whoever wants to know is told how much of a file has been read."""
+EXTRA = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
+
+
+class McapWriter:
+    """Write a log: metadata, attachments, then messages in JSON.
+
+    Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run.
+    A chunk ends with `flush`; what came after the last one is lost where the process is killed.
+
+    Parameters
+    ----------
+    path : path
+        A new or an empty file.
+    schemas : mapping of str to JSON schema
+        Of the messages of each channel.
+
+    Raises
+    ------
+    LogError
+        If there is something in the file already.
+    OSError
+        Here and in all methods, if the system can't write.
+    """
+
+    def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
+        try:
+            from mcap.writer import Writer
+        except ImportError as error:
+            raise MissingDependency(EXTRA) from error
+        if os.path.lexists(path) and not (path.is_file() and not path.stat().st_size):
+            raise LogError(f"{path}: there is something already; name a new file for the log")
+        self._file = writing.open_stream(path)
+        self._writer = Writer(self._file)
+        self._writer.start(profile=PROFILE, library="tensionlab")
+        self._channels = {}
+        for topic, schema in schemas.items():
+            number = self._writer.register_schema(schema["title"], "jsonschema", json.dumps(schema).encode())
+            self._channels[topic] = self._writer.register_channel(topic, "json", number)
+
+    def metadata(self, name: str, values: Mapping[str, Any]) -> None:
+        """Add values under a name, each written in JSON."""
+        self._writer.add_metadata(name, {key: json.dumps(value, default=str) for key, value in values.items()})
+
+    def attachment(self, name: str, media_type: str, content: bytes) -> None:
+        """Add a file within the file."""
+        self._writer.add_attachment(0, 0, name, media_type, content)
+
+    def message(self, topic: str, time_ns: int, written_ns: int, content: bytes) -> None:
+        """Add a message of a channel: when it holds, and when it was handed over, in ns since 1970."""
+        self._writer.add_message(self._channels[topic], time_ns, content, written_ns)
+
+    def flush(self) -> None:
+        """Have all that was added in the hands of the system."""
+        self._writer.flush()
+
+    def finish(self) -> None:
+        """Write the index, which marks the file as complete, and close it."""
+        self._writer.finish()
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is, incomplete."""
+        with suppress(OSError):
+            self._file.close()
+
+
+class Record(NamedTuple):
+    """One thing in a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end".
+
+    ``name`` is that of the metadata or the attachment, or the message's channel; ``time_ns`` is when a message
+    holds, in ns since 1970.
+    """
+
+    kind: str
+    name: str
+    content: Any
+    time_ns: int = 0
+
+
+class _Bounded:
+    """A file of so many bytes, of which one never asks for more: a damaged length would ask for all memory."""
+
+    def __init__(self, file: IO[bytes], size: int) -> None:
+        self._file, self._size = file, size
+
+    def read(self, count: int) -> bytes:
+        if count > self._size:
+            raise EOFError
+        return self._file.read(count)
+
+
+def read_records(path: Path, progress: Callable[[float], None] | None = None) -> Iterator[Record]:
+    """What is in a log? All records that are whole, up to the first that is not.
+
+    ``progress`` is told now and then which share of the file has been read.
+
+    Raises
+    ------
+    LogError
+        If it can't be read, or is no log of a run.
+    """
+    try:
+        from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
+    except ImportError as error:
+        raise MissingDependency(EXTRA) from error
+    channels: dict[int, str] = {}
+    known = complete = False
+    with _open(path) as file:
+        size, messages = os.fstat(file.fileno()).st_size, 0
+        whole = _whole_records(file, size)
+        while True:
+            try:
+                record = next(whole, None)
+                values = _metadata(record) if isinstance(record, Metadata) else {}
+                name = channels[record.channel_id] if isinstance(record, Message) else ""
+            except Exception:  # whatever a decoder raises over damaged bytes: what came before counts
+                complete = False
+                break
+            if record is None:
+                break
+            if isinstance(record, Header):
+                known = record.profile == PROFILE
+            if not known:
+                break
+            if isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Metadata):
+                yield Record("metadata", record.name, values)
+            elif isinstance(record, Attachment):
+                yield Record("attachment", record.name, record.data)
+            elif isinstance(record, Message):
+                messages += 1
+                if progress is not None and messages % TOLD == 0:
+                    progress(file.tell() / size)
+                yield Record("message", name, record.data, record.log_time)
+            elif isinstance(record, Footer):
+                complete = True
+    if not known:
+        raise LogError(f"{path}: not the log of a run; give a file that `tensionlab run --log` wrote")
+    if complete:
+        yield Record("end", "", b"")
+
+
+def _whole_records(file: IO[bytes], size: int) -> Iterator[Any]:
+    """Yield the records of a file, those in its chunks too, as mcap has them."""
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader, breakup_chunk
+    from zstandard import frame_content_size
+
+    bounded: Any = _Bounded(file, size)
+    for record in StreamReader(bounded, emit_chunks=True, validate_crcs=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        told = frame_content_size(record.data) if record.compression == "zstd" else len(record.data)
+        if (
+            record.compression not in ("zstd", "")
+            or not 0 <= max(told, record.uncompressed_size) <= MAX_CHUNK_BYTES
+        ):
+            raise EOFError
+        yield from breakup_chunk(record, validate_crc=True)
+
+
+def _metadata(record: Any) -> dict[str, Any]:
+    return {key: parse_json(value, key, LogError) for key, value in record.metadata.items()}
+
+
+def _open(path: Path) -> IO[bytes]:
+    try:
+        return path.open("rb")
+    except IsADirectoryError:
+        raise LogError(f"{path}: is a folder; give the log of a run (*.mcap)") from None
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror}); give the log of a run (*.mcap)") from None

@@ -1,0 +1,196 @@
+"""What happened in a run, read from its log."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.errors import LogError
+from tensionlab.files.reading import brief, parse_json
+from tensionlab.files.tables import from_mappings
+from tensionlab.hardware.log import columns
+from tensionlab.hardware.log.columns import CycleTable
+from tensionlab.hardware.log.mcap_file import read_records
+from tensionlab.hardware.log.writer import RunSetup
+from tensionlab.model.files import rig_from_toml
+from tensionlab.model.rig import Rig
+from tensionlab.verification import Allocation
+
+if TYPE_CHECKING:
+    import xarray
+
+BLOCK = 1000
+"""So many cycles become arrays at a time: as text and lists they take many times the memory."""
+
+
+@dataclass(frozen=True)
+class RunEvent:
+    """Something that happened in a run, besides its cycles.
+
+    Attributes
+    ----------
+    cycle : int
+        Number of the latest cycle; -1 before the first.
+    time : float
+        Begin of that cycle, in s since the run began.
+    kind, text : str
+        What happened, in a word and in a sentence.
+    module : str
+        Name of the module; empty where it is none, or all.
+    """
+
+    cycle: int
+    time: float
+    kind: str
+    text: str
+    module: str
+
+
+@dataclass(frozen=True, eq=False)
+class Run(CycleTable):
+    """What happened in a run? Arrays over its K cycles, as in `CycleTable`, and what was around them.
+
+    Attributes
+    ----------
+    rig : Rig
+        As it was.
+    manifest : mapping
+        Where the run came from: `tensionlab.records.manifest`.
+    setup : RunSetup
+        How it was set up.
+    modules : mapping of str to mapping
+        What each module, by its name, said it is: the fields of `protocol.Info`. Empty if none was asked.
+    summary : mapping
+        What the runner said at the end, as `Statistics.summary`; empty if it did not come so far.
+    events : tuple of RunEvent
+        In their order.
+    began : float
+        When the run's time was 0, by the host's clock, in s since 1970; NaN if there is no cycle.
+    complete : bool
+        Whether the log was closed. If not, the process was killed or the disk was full, and the last cycles may be
+        missing.
+    """
+
+    rig: Rig
+    manifest: Mapping[str, Any]
+    setup: RunSetup
+    modules: Mapping[str, Mapping[str, Any]]
+    summary: Mapping[str, Any]
+    events: tuple[RunEvent, ...]
+    began: float
+    complete: bool
+
+    def __len__(self) -> int:
+        """Count the cycles."""
+        return len(self.cycle)
+
+    @property
+    def allocation(self) -> Allocation:
+        """What was chosen in all cycles, and what is proved about it? Why a backend failed is not kept."""
+        return Allocation(
+            tensions=self.chosen,
+            wrench=self.rendered,
+            residual=self.residual,
+            status=self.status,
+            scale=self.scale,
+            iterations=self.iterations,
+            separation=self.separation,
+        )
+
+    def to_dataset(self) -> xarray.Dataset:
+        """Which dataset holds the run, with names and units? See `tensionlab.hardware.log.dataset`."""
+        from tensionlab.hardware.log.dataset import to_dataset
+
+        return to_dataset(self)
+
+
+def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
+    """What happened in the run that a log keeps? A log that was cut off gives what it holds.
+
+    Parameters
+    ----------
+    path : path
+    progress : callable, optional
+        Told the share of the work that is done, from 0 to 1.
+
+    Raises
+    ------
+    LogError
+        If it can't be read, is no log of a run, or was cut before the run began.
+    """
+    path = Path(path)
+    metadata: dict[str, dict[str, Any]] = {}
+    events: list[RunEvent] = []
+    rows: list[bytes] = []
+    blocks: list[dict[str, NDArray[Any]]] = []
+    rig: Rig | None = None
+    first_ns: int | None = None
+    complete = False
+    for kind, name, content, time_ns in read_records(path, progress):
+        if kind == "attachment":
+            try:
+                rig = rig_from_toml(content.decode(), f"{path}: rig.toml")
+            except UnicodeDecodeError:
+                raise LogError(f"{path}: rig.toml in it is not UTF-8 text; the log is damaged") from None
+        elif kind == "metadata":
+            metadata[name] = content
+        elif kind == "end":
+            complete = True
+        elif name == "event":
+            event = parse_json(content, f"{path}: event {len(events) + 1}", LogError)
+            events += from_mappings([event], RunEvent, f"{path}: event {len(events) + 1}", LogError)
+        elif rig is not None:
+            first_ns = time_ns if first_ns is None else first_ns
+            rows.append(content)
+            if len(rows) == BLOCK:
+                blocks.append(_decoded(path, rows, rig))
+                rows = []
+    if rig is None or not {"manifest", "setup"} <= metadata.keys():
+        raise LogError(f"{path}: the log was cut off before the run began; there is nothing in it")
+    blocks.append(_decoded(path, rows, rig))
+    table = {name: np.concatenate([block[name] for block in blocks]) for name in columns.COLUMNS}
+    return Run(
+        **table,
+        rig=rig,
+        manifest=metadata["manifest"],
+        setup=_setup(path, metadata["setup"], rig),
+        modules=_modules(path, metadata.get("modules", {})),
+        summary=metadata.get("summary", {}),
+        events=tuple(events),
+        began=np.nan if first_ns is None else 1e-9 * first_ns - float(table["time"][0]),
+        complete=complete,
+    )
+
+
+def _decoded(path: Path, rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
+    try:
+        return columns.decode(rows, rig)
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise LogError(
+            f"{path}: a cycle in it is none of this rig ({type(error).__name__}); it is damaged"
+        ) from None
+
+
+def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
+    """A setup from JSON, which knows no tuples."""
+    given = {key: tuple(each) if isinstance(each, list) else each for key, each in values.items()}
+    (setup,) = from_mappings([given], RunSetup, f"{path}: setup", LogError)
+    if not 0.0 < setup.rate < math.inf:
+        raise LogError(f"{path}: setup: rate is {setup.rate:g} Hz; the log is damaged")
+    if not len(setup.lower) == len(setup.upper) == rig.m:
+        raise LogError(f"{path}: setup: has {len(setup.lower)} tension limits for {rig.m} modules; it is damaged")
+    return setup
+
+
+def _modules(path: Path, values: Mapping[str, Any]) -> Mapping[str, Mapping[str, Any]]:
+    for name, info in values.items():
+        if not isinstance(info, dict):
+            raise LogError(f"{path}: module {brief(name)} is {brief(info)}; the log is damaged")
+    return values

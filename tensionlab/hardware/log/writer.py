@@ -1,0 +1,264 @@
+"""The log of a run, written while it runs: every cycle, and every event between."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from tensionlab.allocation import Allocator
+from tensionlab.errors import LogError, WriteError
+from tensionlab.hardware.log import columns
+from tensionlab.hardware.log.mcap_file import McapWriter
+from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner.cycle import Cycle
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.model.files import rig_to_toml
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Nearest, Solver
+
+FLUSH = 0.2
+"""What was logged is in the system's hands after so many s, and then outlives the process."""
+BACKLOG = 20_000
+"""So many cycles and events may wait for a slow disk; at 1 kHz, 20 s."""
+GAP = 50e-6
+"""After each cycle, while more wait, the writer leaves the interpreter to the control loop for so many s."""
+HURRY = 200
+"""While so many wait, it does not: a loop that never sleeps would leave it too little."""
+CLOSING = 10.0
+"""What still waits when the run ends may take so many s to write."""
+
+EVENT_SCHEMA = {
+    "title": "tensionlab.Event",
+    "type": "object",
+    "properties": {
+        "cycle": {"description": "number of the latest cycle; -1 before the first", "type": "integer"},
+        "time": {"description": "begin of that cycle since the run began (s)", "type": "number"},
+        "kind": {"description": "such as armed, lost, fault or stopped", "type": "string"},
+        "text": {"description": "what happened", "type": "string"},
+        "module": {"description": "name of the module; empty: none or all", "type": "string"},
+    },
+}
+
+
+@dataclass(frozen=True)
+class RunSetup:
+    """How was a run set up?
+
+    Attributes
+    ----------
+    solver : str
+        Its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class.
+    parameters : mapping
+        The solver's hyper-parameters.
+    nearest : str or None
+        Its policy where a wrench is out of reach.
+    rate, ttl, on_loss
+        As in `RunSettings`.
+    lower, upper : tuple of float
+        Tension limits that the solver kept to, in N.
+    links : mapping of str to str
+        Where each module was reached, by its name.
+    """
+
+    solver: str
+    parameters: Mapping[str, Any]
+    nearest: Nearest | None
+    rate: float
+    ttl: float
+    on_loss: str
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    links: Mapping[str, str]
+
+
+def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
+    """How is a run set up that has these settings? Arguments and errors as those of `RunLog`."""
+    allocator = Allocator(rig.limits, solver, nearest=settings.nearest)
+    return RunSetup(
+        solver=solver if isinstance(solver, str) else type(solver).__name__,
+        parameters=vars(allocator.solver),
+        nearest=allocator.nearest,
+        rate=settings.rate,
+        ttl=settings.ttl,
+        on_loss=settings.on_loss,
+        lower=tuple(rig.limits.lower.tolist()),
+        upper=tuple(rig.limits.upper.tolist()),
+        links=links,
+    )
+
+
+class RunLog:
+    """Keep what happens in a run. A thread does the writing, so that no cycle waits for a disk.
+
+    Every cycle is in the system's hands within `FLUSH` seconds, and so in the file even if the process is killed.
+    Close the log: only then has it an index, and counts as complete.
+
+    Parameters
+    ----------
+    path : path
+        An MCAP file (``.mcap``): new, or empty.
+    rig : Rig
+        What runs.
+    manifest : mapping
+        Where the run comes from: `tensionlab.records.manifest`.
+    solver : str or Solver
+        As in `tensionlab.allocate`.
+    settings : RunSettings
+        Rate, policy and so on.
+    links : mapping of str to str
+        Where each module is reached, by its name.
+
+    Raises
+    ------
+    LogError
+        If there is something in the file already, or it can't be written.
+    MissingDependency
+        If mcap is not installed.
+    UnknownSolver, ValueError
+        As `tensionlab.Allocator`.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        rig: Rig,
+        manifest: Mapping[str, Any],
+        solver: str | Solver,
+        settings: RunSettings,
+        links: Mapping[str, str],
+    ) -> None:
+        setup = setup_of(rig, solver, settings, links)
+        self.path = Path(path)
+        self._rig = rig
+        self._queue: SimpleQueue[tuple[str, int, int, Any] | None] = SimpleQueue()
+        self._error: LogError | None = None
+        self._summary: Mapping[str, Any] = {}
+        self._begin_ns: int | None = None
+        self._cycle, self._time = -1, 0.0
+        self._file = self._opened(manifest, setup)
+        self._thread = threading.Thread(target=self._run, name=f"log {self.path.name}", daemon=True)
+        self._thread.start()
+
+    def _opened(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
+        """Begin the file with what is known before the run; leave none behind where that fails."""
+        try:
+            file = McapWriter(self.path, {"cycle": columns.schema(self._rig), "event": EVENT_SCHEMA})
+            try:
+                file.attachment("rig.toml", "application/toml", rig_to_toml(self._rig).encode())
+                file.metadata("manifest", manifest)
+                file.metadata("setup", asdict(setup))
+                file.flush()
+            except BaseException:
+                file.abandon()
+                self.path.unlink(missing_ok=True)
+                raise
+        except WriteError as error:
+            raise LogError(str(error)) from None
+        except OSError as error:
+            raise _unwritable(self.path, error) from None
+        return file
+
+    def write(self, cycle: Cycle) -> None:
+        """Keep a cycle. Its arrays must not change any more.
+
+        Raises
+        ------
+        LogError
+            If an earlier one could not be written: the disk is full, or does not keep up.
+        """
+        if self._begin_ns is None:
+            self._begin_ns = time.time_ns() - int(1e9 * cycle.state.time)
+        self._cycle, self._time = cycle.state.cycle, cycle.state.time
+        self._put("cycle", cycle)
+
+    def note(self, kind: str, text: str, module: str | None = None) -> None:
+        """Keep an event, such as a module that was lost; from any thread. Errors as those of `write`."""
+        event = {"cycle": self._cycle, "time": self._time, "kind": kind, "text": text, "module": module or ""}
+        self._put("event", event)
+
+    def modules(self, infos: Mapping[str, Info]) -> None:
+        """Keep what each module, by its name, said it is. Errors as those of `write`."""
+        self._put("modules", {name: asdict(info) for name, info in infos.items()})
+
+    def close(self, statistics: Statistics | None = None) -> None:
+        """Write what is left, how the run went, and the index.
+
+        Raises
+        ------
+        LogError
+            If not all of it could be written.
+        """
+        if self._thread.is_alive():
+            self._summary = {} if statistics is None else statistics.summary()
+            self._queue.put(None)
+            self._thread.join(CLOSING)
+            if self._thread.is_alive():
+                self._error = LogError(f"{self.path}: the disk did not take the last cycles within {CLOSING:g} s")
+        if self._error is not None:
+            raise self._error
+
+    def _put(self, topic: str, what: Any) -> None:
+        if self._error is None and self._queue.qsize() >= BACKLOG:
+            self._error = LogError(f"{self.path}: the disk does not keep up; {BACKLOG} cycles wait to be written")
+        if not self._thread.is_alive() and self._error is None:  # in this order: an error ends the thread
+            self._error = LogError(f"{self.path}: the log is closed; nothing can be added to it")
+        if self._error is not None:
+            raise self._error
+        now = time.time_ns()
+        when = now if self._begin_ns is None else self._begin_ns + int(1e9 * self._time)
+        self._queue.put((topic, when, now, what))
+
+    def _run(self) -> None:
+        try:
+            self._write_all()
+            if self._summary:
+                self._file.metadata("summary", self._summary)
+            self._file.finish()
+        except OSError as error:
+            self._error = _unwritable(self.path, error)
+        except Exception as error:  # nobody sees what a thread raises
+            self._error = LogError(f"{self.path}: a cycle could not be written ({error!r})")
+        finally:
+            self._file.abandon()
+
+    def _write_all(self) -> None:
+        """Write what comes, until the end."""
+        due = math.inf  # when what was written must be flushed
+        while True:
+            try:
+                item = self._queue.get(timeout=None if due == math.inf else max(due - time.monotonic(), 0.0))
+            except Empty:
+                self._file.flush()
+                due = math.inf
+                continue
+            if item is None:
+                return
+            self._write_one(*item)
+            due = min(due, time.monotonic() + FLUSH)
+            if time.monotonic() >= due:
+                self._file.flush()
+                due = math.inf
+            if 0 < self._queue.qsize() < HURRY:
+                time.sleep(GAP)
+
+    def _write_one(self, topic: str, when: int, now: int, what: Any) -> None:
+        if topic == "modules":
+            self._file.metadata(topic, what)
+        else:
+            content = columns.encode(what, self._rig) if topic == "cycle" else json.dumps(what).encode()
+            self._file.message(topic, when, now, content)
+
+
+def _unwritable(path: Path, error: OSError) -> LogError:
+    return LogError(
+        f"{path}: the log cannot be written ({error.strerror or error}); free the disk or name another file"
+    )

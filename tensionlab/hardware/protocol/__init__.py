@@ -1,0 +1,1 @@
+"""The protocol of the modules: frames, messages, codes. Pure: no link, no module."""

@@ -1,0 +1,335 @@
+"""What can be said over the link, and how it lies in a payload; `firmware/PROTOCOL.md` has the same as tables.
+
+A message's fields, in their order, are its payload: little-endian, in SI units unless they say otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from inspect import get_annotations
+from typing import Annotated, Any, ClassVar, Self, get_type_hints
+
+from tensionlab.errors import ProtocolError
+from tensionlab.hardware.protocol.codes import (
+    BrakeState,
+    Calibration,
+    Code,
+    Fault,
+    Limit,
+    ResetReason,
+    State,
+    Type,
+)
+from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
+
+PROTOCOL = 2
+"""Version of all this; a module tells its own in `Info`."""
+MESSAGES: dict[int, type[Message]] = {}
+"""Which class reads each type of frame."""
+
+# How a field lies in the payload, in the letters of `struct`.
+U8 = Annotated[int, "B"]
+U16 = Annotated[int, "H"]
+U32 = Annotated[int, "I"]
+U64 = Annotated[int, "Q"]
+F32 = Annotated[float, "f"]
+Flag = Annotated[bool, "?"]
+Text = Annotated[str, ""]
+
+
+class OtherProtocolError(ProtocolError):
+    """What a module of another protocol says.
+
+    Attributes
+    ----------
+    spoken : int
+        Version of that protocol.
+    state : State or None
+        Of the module, where the protocol is one that this host can read so much of.
+    """
+
+    def __init__(self, spoken: int, state: State | None = None) -> None:
+        super().__init__(spoken, state)
+        self.spoken, self.state = spoken, state
+
+    def __str__(self) -> str:
+        """Return which protocols these are, and what to do."""
+        advice = (
+            "put the firmware of this tensionlab on the module (firmware/README.md)"
+            if self.spoken < PROTOCOL
+            else "install the tensionlab that the module's firmware came with"
+        )
+        now = "" if self.state is None else f"; it is {self.state.name} now"
+        return f"speaks protocol {self.spoken}, this tensionlab {PROTOCOL}{now}: {advice}"
+
+
+class Message:
+    """What one type of frame says. Each class below is a frozen dataclass of its fields."""
+
+    type: ClassVar[Type]
+    _finite: ClassVar[bool] = True
+    _layout: ClassVar[struct.Struct]
+    _kinds: ClassVar[dict[str, Callable[[Any], Any]]]
+
+    def __init_subclass__(cls, type: Type) -> None:  # noqa: A002 - it is the frame's type
+        hints = get_type_hints(cls, include_extras=True)
+        fields = {name: hints[name] for name in get_annotations(cls)}
+        cls.type = type
+        cls._kinds = {name: hint.__origin__ for name, hint in fields.items()}
+        cls._layout = struct.Struct("<" + "".join(hint.__metadata__[0] for hint in fields.values()))
+        MESSAGES[type] = cls
+
+    def pack(self) -> bytes:
+        """Which payload says this? A number that is not finite, or beyond its bytes, is a `ProtocolError`."""
+        values = [getattr(self, name) for name in self._kinds]
+        try:
+            if all(math.isfinite(value) for value in values):
+                return self._layout.pack(*values)
+        except (struct.error, OverflowError, TypeError) as error:
+            raise ProtocolError(f"{self} cannot be sent: {error}") from error
+        raise ProtocolError(f"{self} cannot be sent: all numbers must be finite")
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """Read a payload. A wrong length, and a value that has no name or is not finite, is a `ProtocolError`."""
+        if len(payload) != cls._layout.size:
+            raise ProtocolError(f"{cls.__name__} has {cls._layout.size} bytes of payload; got {len(payload)}")
+        values = cls._layout.unpack(payload)
+        for name, value in zip(cls._kinds, values, strict=True):
+            if cls._finite and not math.isfinite(value):
+                raise ProtocolError(f"{cls.__name__}: {name} is {value}; all its numbers must be finite")
+        try:
+            return cls(*(kind(value) for kind, value in zip(cls._kinds.values(), values, strict=True)))
+        except ValueError as error:
+            raise ProtocolError(f"{cls.__name__}: {error}; does the module speak protocol {PROTOCOL}?") from error
+
+    def frame(self, sequence: int) -> Frame:
+        """Which frame says this?"""
+        return Frame(self.type, sequence, self.pack())
+
+
+def printable(text: str) -> str:
+    """Replace what no terminal should be sent in what a device says."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
+
+
+def read(frame: Frame) -> Message:
+    """What does the frame say? An unknown type, or a payload that does not fit it, is a `ProtocolError`."""
+    if frame.type not in MESSAGES:
+        raise ProtocolError(f"no message has type 0x{frame.type:02x} in protocol {PROTOCOL}")
+    return MESSAGES[frame.type].unpack(frame.payload)
+
+
+@dataclass(frozen=True)
+class Hello(Message, type=Type.HELLO):
+    """Who are you? The answer is `Info`."""
+
+
+@dataclass(frozen=True)
+class Arm(Message, type=Type.ARM):
+    """Pull with the taut minimum and wait for set-points of this session, any number but 0."""
+
+    session: U16
+
+
+@dataclass(frozen=True)
+class SetTension(Message, type=Type.SET_TENSION):
+    """Pull with so many N until the next set-point, for at most `ttl_ms` (0: as long as the module's own)."""
+
+    session: U16
+    tension: F32
+    brake: Flag = False
+    ttl_ms: U16 = 0
+
+
+@dataclass(frozen=True)
+class SetImpedance(Message, type=Type.SET_IMPEDANCE):
+    """Render a spring, a damper and a vibration, at the module's own rate.
+
+    Pull with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed, 0) + amplitude sin(2 pi
+    frequency t)`` N, in m, N/m, N s/m and Hz, where speed is that of paying out.
+    """
+
+    session: U16
+    rest: F32
+    stiffness: F32
+    damping: F32
+    feed_forward: F32
+    amplitude: F32 = 0.0
+    frequency: F32 = 0.0
+    brake: Flag = False
+    ttl_ms: U16 = 0
+
+
+@dataclass(frozen=True)
+class Stop(Message, type=Type.STOP):
+    """Let go, from whatever is going on, and be idle."""
+
+
+@dataclass(frozen=True)
+class EmergencyStop(Message, type=Type.ESTOP):
+    """Let go at once, and stay so until `Clear`."""
+
+
+@dataclass(frozen=True)
+class Clear(Message, type=Type.CLEAR):
+    """Leave fault or emergency stop."""
+
+
+@dataclass(frozen=True)
+class GetParameter(Message, type=Type.GET_PARAMETER):
+    """Which value and bounds does a parameter have? The answer is `ParameterValue`."""
+
+    index: U8
+
+
+@dataclass(frozen=True)
+class SetParameter(Message, type=Type.SET_PARAMETER):
+    """Change a parameter until the next start, or for good with `Save`."""
+
+    index: U8
+    value: F32
+
+
+@dataclass(frozen=True)
+class Save(Message, type=Type.SAVE):
+    """Store all parameters."""
+
+
+@dataclass(frozen=True)
+class Calibrate(Message, type=Type.CALIBRATE):
+    """Take over something measured, a length in m or the N/A; or find the motor's zero (value ignored)."""
+
+    what: Annotated[Calibration, "B"]
+    value: F32 = 0.0
+
+
+@dataclass(frozen=True)
+class Ping(Message, type=Type.PING):
+    """Send this number back in `Pong`, with the module's clock."""
+
+    echo: U64
+
+
+@dataclass(frozen=True)
+class ConfigureTelemetry(Message, type=Type.CONFIGURE_TELEMETRY):
+    """Send `Telemetry` every so many ms, 5 or more; 0: never."""
+
+    period_ms: U16
+
+
+@dataclass(frozen=True)
+class Info(Message, type=Type.INFO):
+    """What a module is. firmware: major and minor version, a byte each; spool_radius in m."""
+
+    protocol: U8
+    firmware: U16
+    serial_number: U32
+    reset_reason: Annotated[ResetReason, "B"]
+    state: Annotated[State, "B"]
+    calibrated: Flag
+    length_known: Flag
+    parameters: U8
+    ttl_ms: U16
+    tension_lower: F32
+    tension_upper: F32
+    newton_per_ampere: F32
+    spool_radius: F32
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """Read a payload; besides the errors of others, another protocol is an `OtherProtocolError`."""
+        if payload and payload[0] != PROTOCOL:  # the rest may have changed
+            raise OtherProtocolError(payload[0])
+        info = super().unpack(payload)
+        for name in ("ttl_ms", "tension_lower", "newton_per_ampere", "spool_radius"):
+            if not getattr(info, name) > 0:
+                raise ProtocolError(f"Info: {name} is {getattr(info, name):g}; it must be above 0")
+        if info.tension_lower > info.tension_upper:
+            raise ProtocolError(
+                f"Info: tension_lower {info.tension_lower:g} is above tension_upper {info.tension_upper:g}"
+            )
+        return info
+
+
+@dataclass(frozen=True)
+class ParameterValue(Message, type=Type.PARAMETER):
+    """What a parameter is, and may be."""
+
+    index: U8
+    value: F32
+    lower: F32
+    upper: F32
+
+
+@dataclass(frozen=True)
+class Pong(Message, type=Type.PONG):
+    """What `Ping` sent, and the module's clock, in us; it wraps around after 71 minutes."""
+
+    echo: U64
+    time_us: U32
+
+
+@dataclass(frozen=True)
+class Telemetry(Message, type=Type.TELEMETRY):
+    """How a module is doing.
+
+    `tension` is what it now makes the motor pull with, N; `current` as measured, A; `speed` of paying out, m/s;
+    `thermal` the share of the winding's budget that is spent; `sequence` that of the last set-point;
+    `lost_frames` those that found no room to be sent; `longest_step_us` the longest since the last telemetry.
+    """
+
+    _finite = False  # a sensor that fails may say anything
+
+    time_us: U32
+    state: Annotated[State, "B"]
+    faults: Annotated[Fault, "H"]
+    limit: Annotated[Limit, "B"]
+    sequence: U8
+    tension: F32
+    current: F32
+    length: F32
+    speed: F32
+    supply: F32
+    thermal: F32
+    brake: Annotated[BrakeState, "B"]
+    bad_frames: U16
+    lost_frames: U16
+    longest_step_us: U16
+
+
+@dataclass(frozen=True)
+class Acknowledge(Message, type=Type.ACKNOWLEDGE):
+    """What became of a command."""
+
+    command: Annotated[Type, "B"]
+    code: Annotated[Code, "B"]
+    state: Annotated[State, "B"]
+
+
+@dataclass(frozen=True)
+class Event(Message, type=Type.EVENT):
+    """A change of state that no command brought."""
+
+    state: Annotated[State, "B"]
+    faults: Annotated[Fault, "H"]
+    limit: Annotated[Limit, "B"]
+
+
+@dataclass(frozen=True)
+class Log(Message, type=Type.LOG):
+    """A line of text."""
+
+    text: Text
+
+    def pack(self) -> bytes:
+        """Which payload says this? What is too long is cut."""
+        return self.text.encode("ascii", "replace")[:MAX_PAYLOAD]
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> Self:
+        """Read a payload. What no terminal should be sent is replaced."""
+        return cls(printable(payload.decode("ascii", "replace")))

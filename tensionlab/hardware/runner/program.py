@@ -1,0 +1,115 @@
+"""A demand that a file describes: wrenches one after another, held or gone to evenly.
+
+::
+
+    name = "push, then let go"
+    repeat = false                # true: from the start again, until somebody stops it
+
+    [[steps]]
+    seconds = 0.5
+    wrench = [0.0, 0.0, 1.5]      # N, and N·m after the forces
+    ramp = true                   # evenly from the wrench before, zero at first; false: at once
+
+    [[steps]]
+    seconds = 2.0
+    wrench = [0.0, 0.0, 1.5]
+    brakes = ["top"]              # modules whose brake is on
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.demand import Demand, RigState
+from tensionlab.errors import HardwareError, RigError
+from tensionlab.files.reading import read_toml
+from tensionlab.hardware.runner.demand_check import require_demand
+from tensionlab.model.rig import Rig
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One part of a program.
+
+    Attributes
+    ----------
+    seconds : float
+        How long it takes.
+    wrench : (n,) array
+        To be rendered, in N and N·m.
+    ramp : bool
+        Whether to go there evenly from the wrench before.
+    brakes : set of str
+        Modules whose brake is on.
+    """
+
+    seconds: float
+    wrench: Floats
+    ramp: bool = False
+    brakes: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """What to render when? Asked for as a demand source; it stops the run at its end, unless it repeats."""
+
+    name: str
+    steps: tuple[Step, ...]
+    repeat: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes once."""
+        return sum(step.seconds for step in self.steps)
+
+    def __call__(self, state: RigState) -> Demand:
+        """What to render now?"""
+        left = state.time % self.seconds if self.repeat else state.time
+        before = (
+            self.steps[-1].wrench if self.repeat and state.time >= self.seconds else 0.0 * self.steps[0].wrench
+        )
+        for step in self.steps:
+            if left < step.seconds:
+                share = left / step.seconds if step.ramp else 1.0
+                return Demand(before + share * (step.wrench - before), brakes=step.brakes)
+            left -= step.seconds
+            before = step.wrench
+        return Demand(stop=True)
+
+
+def load_program(path: str | PathLike[str], rig: Rig) -> Program:
+    """Which program does a TOML file describe?
+
+    Parameters
+    ----------
+    path : path
+    rig : Rig
+        Which is to render it: wrenches and modules must be its own.
+
+    Raises
+    ------
+    HardwareError
+        Naming the file and the key: what is wrong and what to do.
+    """
+    from tensionlab.hardware.runner.program_file import ProgramFile
+    from tensionlab.model.schema import check
+
+    document = read_toml(path, "a program (*.toml)", HardwareError)
+    try:
+        file = check(ProgramFile, document)
+    except RigError as error:
+        raise HardwareError(f"{path}: {error}") from None
+    steps = []
+    for number, table in enumerate(file.steps, start=1):
+        here = f"{path}: step {number}"
+        if not 0.0 < table.seconds < math.inf:
+            raise HardwareError(f"{here}: seconds is {table.seconds:g}; give a time above 0")
+        step = Step(table.seconds, np.array(table.wrench, dtype=np.float64), table.ramp, frozenset(table.brakes))
+        require_demand(Demand(step.wrench, brakes=step.brakes), rig, here)
+        steps.append(step)
+    return Program(file.name, tuple(steps), file.repeat)

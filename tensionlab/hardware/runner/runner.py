@@ -1,0 +1,394 @@
+"""Render forces on modules: read, ask, allocate, check, send and log, at a steady rate; stop whatever happens."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tensionlab.arrays import Floats, Integers
+from tensionlab.demand import Demand, DemandSource, Pose, RigState
+from tensionlab.errors import HardwareError, LinkTimeout
+from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
+from tensionlab.hardware.protocol.messages import Stop
+from tensionlab.hardware.runner.clock import Clock, RealClock
+from tensionlab.hardware.runner.cycle import Cycle
+from tensionlab.hardware.runner.demand_check import require_demand
+from tensionlab.hardware.runner.derating import Derating
+from tensionlab.hardware.runner.guard import EXACT_SOLVER, GuardedAllocator, approach, require_within
+from tensionlab.hardware.runner.interrupts import ENDING, Hung, Interrupted, Interrupts
+from tensionlab.hardware.runner.module_monitor import Roll
+from tensionlab.hardware.runner.observation import Observation, observe
+from tensionlab.hardware.runner.pose_tracker import PoseTracker, at_one_time, velocity
+from tensionlab.hardware.runner.released import ReleasedModules
+from tensionlab.hardware.runner.set_point_delays import SetPointDelays
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.settling import reel_in
+from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.watchdog import Watchdog
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Solver
+
+if TYPE_CHECKING:
+    from tensionlab.hardware.log.writer import RunLog
+
+FIRST_TELEMETRY = 2.0
+"""How long to wait for it, in s."""
+BACK = 1e-3
+"""A cycle that begins so long before its deadline, in s, means that the clock went back."""
+WARM_UP_S = 30.0
+"""How long a solver may take for its first answer, in s, while no module is armed: some import a lot for it."""
+HUNG_S = 0.5
+"""A cycle that takes as long, in s, and no less than set-points live, has hung."""
+MISFIT_S = 0.25
+"""How long lengths may fit no pose in a run, in s: a cable may be slack for a moment."""
+SWITCH = 5e-4
+"""How long a cycle that is due may wait for another thread of this process, in s."""
+
+Tracker = Callable[[float], Pose]
+"""Where is the point or the platform, at a time of the run in s?"""
+
+
+class Runner:
+    """Renders what a demand asks for on the modules of a rig.
+
+    Each cycle reads the modules, finds the pose, asks the demand, allocates, checks, sends and logs. Whatever ends
+    a run (its time, the demand, an error, a signal), all modules are stopped.
+
+    Parameters
+    ----------
+    rig : Rig
+    modules : ModuleGroup
+        Its modules: `connect` reaches real ones, `World.group` those of a simulated world.
+    solver : str or Solver
+        As in `tensionlab.allocate`. An answer that is not proved is never sent; that of newton is, in its place.
+    demand : callable
+        ``demand(state)`` tells the `Demand` of each cycle, given the `RigState`.
+    settings : RunSettings, optional
+        Rate, time to live, and what to do about losses.
+    log : RunLog, optional
+        Takes every cycle; closed at the end of the run.
+    clock : Clock, optional
+        That of a simulated world, if the modules are in one.
+    tracker : callable, optional
+        Tells the pose in place of the cable lengths.
+
+    Attributes
+    ----------
+    latest : Cycle or None
+    statistics : Statistics
+    log : RunLog or None
+        May be set until the run begins.
+
+    Raises
+    ------
+    HardwareError
+        If rig and modules do not belong together, or the pose cannot be known.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        modules: ModuleGroup,
+        solver: str | Solver,
+        demand: DemandSource,
+        settings: RunSettings | None = None,
+        *,
+        log: RunLog | None = None,
+        clock: Clock | None = None,
+        tracker: Tracker | None = None,
+    ) -> None:
+        self._names = [client.name for client in modules.clients]
+        if self._names != [module.name for module in rig.modules]:
+            raise HardwareError(f'rig "{rig.name}" has other modules than {", ".join(self._names)}')
+        self.rig, self.modules = rig, modules
+        self.settings = RunSettings() if settings is None else settings
+        self.latest: Cycle | None = None
+        self.statistics = Statistics()
+        self._allocator = GuardedAllocator(rig.limits, solver, self.settings.nearest)
+        self._taut = GuardedAllocator(rig.limits, EXACT_SOLVER)  # least tensions, whatever the solver is after
+        self._demand, self._tracker = demand, tracker
+        self.log = log
+        self._clock = RealClock() if clock is None else clock
+        self._lengths = PoseTracker(rig) if tracker is None else None
+        self._derating = Derating(rig.limits, np.full(rig.m, np.inf), self._names)  # until the modules have told
+        self._roll = Roll(modules, self.settings.ttl, self.settings.on_loss, self._lost)
+        self._before = rig.limits.lower.copy()
+        self._delays = SetPointDelays(rig.m, self.settings.rate)
+        self._released: ReleasedModules | None = None
+        self._seen: Observation | None = None
+        self._fitted_at = 0.0
+        self._watchdog: Watchdog | None = None
+
+    def run(self, seconds: float | None = None) -> Statistics:
+        """Arm all modules, render, and stop them.
+
+        Parameters
+        ----------
+        seconds : float, optional
+            How long, above 0; until the demand or a signal ends it if left out.
+
+        Returns
+        -------
+        Statistics
+            Also where a signal ended the run: Ctrl-C is a way to do so.
+
+        Raises
+        ------
+        HardwareError
+            What went wrong, after all modules have been told to stop. Errors of the demand and of the solver
+            come through as they are.
+
+        Notes
+        -----
+        A solver or a demand that does not come back is interrupted. Where it cannot be, in a native call, the
+        modules are stopped and the process ends, with exit status 1 and a line on stderr.
+        """
+        if seconds is not None and not 0.0 < seconds < math.inf:
+            raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
+        interrupts = Interrupts()
+        with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
+            gc.collect()
+            gc.freeze()  # what is there by now is not looked through again while a cycle waits
+            patience = sys.getswitchinterval()
+            sys.setswitchinterval(SWITCH)
+            try:
+                with self._watched(interrupts):
+                    self._begin()
+                    self.statistics.ended = self._render(seconds)
+            except Interrupted as interrupted:
+                self.statistics.emergency = interrupted.number == ESTOP_SIGNAL
+                self.statistics.ended = "emergency stop" if self.statistics.emergency else f"signal {interrupted}"
+            except Hung as hung:
+                self.statistics.ended = str(hung)
+                raise HardwareError(str(hung)) from None
+            except BaseException as error:
+                self.statistics.ended = f"{type(error).__name__}: {error}"
+                raise
+            finally:
+                interrupts.ignore()
+                sys.setswitchinterval(patience)
+                gc.unfreeze()
+                self._end()
+        return self.statistics
+
+    def _begin(self) -> None:
+        """Have all modules report, and arm them."""
+        self.modules.prepare(self.rig, self.settings.telemetry_ms)
+        self._derating = Derating(self.rig.limits, np.array(self.modules.continuous), self._names)
+        if self.log is not None:
+            self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
+        if self._lengths is not None:
+            self.modules.require_lengths()
+        deadline = self._clock.now() + FIRST_TELEMETRY
+        while not np.isfinite(observe(self.modules).ages).all():
+            if self._clock.now() > deadline:
+                silent = [client.name for client in self.modules.clients if client.telemetry is None]
+                raise LinkTimeout(f"no telemetry from {', '.join(silent)} within {FIRST_TELEMETRY:g} s")
+            self._clock.wait_until(self._clock.now() + 1e-3 * self.settings.telemetry_ms)
+        self._step("the first answer of the solver", WARM_UP_S)
+        home = self.rig.structure_matrix(self.rig.home, frames=self.rig.at_rest)
+        self._allocator(home, np.zeros(self.rig.n), self._roll.active)
+        self._rest()
+        self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
+        self._released = ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
+        self.modules.arm(self.rig.limits.lower)
+        self._note("armed", f"{self.rig.m} modules")
+        if self._lengths is not None:
+            self._settle(self._lengths)
+
+    def _settle(self, tracker: PoseTracker) -> None:
+        """Reel in slack cables, with the least tensions, until their lengths fit a pose."""
+
+        def cycle() -> Observation:
+            self._clock.wait_until(self._clock.now() + 1.0 / self.settings.rate)
+            seen, _ = self._look()
+            self._send(self.rig.limits.lower, Demand())
+            return seen
+
+        reel_in(tracker, cycle, self._roll.active, self._clock, redundant=self.rig.m > self.rig.n)
+        self._fitted_at = self._clock.now()
+
+    def _render(self, seconds: float | None) -> str:
+        """Do cycles until one of them is the last; why was it?
+
+        Deadlines are multiples of the period, whatever a cycle takes; those that it runs over are left out.
+        """
+        period, start, due = 1.0 / self.settings.rate, self._clock.now(), 0
+        hung = max(HUNG_S, self.settings.ttl)
+        while seconds is None or due * period < seconds:
+            self._clock.wait_until(start + due * period)
+            now = self._clock.now() - start
+            if now < due * period - BACK:
+                raise HardwareError(f"the clock went back by {due * period - now:g} s")
+            self._step(f"cycle {self.statistics.cycles}", hung)
+            if not self._cycle(now, now - due * period):
+                return "the demand"
+            self._rest()
+            next_due = max(due + 1, int((self._clock.now() - start) * self.settings.rate + 1.0))
+            self.statistics.missed += next_due - due - 1
+            due = next_due
+        return f"after {seconds:g} s"
+
+    def _cycle(self, now: float, late: float) -> bool:
+        """Do one cycle; False if the demand is to stop."""
+        began = time.perf_counter()
+        seen, delays = self._look()
+        state = self._state(now, seen, delays)
+        demand = require_demand(self._demand(state), self.rig, f"demand of cycle {state.cycle}")
+        if demand.stop:
+            return False
+        limits = self._derating.limits
+        free = state.active
+        if demand.impedances:
+            free = free & [name not in demand.impedances for name in self._names]
+        if demand.wrench is None:
+            wrench = state.structure @ np.where(free, limits.lower, 0.0)
+            allocation, replaced = self._taut(state.structure, wrench, free, limits)
+        else:
+            wrench = np.asarray(demand.wrench)
+            if demand.impedances or not state.active.all():
+                wrench = wrench - state.structure @ self._pulls(demand, state)
+            allocation, replaced = self._allocator(state.structure, wrench, free, limits)
+        require_within(allocation.tensions, limits, free, self._names)
+        wanted = np.where(free, allocation.tensions, self._before)
+        self._before = approach(self._before, wanted, min(self.modules.slews) / self.settings.rate)
+        sequences = self._send(self._before, demand)
+        work = time.perf_counter() - began
+        sent = np.where(free, self._before, np.nan)
+        self.latest = Cycle(state, demand, wrench, allocation, replaced, sent, sequences, late, work)
+        self.statistics.take(self.latest, slewed=self._before is not wanted)
+        if self.log is not None:
+            self.log.write(self.latest)
+        return True
+
+    def _look(self) -> tuple[Observation, Floats]:
+        """Read the modules, and look whether all are well; what they say, and how old their set-points are."""
+        now = self._clock.now()
+        seen = self._seen = observe(self.modules)
+        for index, text in self._derating.update(seen.thermal):
+            self._note("derated", text, self._names[index])
+        self.statistics.derated = self._derating.lowest
+        delays, at_least = self._delays.delays(seen.taken, now)
+        self._roll.call(seen, at_least, self._derating, now)
+        return seen, delays
+
+    def _send(self, tensions: Floats, demand: Demand) -> Integers:
+        """Send set-points; their numbers, -1 where none was sent."""
+        sequences = self._roll.send(tensions, demand, self.settings.ttl_ms)
+        self._delays.send(sequences, self._clock.now())
+        return sequences
+
+    def _state(self, now: float, seen: Observation, delays: Floats) -> RigState:
+        active = self._roll.active.copy()
+        if self._lengths is None:
+            assert self._tracker is not None
+            pose = self._tracker(now)
+            structure = self.rig.structure_matrix(*pose)
+            motion = velocity(structure, seen.speeds, active)
+        else:
+            lengths = at_one_time(seen.lengths, seen.speeds, seen.ages)
+            pose, structure = self._lengths.follow(lengths, active)
+            motion = self._lengths.velocity(seen.speeds, active)
+            if self._lengths.fits:
+                self._fitted_at = self._clock.now()
+            elif self._clock.now() - self._fitted_at > MISFIT_S:
+                self._lengths.require_fit("is a cable slack, caught, or off its spool?")
+        late = seen.ages > 2e-3 * self.settings.telemetry_ms
+        if late.any():
+            self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())
+        return RigState(
+            self.statistics.cycles,
+            now,
+            pose,
+            motion,
+            structure,
+            active=active,
+            delays=delays,
+            upper_now=self._derating.limits.upper,
+            **seen._asdict(),
+        )
+
+    def _pulls(self, demand: Demand, state: RigState) -> Floats:
+        """How hard do the modules pull that the solver does not ask, by what is known of them?
+
+        Those that render an impedance, and those that dropped out and have not let go yet.
+        """
+        assert self._released is not None
+        pulls = self._released.pulls(self._clock.now())
+        for index, name in enumerate(self._names):
+            if name in demand.impedances and state.active[index]:
+                least, most = self.rig.limits.lower[index], state.upper_now[index]
+                spring = demand.impedances[name]
+                pull = spring.tension(float(state.lengths[index]), float(state.speeds[index]))
+                pulls[index] = min(max(pull, least), most)
+        return pulls
+
+    def _lost(self, index: int, error: HardwareError) -> None:
+        self.statistics.lost[self._names[index]] = str(error)
+        self._note("lost", str(error), self._names[index])
+        assert self._released is not None
+        assert self._seen is not None
+        now, client = self._clock.now(), self.modules.clients[index]
+        heard = now - float(self._seen.ages[index])
+        self._released.add(index, float(self._before[index]), heard, now, client.state, error)
+
+    @contextmanager
+    def _watched(self, interrupts: Interrupts) -> Iterator[None]:
+        """Watch over the steps of a run, if time goes on while one lasts."""
+        if not getattr(self._clock, "real_time", False):
+            yield
+            return
+
+        def interrupt(why: str) -> None:
+            for client in self.modules.clients:
+                with suppress(HardwareError):
+                    client.post(Stop())
+            interrupts.throw(Hung(why))
+
+        with Watchdog(interrupt, self._abandon) as self._watchdog:
+            yield
+
+    def _step(self, name: str, seconds: float) -> None:
+        if self._watchdog is not None:
+            self._watchdog.begin(name, seconds)
+
+    def _rest(self) -> None:
+        if self._watchdog is not None:
+            self._watchdog.rest()
+
+    def _abandon(self, why: str) -> None:
+        """Stop all modules and end the process, in another thread than the run's, which does not come back."""
+        try:
+            self.statistics.ended = why
+            with suppress(HardwareError):
+                self._end()
+            show_cursor = "\x1b[?25h" if sys.stdout.isatty() else ""  # a live table has hidden it
+            unconfirmed = ", ".join(self.statistics.unconfirmed)
+            more = f"; not confirmed by {unconfirmed}" if unconfirmed else ""
+            print(f"{show_cursor}tensionlab: {why}{more}; the process ends", file=sys.stderr, flush=True)
+        finally:
+            os._exit(1)
+
+    def _note(self, kind: str, text: str, module: str | None = None) -> None:
+        if self.log is not None:
+            self.log.note(kind, text, module)
+
+    def _end(self) -> None:
+        """Stop all modules; say in the log why, and which did not confirm it."""
+        unconfirmed = self.modules.emergency_stop() if self.statistics.emergency else self.modules.stop()
+        self.statistics.unconfirmed = {name: str(error) for name, error in unconfirmed.items()}
+        with suppress(HardwareError):  # of a full disk, the run has heard already
+            self._note("ended", self.statistics.ended)
+            for name, why in self.statistics.unconfirmed.items():
+                self._note("unconfirmed", why, name)
+        if self.log is not None:
+            self.log.close(self.statistics)

@@ -1,0 +1,80 @@
+"""Where does somebody mean to be, and when? Places to be at, one after another, and a little unrest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import ScenarioError
+from tensionlab.files.reading import brief
+from tensionlab.haptics.effects.parameters import Frequency, Point, Time, require_parameters
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """Where to be at a time: s since the begin, and m."""
+
+    time: Time
+    position: Point
+
+    def __post_init__(self) -> None:
+        require_parameters(self, ScenarioError)
+
+
+@dataclass(frozen=True)
+class Sway:
+    """A little motion to and fro: amplitudes in m, one an axis, and Hz."""
+
+    amplitude: Point
+    frequency: Frequency = 0.4
+
+    def __post_init__(self) -> None:
+        require_parameters(self, ScenarioError)
+
+
+@dataclass(frozen=True)
+class Script:
+    """A motion through waypoints.
+
+    From one to the next it goes with the least jerk (Flash and Hogan 1985, "The coordination of arm movements"),
+    from rest to rest; it stays where it is before the first and after the last.
+
+    Parameters
+    ----------
+    waypoints : tuple of Waypoint
+        At least one, in order.
+    sway : Sway or None
+        Added to it.
+    """
+
+    waypoints: tuple[Waypoint, ...]
+    sway: Sway | None = None
+
+    def __post_init__(self) -> None:
+        if not self.waypoints:
+            raise ScenarioError("a script has no waypoints; give at least one")
+        times = [waypoint.time for waypoint in self.waypoints]
+        places = [waypoint.position for waypoint in self.waypoints]
+        if (np.diff(times) <= 0.0).any():
+            raise ScenarioError(f"the waypoints' times are {brief(times)}; give each later than the last")
+        sizes = {len(place) for place in places} | ({len(self.sway.amplitude)} if self.sway else set())
+        if len(sizes) > 1:
+            raise ScenarioError(f"the waypoints are {brief(places)}; give all the same number of coordinates")
+
+    def position(self, time: float) -> Floats:
+        """Where is it to be, in m?"""
+        first, last = self.waypoints[0], self.waypoints[-1]
+        place = np.array(first.position if time < first.time else last.position, dtype=np.float64)
+        for start, end in zip(self.waypoints, self.waypoints[1:], strict=False):
+            if start.time <= time < end.time:
+                share = (time - start.time) / (end.time - start.time)
+                way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+                place = (1.0 - way) * np.array(start.position) + way * np.array(end.position)
+        if self.sway is not None:
+            # The axes are out of step, so that it goes round rather than along a line; it begins at rest's place.
+            phases = 2.0 * math.pi * self.sway.frequency * time * np.array([1.0, 0.83, 1.21])[: place.size]
+            place = place + np.array(self.sway.amplitude) * np.sin(phases)
+        return place

@@ -1,0 +1,278 @@
+"""The published protocol: zero the sensor, then hold one force after another, and average what it shows.
+
+Everything that pulls does so through the `Runner`. The first three forces are along the axes: they tell how the
+sensor is turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.allocation import allocate
+from tensionlab.arrays import Floats
+from tensionlab.demand import Demand, Pose, RigState
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.protocol.codes import Limit
+from tensionlab.hardware.runner.clock import Clock
+from tensionlab.hardware.runner.cycle import Cycle
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS
+from tensionlab.hardware.simulation.simulated_rig import newton_per_ampere
+from tensionlab.model.directions import grid18
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Solver, Status
+from tensionlab.validation.sensor import ForceSensor
+
+CONTINUOUS = PARAMETERS["current_continuous"].standard
+"""What a winding stands for ever, in A."""
+BASIS = 3
+"""How many forces come first, to find out how the sensor is turned."""
+ZERO = 1.0
+"""How long the sensor is watched with all motors off, in s."""
+HOT, COOL = 0.5, 0.4
+"""Shares of a winding's budget: when modules are to rest before a force that needs more current than they stand
+for ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7."""
+SLACK = 1e-6
+"""A cycle may begin so much too early, in s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """What is commanded, and for how long?
+
+    Attributes
+    ----------
+    hold : float
+        How long each force is held, in s.
+    settle : float
+        What is left out of the average at the begin of each, in s, while tensions move.
+    force : float
+        Size of all forces, in N.
+    directions : (K, 3) array
+    """
+
+    hold: float = 1.0
+    settle: float = 0.3
+    force: float = 1.5
+    directions: Floats = field(default_factory=grid18)
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.settle < self.hold < np.inf:
+            raise HardwareError(
+                f"each force is held for {self.hold:g} s, of which {self.settle:g} s are left out; "
+                "hold longer than that"
+            )
+
+    @property
+    def forces(self) -> Floats:
+        """All that is commanded, in N: (3 + K, 3), the axes first."""
+        return self.force * np.concatenate([np.eye(BASIS), self.directions])
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What came of one force?
+
+    Attributes
+    ----------
+    number : int
+        Its row of `Protocol.forces`.
+    desired, rendered, measured : (float, float, float)
+        What was asked for; what the tensions that were sent add up to, by the nominal rig; and what the sensor
+        showed in its own axes, less its zero. In N.
+    tensions : tuple of float
+        As they were sent, in N.
+    status : str
+        Of the solver's answer; a name of `Status`.
+    replaced : bool
+        Whether the solver left that unproved, so that the exact solver's was sent.
+    samples : int
+        How many were averaged.
+    spread : float
+        Standard deviation of these, of the axis where it is largest, in N.
+    rested : float
+        How long modules had to cool before it, in s.
+    hindered : tuple of str
+        Modules that something kept from pulling as they were told.
+    """
+
+    number: int
+    desired: tuple[float, ...]
+    rendered: tuple[float, ...]
+    measured: tuple[float, ...]
+    tensions: tuple[float, ...]
+    status: str
+    replaced: bool
+    samples: int
+    spread: float
+    rested: float
+    hindered: tuple[str, ...]
+
+
+class Sequence:
+    """Hold one force after another; asked as a demand source.
+
+    Before a force that needs more current than a winding stands for ever, modules rest at their lower limits until
+    all are cool enough.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    heating : (3 + K,) array of bool
+        Which of `Protocol.forces` need so much current.
+    first : int
+        Row of `Protocol.forces` to begin with.
+    sensor : ForceSensor
+    done : callable
+        Told of each force when it has been held: its number, the samples (K, 3), and how long modules had to rest
+        before it, in s.
+    """
+
+    def __init__(
+        self,
+        protocol: Protocol,
+        heating: NDArray[np.bool_],
+        first: int,
+        sensor: ForceSensor,
+        done: Callable[[int, Floats, float], None],
+    ) -> None:
+        self._protocol, self._sensor, self._done = protocol, sensor, done
+        self._heating, self._number = heating, first
+        self._since = self._rested = 0.0
+        self._settled = self._resting = False
+        self._demands = [Demand(force) for force in protocol.forces]
+
+    def __call__(self, state: RigState) -> Demand:
+        """What to render now? Takes and drops what the sensor showed while tensions moved."""
+        now = state.time + SLACK
+        heat = float(np.nanmax(state.thermal, initial=0.0))
+        if self._resting:
+            if heat > COOL:
+                return Demand()
+            self._rested += now - self._since
+            self._resting, self._since = False, now
+        elif now >= self._since + self._protocol.hold:
+            self._done(self._number, self._sensor.take(), self._rested)
+            self._number += 1
+            self._settled, self._rested = False, 0.0
+            self._since += self._protocol.hold
+            if self._number == len(self._demands):
+                return Demand(stop=True)
+            if heat > HOT and self._heating[self._number]:
+                self._resting, self._since = True, now
+                return Demand()
+        if not self._settled and now >= self._since + self._protocol.settle:
+            self._sensor.take()
+            self._settled = True
+        return self._demands[self._number]
+
+
+def zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
+    """What does the sensor show while nothing pulls? (3,) in N, of one second.
+
+    Raises
+    ------
+    HardwareError
+        If it shows nothing.
+    """
+    modules.stop()
+    clock.wait_until(clock.now() + ZERO)
+    sensor.take()
+    clock.wait_until(clock.now() + ZERO)
+    return _average(sensor.take(), "at zero tension")
+
+
+def measure(
+    rig: Rig,
+    modules: ModuleGroup,
+    clock: Clock,
+    sensor: ForceSensor,
+    solver: str | Solver,
+    protocol: Protocol,
+    done: Callable[[Measurement], None],
+    first: int = 0,
+) -> bool:
+    """Go through the protocol.
+
+    Parameters
+    ----------
+    rig : Rig
+        As it is believed to be.
+    modules, clock, solver
+        As for `Runner`.
+    sensor : ForceSensor
+    protocol : Protocol
+    done : callable
+        Told of each measurement as soon as it is there.
+    first : int
+        Row of `Protocol.forces` to begin with.
+
+    Returns
+    -------
+    bool
+        Whether all forces were held; a signal, such as Ctrl-C, may end it before.
+
+    Raises
+    ------
+    HardwareError
+        Of the modules, as from `Runner.run`, or of the sensor.
+    """
+    offset = zero(sensor, clock, modules)
+    place = Pose(rig.home, frames=rig.at_rest)
+    forces = protocol.forces
+
+    def held(number: int, samples: Floats, rested: float) -> None:
+        assert runner.latest is not None
+        average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
+        done(_measurement(number, forces[number], average, samples, rested, runner.latest, rig))
+
+    chosen = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits, solver=solver)
+    for_ever = [CONTINUOUS * newton_per_ampere(module) for module in rig.modules]
+    heating = np.any(chosen.tensions > for_ever, axis=-1)
+    sequence = Sequence(protocol, heating, first, sensor, held)
+    runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: place)
+    runner.run()
+    if runner.statistics.unconfirmed:
+        names = ", ".join(runner.statistics.unconfirmed)
+        raise HardwareError(f"{names} did not confirm to have stopped; look at them before anything else")
+    if runner.statistics.emergency:
+        raise HardwareError("an emergency stop ended the validation; `tensionlab module clear` leads out of it")
+    return runner.statistics.ended == "the demand"
+
+
+def _measurement(
+    number: int,
+    desired: Floats,
+    average: Floats,
+    samples: Floats,
+    rested: float,
+    latest: Cycle,
+    rig: Rig,
+) -> Measurement:
+    free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
+    limits = zip(rig.modules, latest.state.limits.tolist(), strict=True)
+    return Measurement(
+        number=number,
+        desired=tuple(desired.tolist()),
+        rendered=tuple(latest.allocation.wrench.tolist()),
+        measured=tuple(average.tolist()),
+        tensions=tuple(latest.sent.tolist()),
+        status=Status(int(latest.allocation.status)).name,
+        replaced=latest.replaced,
+        samples=len(samples),
+        spread=float(samples.std(axis=0).max()),
+        rested=rested,
+        hindered=tuple(module.name for module, limit in limits if limit not in free),
+    )
+
+
+def _average(samples: Floats, when: str) -> Floats:
+    if not len(samples):
+        raise HardwareError(f"the force sensor showed nothing {when}; is it on, and does it send by itself?")
+    return np.asarray(samples.mean(axis=0))

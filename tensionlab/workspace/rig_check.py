@@ -1,0 +1,118 @@
+"""Whether a rig can work at all, before anything is built: rank, limits, balance and strength at home."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensionlab.allocation import allocate
+from tensionlab.arrays import Floats
+from tensionlab.haptics.brakes.choice import brake_strengths
+from tensionlab.haptics.brakes.contact import ImpactCap
+from tensionlab.model import directions
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import RANK_TOLERANCE, Status
+
+SLACK_RATIO = 1e4
+"""Tensions that balance only with a larger ratio between the cables do not count as balancing."""
+
+
+HEAD_N = ImpactCap().force
+"""What all cables of a head may pull together, in N."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One check of a rig.
+
+    Attributes
+    ----------
+    name : str
+        What was checked.
+    passed : bool or None
+        None for a note that is neither good nor bad.
+    text : str
+        What was found, and what to do where the check failed.
+    """
+
+    name: str
+    passed: bool | None
+    text: str
+
+
+def check_rig(rig: Rig) -> list[Finding]:
+    """Whether a rig can work at its home, with body frames at the origin of the world.
+
+    Parameters
+    ----------
+    rig : Rig
+
+    Returns
+    -------
+    list of Finding
+        Rank of the structure matrix; limits that leave room; balance, that is the zero wrench inside the
+        limits; strength, the largest force that the rig renders in its weakest direction; body frames.
+    """
+    structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
+    findings = [_rank(structure), _limits(rig)]
+    balanced = allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT
+    findings.append(_balance(structure, bool(balanced)))
+    if balanced:
+        findings.append(_strength(rig, structure))
+    if rig.frames:
+        names = ", ".join(rig.frames)
+        findings.append(Finding("frames", None, f"{names}: must be given at run time; at rest for this check"))
+    return findings
+
+
+def _rank(structure: Floats) -> Finding:
+    """Whether the cables can pull in every direction of motion, one way or the other."""
+    n, m = structure.shape
+    rank = int(np.linalg.matrix_rank(structure, rtol=RANK_TOLERANCE))
+    if rank == n:
+        return Finding("rank", True, f"{rank} of {n} components with {m} cables")
+    why = f"{m} cables are fewer than {n} components" if m < n else "cables are parallel or in one plane"
+    return Finding("rank", False, f"only {rank} of {n} components: {why}; add or move modules")
+
+
+def _limits(rig: Rig) -> Finding:
+    """Whether the limits leave every cable room."""
+    lower, upper = rig.limits.lower, rig.limits.upper
+    stuck = [module.name for module in rig.modules if module.lower == module.upper]
+    if stuck:
+        return Finding("limits", None, f"no choice of tension in {', '.join(stuck)}: lower equals upper")
+    text = f"{lower.min():g} N and more, {upper.max():g} N and less, room in all"
+    most = float((upper + brake_strengths(rig)).sum())
+    if most > HEAD_N and any(module.brake for module in rig.modules):
+        text += (
+            f"; with brakes {most:g} N together, so not for a head, which may feel {HEAD_N:g} N: scenarios with a "
+            "head refuse this rig until breakaway links make `brake` less"
+        )
+    return Finding("limits", True, text)
+
+
+def _balance(structure: Floats, balanced: bool) -> Finding:
+    """Whether the cables can hold the platform still with no outside force."""
+    if balanced:
+        return Finding("balance", True, "the cables hold each other at home, within their limits")
+    n, m = structure.shape
+    ratio = (np.ones(m), np.full(m, SLACK_RATIO))
+    if allocate(structure, np.zeros(n), ratio).status == Status.EXACT:
+        text = "the cables could hold each other, but not within their limits: widen the limits"
+    else:
+        text = "no tensions hold each other at home (no wrench closure): weight must pull, or add a module"
+    return Finding("balance", False, text)
+
+
+def _strength(rig: Rig, structure: Floats) -> Finding:
+    """How large a force, without torque, the rig renders in its weakest direction."""
+    vectors = directions.grid18() if rig.dimension == 3 else directions.circle()
+    beyond = 2.0 * float(rig.limits.upper.sum())
+    wrenches = directions.forces(beyond * vectors, rig.n, rig.dimension)
+    strength = beyond * np.nan_to_num(allocate(structure, wrenches, rig.limits, nearest="direction").scale)
+    weakest = int(np.argmin(strength))
+    where = ", ".join(f"{part:.2f}" for part in vectors[weakest] + 0.0)
+    text = f"{strength[weakest]:.3g} N in its weakest of {len(vectors)} directions, ({where})"
+    text += f"; {strength.max():.3g} N in its strongest"
+    return Finding("strength", bool(strength[weakest] > 0), text)

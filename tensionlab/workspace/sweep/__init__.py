@@ -1,0 +1,126 @@
+"""Where, and how well, can these rigs pull? `sweep` asks at every pose of every configuration."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Sequence
+from dataclasses import is_dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from tensionlab.errors import SweepError
+from tensionlab.model.pose import Frames
+from tensionlab.model.rig import Rig
+from tensionlab.workspace import registry as catalogue
+from tensionlab.workspace.base import Measure
+from tensionlab.workspace.sweep.configurations import Configurations, vary
+from tensionlab.workspace.sweep.dataset import bare_dataset
+from tensionlab.workspace.sweep.executors import locally, on_cluster
+from tensionlab.workspace.sweep.plan import Plan
+from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
+from tensionlab.workspace.sweep.progress import bar
+from tensionlab.workspace.sweep.store import Memory, Sink, Store
+
+if TYPE_CHECKING:
+    import xarray
+
+CHUNK = 16_384
+"""Values of a measure in a chunk: 128 kB, and mostly a small part of a second."""
+
+
+def sweep(
+    rigs: Rig | Sequence[Rig] | Configurations,
+    poses: Grid | PoseList | ArrayLike,
+    measures: str | Measure | Sequence[str | Measure],
+    *,
+    frames: Frames | None = None,
+    out: str | PathLike[str] | None = None,
+    scheduler: str | None = None,
+    chunk: int = CHUNK,
+    progress: bool = True,
+) -> xarray.Dataset:
+    """Where, and how well, can these rigs pull?
+
+    Every measure, of every configuration, at every pose. A bar on the terminal says how long it will take, if
+    that is more than two seconds.
+
+    Parameters
+    ----------
+    rigs : Rig, sequence of Rig, or Configurations
+        Rigs with names that differ, or what `tensionlab.workspace.sweep.configurations` returns.
+    poses : Grid, PoseList or (k, d) array
+        From `tensionlab.workspace`: `Grid`, `box`, `polyline`, `read_poses`; or positions in m.
+    measures : str, Measure, or sequence of them
+        Names in `tensionlab.workspace.MEASURES`, such as "capacity-margin" or "reachable-share:2.0", or instances.
+    frames : mapping of name to Frame or (position, rotation), optional
+        Where the body frames of the rigs are: one pose for each, the same all over the sweep.
+    out : path, optional
+        A folder, by custom called DIR.zarr, to which chunks are written as they are finished. A sweep that was
+        killed goes on where it was when it is called again, and a finished one is only opened. Without it, the
+        sweep is kept in memory.
+    scheduler : str, optional
+        Address of a Dask scheduler, as in "tcp://host:8786", whose workers evaluate the chunks; else the
+        processors of this machine do.
+    chunk : int
+        Values of a measure in a chunk, at most. A store goes on with the chunks that it was begun with.
+    progress : bool
+        False for no bar.
+
+    Returns
+    -------
+    xarray.Dataset
+        A variable for each measure, called as it was asked for, with the axes of the configurations, then those
+        of the poses. NaN where a cable has no length, or a measure has
+        no value. Every variable has ``units`` and ``long_name``. The
+        coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves. Among the
+        attributes is the ``manifest``, as JSON: the call, versions, commit and processor.
+
+    Raises
+    ------
+    SweepError, RigError, ShapeError
+        Before any work: rigs, poses and measures that do not fit, a place to write to that holds something else,
+        a sweep too large for memory, a scheduler that does not answer.
+    MissingDependency
+        If xarray or zarr (extra ``workspace``), or distributed (extra ``cluster``) is not installed.
+    """
+    if not (isinstance(chunk, int) and chunk >= 1):
+        raise SweepError(f"chunk is {chunk!r}; give a number of values, 1 or more")
+    plan = Plan(
+        configurations=rigs if isinstance(rigs, Configurations) else vary(rigs),
+        poses=poses if isinstance(poses, (Grid, PoseList)) else PoseList(poses),  # type: ignore[arg-type]
+        measures=_named(measures),
+        frames={} if frames is None else frames,
+        chunk=chunk,
+    )
+    bare = bare_dataset(plan)
+    sink: Sink = Memory(plan, bare) if out is None else Store(Path(out), plan, bare)
+    with contextlib.closing(sink):
+        missing = [number for number in range(math.prod(plan.tiles)) if number not in sink.finished]
+        if missing:
+            total, ahead = math.prod(plan.shape), sum(plan.size(number) for number in missing)
+            tasks = (plan.task(number) for number in missing)
+            with bar(total, total - ahead, progress) as advance:
+                for task, values in locally(tasks) if scheduler is None else on_cluster(scheduler, tasks):
+                    sink.write(task, values)
+                    advance(plan.size(task.number))
+        return sink.dataset()
+
+
+def _named(measures: str | Measure | Sequence[str | Measure]) -> dict[str, Measure]:
+    """Which measures are meant, by the names that their variables get?"""
+    listed = [measures] if isinstance(measures, str) or not isinstance(measures, Sequence) else measures
+    found: dict[str, Measure] = {}
+    for each in listed:
+        if not isinstance(each, str) and (isinstance(each, type) or not is_dataclass(each)):
+            raise SweepError(f"measures holds {each!r}; give names in MEASURES, or instances of measures")
+        name, measure = (each, catalogue.make(each)) if isinstance(each, str) else (catalogue.name(each), each)
+        if name in found:
+            raise SweepError(f"measures holds {name!r} twice; give it once")
+        found[name] = measure
+    if not found:
+        raise SweepError("measures is empty; give at least one")
+    return found

@@ -1,0 +1,175 @@
+"""The runner, on a set so small that every number can be known."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.benchmark.entries import contestants
+from tensionlab.benchmark.evaluation import Effort, measure_set
+from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
+from tensionlab.solvers.base import Answer
+
+EFFORT = Effort(seconds=10.0, repeats=2)
+SUMS = Group("sums", np.ones((3, 1, 2)), np.array([[4.0], [6.0], [8.0]]), np.zeros(2), np.full(2, 5.0))
+"""Two cables that pull together: the best is half each."""
+LONE = Group("lone", np.ones((2, 1, 1)), np.array([[1.0], [2.0]]), np.zeros((2, 1)), np.full((2, 1), 5.0))
+PLANAR = np.array([[1, -0.6, -0.6], [0, 0.8, -0.8]])
+FAR = Group("far", np.stack([PLANAR, PLANAR]), np.array([[12.0, 6.0], [24.0, 12.0]]), np.ones(3), np.full(3, 10.0))
+"""Out of reach, with another answer for each policy."""
+WAY = Group(
+    "way", np.ones((3, 1, 2)), np.array([[4.0], [5.0], [6.0]]), np.zeros(2), np.full(2, 5.0), np.array([0, 1, 1.5])
+)
+
+
+def measured(*groups, reachable="all", solvers=None, effort=EFFORT):
+    told = []
+    problems = ProblemSet("tiny", "tiny", groups, reachable)
+    found = measure_set(problems, contestants(reachable, solvers), effort, np.random.default_rng(1), told.append)
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0)
+    return found
+
+
+def enter(monkeypatch, name, answer):
+    """A solver of the house that answers a batch with ``answer(problem)``."""
+
+    @dataclass(frozen=True)
+    class Entered:
+        objective: ClassVar[str] = "least squared change from the reference"
+        policies: ClassVar[tuple[str, ...]] = ()
+
+        def solve(self, problem):
+            return Answer(answer(problem), np.full(len(problem), 7))
+
+    monkeypatch.setitem(tl.SOLVERS, name, Entered)
+
+
+def test_every_contestant_answers_and_is_timed():
+    found = measured(SUMS, LONE)
+    assert found.verified["force"] == 5
+    for row in found.rows:
+        assert (row.problems, row.tried, row.refused, row.failed) == (5, 5, 0, 0), row.label
+        assert 0 < row.median_s <= row.p99_s <= row.p999_s <= row.worst_s <= row.jitter_s, row.label
+        assert len(row.call_s) == len(row.errors) == len(row.gaps) == 5
+        if row.comparable:
+            assert row.solved_1e3 == 1.0, row.label
+            assert row.gap_max < 1e-2, row.label
+        assert np.isfinite(row.build_s) == (row.setting != "proved")
+        assert np.isfinite(row.batch_s) == (row.setting == "proved")
+        assert row.proved == (5 if row.setting == "proved" and row.solved_1e6 == 1.0 else row.proved)
+    newton = found.rows[0]
+    assert (newton.solver, newton.solved_1e9, newton.proved) == ("newton", 1.0, 5)
+    assert newton.gap_max < 1e-12
+
+
+def test_an_error_a_violation_and_a_gap_are_told_apart(monkeypatch):
+    def outside(problem):
+        low = np.hstack([np.full_like(problem.wrench, -0.1), problem.wrench])
+        return np.where(problem.wrench < 7.0, low, [5.1, 3.0])
+
+    # 1 mN too little; outside by 0.1 N, but right when clipped; and right, but not the best.
+    enter(monkeypatch, "short", lambda problem: problem.wrench / 2 - [5e-4, 5e-4])
+    enter(monkeypatch, "outside", outside)
+    enter(monkeypatch, "other", lambda problem: problem.wrench * [1, 0] + [-3.0, 3.0])
+    sums = replace(SUMS, wrench=np.array([[4.0], [5.0], [8.0]]))
+    short, outside, other = measured(sums, solvers=["short", "outside", "other"]).rows
+    assert short.error_max == pytest.approx(1e-3)
+    assert (short.solved_1e3, short.solved_1e6, short.violation_max) == (1.0, 0.0, 0.0)
+    assert outside.error_max == pytest.approx(0.0, abs=1e-12)
+    assert outside.violation_max == pytest.approx(0.1)
+    assert (outside.solved_1e3, outside.proved) == (0.0, 3)
+    assert (other.solved_1e9, other.violation_max) == (1.0, 0.0)
+    assert other.gap_max == pytest.approx(1.0)
+    assert other.iterations_max == 7
+
+
+def test_an_accuracy_grows_with_the_wrench(monkeypatch):
+    # 1 mN of 4000 N and more is a part in a million; of 4 N it is not.
+    enter(monkeypatch, "short", lambda problem: problem.wrench / 2 - [5e-4, 5e-4])
+    big = replace(SUMS, wrench=1000 * SUMS.wrench, upper=np.full(2, 5000.0))
+    assert measured(big, solvers=["short"]).rows[0].solved_1e6 == 1.0
+    assert measured(SUMS, solvers=["short"]).rows[0].solved_1e6 == 0.0
+
+
+def test_a_solver_may_refuse_a_shape_and_fail_a_problem(monkeypatch):
+    def picky(problem):
+        if problem.lower.shape[1] > 1:
+            raise ValueError("one cable at most; try another")
+        return np.where(problem.wrench > 1.5, np.nan, problem.wrench)
+
+    enter(monkeypatch, "picky", picky)
+    row = measured(SUMS, LONE, solvers=["picky"]).rows[0]
+    assert (row.tried, row.refused, row.failed) == (5, 3, 1)
+    assert row.note == "refuses some: one cable at most"
+    assert row.solved_1e6 == pytest.approx(1 / 5)
+    assert np.isnan(row.call_s[:3]).all()
+    assert np.isfinite(row.call_s[3:]).all()
+
+
+def test_one_that_refuses_everything_is_a_row_that_says_so(monkeypatch):
+    def never(problem):
+        raise tl.ShapeError("not today")
+
+    enter(monkeypatch, "never", never)
+    row = measured(SUMS, solvers=["never"]).rows[0]
+    assert (row.tried, row.refused, row.solved_1e3) == (3, 3, 0.0)
+    assert row.note == "refuses some: not today"
+    assert np.isnan(row.median_s)
+    assert np.isnan(row.batch_s)
+
+
+def test_a_missing_peer_is_a_row_that_says_so(monkeypatch):
+    import qpsolvers
+
+    monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
+    rows = measured(SUMS, solvers=["qpsolvers:daqp", "newton"]).rows
+    assert [(row.label, row.note, row.tried) for row in rows] == [
+        ("qpsolvers:daqp, default", "not installed", 0),
+        ("qpsolvers:daqp, tight", "not installed", 0),
+        ("newton", "", 3),
+    ]
+
+
+def test_out_of_reach_the_least_error_is_not_held_against_anyone():
+    found = measured(FAR, reachable="none", solvers=["newton", "dykstra", "qp:daqp", "daqp"])
+    assert set(found.verified.values()) == {2}
+    for row in found.rows:
+        if row.setting == "proved":
+            assert (row.solved_1e6, row.proved) == (1.0, 2), (row.label, row.nearest)
+            assert row.gap_max < 1e-6
+        else:
+            assert (row.solved_1e6, row.proved) == (0.0, 0)
+
+
+def test_jumps_are_measured_along_a_path_and_one_path_is_kept():
+    row = measured(WAY, solvers=["newton"]).rows[0]
+    # Half of 1 N in 1 mm, then half of 1 N in 0.5 mm.
+    assert row.jump_max == pytest.approx(1.0)
+    assert row.path_mm == [0.0, 1.0, 1.5]
+    np.testing.assert_allclose(row.path_tensions, [2, 2, 2.5, 2.5, 3, 3], atol=1e-9)
+    assert row.path_reachable == [True, True, True]
+
+
+def test_a_slow_contestant_sees_some_of_every_group_in_its_time():
+    problems = problem_set("point", 600, 0)
+    found = measure_set(
+        problems,
+        contestants("all", ["cvxpy:plain", "newton"]),
+        Effort(seconds=0.02, repeats=1),
+        np.random.default_rng(0),
+        lambda done: None,
+    )
+    slow, _, newton = found.rows
+    assert 0 < slow.tried < newton.tried
+    assert np.isfinite(slow.call_s).sum() == slow.tried
+
+
+def test_the_collector_works_again_afterwards():
+    import gc
+
+    measured(SUMS, solvers=["newton"])
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0

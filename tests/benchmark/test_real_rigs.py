@@ -1,0 +1,82 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tensionlab.benchmark.real_rigs import asked, find_rig, over_workspace, path, turns
+from tensionlab.errors import RigError
+from tensionlab.workspace import capacity_margin
+
+
+def test_a_quarter_turn_about_each_axis():
+    found = turns(np.eye(3), np.full(3, np.pi / 2)) @ np.array([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(found, [[1, -3, 2], [3, 2, -1], [-2, 1, 3]], atol=1e-14)
+
+
+def test_a_hanging_robot_holds_its_weight_at_its_centre_of_mass():
+    rig = find_rig("cogiro")  # 91.058 kg at (-0.034, -0.013, 0.264) m
+    weight = 91.058 * 9.81
+    force = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
+    np.testing.assert_allclose(asked(rig, force)[0], [0, 0, weight, -0.013 * weight, 0.034 * weight, 0])
+    np.testing.assert_allclose(asked(rig, force)[1, 3:], [-0.013 * weight, 0.034 * weight + 2.64, 0.13])
+    upside_down = np.repeat(np.diag([1.0, -1.0, -1.0])[None], 2, axis=0)
+    np.testing.assert_allclose(asked(rig, force, upside_down)[0, 3:], [0.013 * weight, 0.034 * weight, 0])
+
+
+def test_a_point_without_mass_is_asked_for_the_force_alone():
+    force = np.array([[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(asked(find_rig("cube-8"), force), force)
+
+
+@pytest.mark.parametrize("name", ["ipanema-1", "spidar-g6x4"])
+def test_robots_are_turned_moved_and_pushed_but_not_beyond_their_reach(name):
+    rig = find_rig(name)
+    structure, wrench = over_workspace(np.random.default_rng(3), rig, 40)
+    assert structure.shape == (40, 6, 8)
+    assert np.ptp(structure, axis=0).min() > 0.0
+    assert np.ptp(wrench, axis=0).min() > 0.0
+    assert np.all(capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0)
+    weight = 0.0 if rig.platform is None else 9.81 * rig.platform.mass
+    pushed = np.linalg.norm(wrench[:, :3] - [0.0, 0.0, weight], axis=1)
+    assert pushed.max() <= 0.05 * rig.limits.upper.max()
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
+    rig = find_rig("seven-modules")
+    structure, wrench, length = path(np.random.default_rng(0), rig, 400, 0.3, 1.5, turning)
+    np.testing.assert_allclose(np.linalg.norm(wrench, axis=1), 1.5)
+    assert (np.ptp(wrench, axis=0).max() > 0.1) == turning
+    steps = np.diff(length)
+    assert length[0] == 0.0
+    assert steps.min() > 0.0
+    assert steps.mean() == pytest.approx(0.3, rel=2e-3)  # mm in each millisecond
+    closing = np.abs(structure[0] - structure[-1]).max(), np.abs(wrench[0] - wrench[-1]).max()
+    assert max(closing) < 1.1 * max(np.abs(np.diff(each, axis=0)).max() for each in (structure, wrench))
+    inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
+    assert inside[0] or turning
+    assert 0.1 <= inside.mean() <= 0.9
+
+
+def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
+    rig = find_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
+    structure, wrench, _ = path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
+    inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
+    assert 0.1 <= inside.mean() <= 0.9
+
+
+def test_a_force_that_is_never_available_has_no_border():
+    with pytest.raises(RigError, match=r"cube-8.*none of 200"):
+        path(np.random.default_rng(0), find_rig("cube-8"), 50, 0.3, 1e3, False)
+
+
+def test_a_robot_too_weak_for_its_weight_is_named():
+    rig = find_rig("ipanema-1")
+    heavy = dataclasses.replace(rig, platform=dataclasses.replace(rig.platform, mass=1e6))
+    with pytest.raises(RigError, match=r"ipanema-1.*3 of 3 not found"):
+        over_workspace(np.random.default_rng(0), heavy, 3)
+
+
+def test_a_missing_rig_is_named_with_its_folder():
+    with pytest.raises(RigError, match=r"rigs/cube-9\.toml: no such file"):
+        find_rig("cube-9")

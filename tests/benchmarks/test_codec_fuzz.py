@@ -1,0 +1,52 @@
+"""Whatever comes over a link, no wrong frame passes, but by the chance that a CRC leaves.
+
+The full million: ``python -m benchmarks.codec_fuzz``.
+"""
+
+import pytest
+
+from benchmarks.codec_fuzz import BY_CHANCE, CERTAIN, allowed, fuzz
+from tensionlab.hardware.protocol import frames
+from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, unpack_1
+
+
+def test_damaged_streams_raise_nothing_and_no_wrong_frame_passes():
+    for kind, tally in fuzz(100_000, seed=1).items():
+        assert tally.streams > 8000
+        assert tally.pieces > 6000
+        assert tally.wrong <= allowed(kind, tally), kind
+        # Where eight bits flip, a delimiter is often among them, and takes both its neighbours along.
+        assert (tally.whole > 1500) == (kind != "random bytes")
+
+
+def test_the_bit_that_passed_protocol_1_does_not_pass():
+    # There the CRC did not cover the stuffing, whose bytes move several others: it was right once in 65,536.
+    sent = bytes.fromhex(
+        "058d9c86fe010101010103a18201010101010322b402ed022201010429d87002f201010101010101027f03cbfa"
+    )
+    wrong = bytearray(sent)
+    wrong[8] ^= 1 << 4
+    whole = unpack_1(sent)
+    assert whole != unpack_1(bytes(wrong)) is not None
+    packed = whole.pack()
+    for bit in range(8 * len(packed)):
+        damaged = bytearray(packed)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert Decoder().feed(bytes(damaged) + DELIMITER) == []
+
+
+@pytest.mark.parametrize("bits", [0, 8])
+def test_it_finds_a_decoder_whose_crc_is_too_short(monkeypatch, bits):
+    def checksum(stuffed):
+        crc = frames.crc16(stuffed) & (1 << bits) - 1
+        return bytes([0x80 | crc >> 1, 0x80 | crc & 1, 0xFC])
+
+    monkeypatch.setattr(frames, "checksum", checksum)
+    tallies = fuzz(6_000)
+    assert any(tallies[kind].wrong > allowed(kind, tallies[kind]) for kind in CERTAIN)
+
+
+def test_it_finds_a_decoder_that_loses_its_way(monkeypatch):
+    monkeypatch.setattr(frames, "MAX_PIECE", 10)
+    with pytest.raises(AssertionError, match="a whole frame was lost"):
+        fuzz(len(CERTAIN) + len(BY_CHANCE))

@@ -1,0 +1,35 @@
+"""A short stress run: every kind of problem is drawn, and a solver that errs is found out."""
+
+import numpy as np
+import pytest
+
+from benchmarks import stress
+from tensionlab.solvers.base import POLICIES
+from tensionlab.verification import Allocation, measure
+
+
+def test_the_exact_solver_is_never_wrong_and_never_without_proof():
+    lines: list[str] = []
+    tallies = stress.stress(20_000, seed=5, report=lines.append)
+    assert len(lines) == 1 + len(stress.KINDS) * len(POLICIES)
+    for (kind, _), tally in tallies.items():
+        assert tally.problems == tally.exact + tally.nearest > 0
+        assert (tally.unproved, tally.wrong) == (0, 0), kind
+        assert tally.worst < stress.WRONG
+        assert 1 <= tally.quantile(0.5) <= tally.quantile(1.0) < 400
+    assert all(tallies["within reach", policy].nearest == 0 for policy in POLICIES)
+    assert all(tallies["far beyond", policy].exact == 0 for policy in POLICIES)
+    assert all(tallies["singular", policy].exact and tallies["singular", policy].nearest for policy in POLICIES)
+
+
+def test_an_answer_that_is_off_by_little_is_found_out(monkeypatch: pytest.MonkeyPatch):
+    def spoilt(problem, answer, shape) -> Allocation:
+        # Along the null space: the wrench is the same, the tensions are not the closest.
+        null = np.linalg.svd(problem.structure)[2][:, -1]
+        answer.tensions[...] = np.clip(answer.tensions + 1e-5 * null, problem.lower, problem.upper)
+        return measure(problem, answer, shape)
+
+    monkeypatch.setattr(stress, "measure", spoilt)
+    monkeypatch.setattr(stress, "SHAPES", ((3, 8),))
+    tallies = stress.stress(20_000)
+    assert tallies["within reach", "force"].wrong > 0.5 * tallies["within reach", "force"].problems

@@ -1,0 +1,59 @@
+"""Which modules a verb reaches that renders forces: simulated ones in this process, or those that are named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+
+from benchmarks.processes import simulated
+from tensionlab.cli.common.rig_modules import module_links, reach_modules
+from tensionlab.demand import Pose
+from tensionlab.hardware.runner.clock import RealClock
+from tensionlab.model.files import load_rig
+
+PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
+RIG = load_rig(PATH)
+NAMES = [module.name for module in RIG.modules]
+
+
+def test_without_a_word_they_are_simulated_and_hold_what_moves(capsys):
+    place = RIG.home + np.array([0.1, 0.0, 0.0])
+    group, clock, links = reach_modules(RIG, None, lambda time: Pose(place))
+    assert capsys.readouterr().err == "no --modules: these are simulated, in this process\n"
+    assert links == dict.fromkeys(NAMES, "sim:")
+    group.prepare(RIG, 10)
+    clock.wait_until(clock.now() + 0.1)
+    for client in group.clients:
+        client.listen()
+    found = [client.telemetry.message.length for client in group.clients]
+    np.testing.assert_allclose(found, RIG.lengths(place), atol=1e-3)
+    group.close()
+
+
+def test_links_are_those_of_the_modules_in_the_rigs_order(capsys):
+    with simulated(PATH) as (served, _):
+        urls = [served[name] for name in NAMES]
+        group, clock, links = reach_modules(RIG, " , ".join(urls), None)
+        assert list(links.items()) == list(zip(NAMES, urls, strict=True))
+        assert [client.hello().serial_number for client in group.clients] == [1, 2, 3, 4]
+        assert isinstance(clock, RealClock)
+        group.close()
+    assert capsys.readouterr().err == ""
+
+
+def test_each_module_needs_a_link():
+    with pytest.raises(typer.BadParameter, match=rf"has 2 links, .* has 4 modules \({', '.join(NAMES)}\)"):
+        module_links(RIG, "COM5,COM6")
+
+
+def test_a_file_has_links_by_name(tmp_path):
+    file = tmp_path / "modules.toml"
+    file.write_text('[modules]\ntop = "COM5"\n', encoding="utf-8")
+    assert module_links(RIG, str(file)) == {"top": "COM5"}
+
+
+def test_run_says_that_it_pulls_with_simulated_modules(run):
+    status, out, err = run("run", PATH, "--force", "0", "0", "0.5", "--seconds", 0.3, "--json")
+    assert (status, err) == (0, "no --modules: these are simulated, in this process\n")
+    assert out.startswith("{")

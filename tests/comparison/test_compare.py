@@ -1,0 +1,181 @@
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.comparison.compare import TIMED_CALLS, compare
+from tensionlab.comparison.scores import angles
+from tensionlab.errors import ShapeError
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+QUICK = ["newton", "dykstra", "pseudoinverse:middle", "closed-form", "qp:clarabel"]
+
+
+@pytest.fixture(scope="module")
+def published():
+    return compare(tl.load_rig(RIGS / "bartels2026-validation.toml"), solvers=QUICK)
+
+
+@pytest.fixture(scope="module")
+def narrow():
+    return compare(tl.load_rig(RIGS / "bartels2026-validation-0.3m.toml"), solvers=QUICK)
+
+
+def rows_of(comparison):
+    return {(row.solver, row.nearest): row for row in comparison.rows}
+
+
+def test_rows_hold_exactly_the_published_fields(published):
+    names = (
+        "solver nearest exact nearest_count iteration_limit failed residual_mean residual_max angle_mean_deg "
+        "angle_max_deg tension_sq_mean gap_max call_median_s call_p99_s batch_s"
+    )
+    assert [field.name for field in dataclasses.fields(published.rows[0])] == names.split()
+
+
+def test_on_the_published_rig_the_complete_solvers_render_all_182_and_agree(published):
+    assert published.wrenches.shape == (182, 3)
+    np.testing.assert_allclose(np.linalg.norm(published.wrenches, axis=1), 1.5)
+    rows = rows_of(published)
+    for (solver, _), row in rows.items():
+        if solver in ("newton", "dykstra", "qp:clarabel"):
+            assert (row.exact, row.nearest_count, row.iteration_limit, row.failed) == (182, 0, 0, 0)
+            assert row.gap_max < 1e-5
+            assert row.residual_max < 1e-6
+            assert row.angle_max_deg < 1e-4
+    assert len([solver for solver, _ in rows if solver == "newton"]) == 3
+
+
+def test_on_the_narrow_rig_29_are_out_of_reach_with_the_published_errors(narrow):
+    rows = rows_of(narrow)
+    for solver in ("newton", "qp:clarabel"):
+        for policy, angle, residual in (
+            ("force", 1.6, 0.20),
+            ("tension", 10.7, 0.32),
+            ("direction", 0.0, 0.20),
+        ):
+            row = rows[solver, policy]
+            assert (row.exact, row.nearest_count, row.iteration_limit, row.failed) == (153, 29, 0, 0)
+            assert row.angle_max_deg == pytest.approx(angle, abs=0.05)
+            assert row.residual_max == pytest.approx(residual, abs=0.005)
+            assert row.gap_max < 1e-5
+
+
+def test_without_a_policy_the_gap_counts_only_what_is_within_reach(narrow):
+    reachable = narrow.allocations[0].status == tl.Status.EXACT
+    column = [row.solver for row in narrow.rows].index("closed-form")
+    difference = np.abs(narrow.allocations[column].tensions - narrow.allocations[0].tensions)
+    row = narrow.rows[column]
+    assert (row.nearest, row.nearest_count) == (None, 0)
+    assert row.exact + row.iteration_limit == 182
+    assert row.gap_max == difference[reachable].max()
+
+
+def test_where_nothing_is_within_reach_there_is_no_gap():
+    rig = tl.load_rig(RIGS / "floor-3.toml")
+    result = compare(rig, directions=[[0.0, 1.0, 0.0]], solvers=["closed-form"])
+    assert result.rows[0].exact == 0
+    assert np.isnan(result.rows[0].gap_max)
+
+
+def test_the_numbers_of_a_row_follow_from_its_allocation(narrow):
+    for row, found in zip(narrow.rows, narrow.allocations, strict=True):
+        error = np.linalg.norm(narrow.wrenches - found.tensions @ narrow.structure.T, axis=1)
+        assert row.residual_mean == pytest.approx(error.mean(), abs=1e-12)
+        assert row.residual_max == pytest.approx(error.max(), abs=1e-12)
+        assert row.tension_sq_mean == pytest.approx(np.mean(found.tensions**2))
+        cosine = np.einsum("ki,ki->k", narrow.wrenches, found.wrench) / (
+            1.5 * np.linalg.norm(found.wrench, axis=1)
+        )
+        assert row.angle_mean_deg == pytest.approx(np.degrees(np.arccos(cosine.clip(-1, 1))).mean(), abs=1e-5)
+
+
+def test_times_are_those_of_calls_that_were_made(narrow):
+    for row in narrow.rows:
+        assert 0 < row.call_median_s <= row.call_p99_s < 10
+        assert row.batch_s > 0
+    rows = rows_of(narrow)
+    # In a batch the cost of a call is shared by 182 problems.
+    assert rows["newton", "force"].batch_s < rows["newton", "force"].call_median_s / 2
+
+
+def test_position_and_magnitude_and_directions_are_used():
+    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
+    at, up = [0.0, 0.5, 0.1], [[0.0, 1.0, 0.0]]
+    result = compare(rig, position=at, directions=up, magnitude=2.0, solvers=["newton"], nearest="tension")
+    np.testing.assert_array_equal(result.wrenches, [[0.0, 2.0, 0.0]])
+    np.testing.assert_allclose(result.structure, rig.structure_matrix([0.0, 0.5, 0.1]))
+    assert [(row.solver, row.nearest) for row in result.rows] == [("newton", "tension")]
+
+
+def test_a_planar_platform_is_pulled_in_its_plane_without_torque():
+    result = compare(tl.load_rig(RIGS / "kntu-planar.toml"), magnitude=20.0, solvers=["newton"])
+    assert result.wrenches.shape == (72, 3)
+    assert not result.wrenches[:, 2].any()
+    assert result.rows[0].exact == 72
+
+
+def test_a_platform_in_space_is_pulled_without_torque():
+    result = compare(tl.load_rig(RIGS / "ipanema-1.toml"), magnitude=5.0, solvers=["newton"], nearest="force")
+    assert result.wrenches.shape == (182, 6)
+    assert not result.wrenches[:, 3:].any()
+
+
+def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
+    rig = tl.load_rig(RIGS / "ipanema-2.toml")
+    result = compare(rig, magnitude=5.0, solvers=["newton", "polygon:2-norm", "puncture"], nearest=None)
+    rows = rows_of(result)
+    assert rows["polygon:2-norm", None].exact == rows["newton", "force"].exact > 0
+    assert rows["polygon:2-norm", None].gap_max < 1e-7
+    with pytest.raises(ValueError, match="polygon does not serve"):
+        compare(tl.load_rig(RIGS / "cube-8.toml"), solvers=["polygon"])
+
+
+def test_modules_on_a_body_are_compared_with_the_body_at_the_origin():
+    rig = tl.load_rig(RIGS / "body-mounted.toml")
+    result = compare(rig, solvers=["newton"], nearest="force")
+    frames = {name: tl.Frame(np.zeros(3)) for name in rig.frames}
+    assert frames
+    np.testing.assert_array_equal(result.structure, rig.structure_matrix(rig.home, frames=frames))
+
+
+def test_progress_grows_to_one():
+    told = []
+    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
+    compare(rig, solvers=["newton"], progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0)
+    assert len(told) > 10
+
+
+def test_a_large_set_is_solved_whole_and_timed_in_part(monkeypatch):
+    calls = []
+    plain = tl.Allocator.__call__
+    monkeypatch.setattr(
+        tl.Allocator, "__call__", lambda self, *a: (calls.append(np.ndim(a[1])), plain(self, *a))[1]
+    )
+    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
+    vectors = np.tile([[1.0, 0.0, 0.0]], (1000, 1))
+    result = compare(rig, directions=vectors, solvers=["newton"], nearest="force")
+    assert result.rows[0].exact == 1000
+    assert TIMED_CALLS <= calls.count(1) <= 1.2 * TIMED_CALLS
+
+
+@pytest.mark.parametrize("magnitude", [0.0, -1.0, np.nan, np.inf])
+def test_a_magnitude_that_is_none_is_refused(magnitude):
+    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
+    with pytest.raises(ShapeError, match="magnitude"):
+        compare(rig, magnitude=magnitude, solvers=["newton"])
+
+
+def test_angles_are_exact_where_arccos_is_not():
+    tilt = np.radians([0.0, 1e-9, 1e-4, 1.0, 90.0, 180.0])
+    rendered = 3.0 * np.column_stack([np.cos(tilt), np.sin(tilt), np.zeros(6)])
+    desired = np.tile([[2.0, 0.0, 0.0]], (6, 1))
+    np.testing.assert_allclose(angles(desired, rendered), np.degrees(tilt), rtol=1e-6, atol=1e-20)
+
+
+def test_a_force_of_nothing_has_no_angle():
+    assert np.isnan(angles(np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 0.0], [np.nan, 0.0]]))).all()

@@ -1,0 +1,79 @@
+import pytest
+
+from tensionlab.comparison import selected_solvers as room
+from tensionlab.comparison.selected_solvers import every_solver, lineup
+from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.solvers import SOLVERS, make
+
+
+def test_every_name_makes_a_solver_and_every_family_is_there():
+    names = every_solver()
+    for name in names:
+        make(name)
+    assert {name.partition(":")[0] for name in names} == set(SOLVERS)
+
+
+def test_every_solver_runs_with_every_policy_it_honours():
+    runs, missing = lineup()
+    assert {name for name, _ in runs} | set(missing) == set(every_solver())
+    for name, policy in runs:
+        honoured = make(name).policies
+        assert policy in honoured if honoured else policy is None
+    assert {policy for name, policy in runs if name == "newton"} == {"force", "tension", "direction"}
+
+
+def test_one_policy_leaves_out_those_that_do_not_honour_it():
+    runs, _ = lineup(nearest="force")
+    assert {policy for _, policy in runs} == {"force"}
+    names = {name for name, _ in runs}
+    assert {"newton", "cvxpy"} <= names
+    assert not {"dykstra", "pseudoinverse:middle", "closed-form"} & names
+
+
+def test_order_is_kept_and_repeats_are_not():
+    assert lineup(["closed-form", "dykstra", "closed-form"]) == (
+        [("closed-form", None), ("dykstra", "tension")],
+        {},
+    )
+
+
+@pytest.mark.parametrize(
+    ("solvers", "nearest", "message"),
+    [
+        (None, "closest", "force, tension, direction"),
+        (["newton", "dykstra"], "force", "dykstra.*honours tension"),
+        (["closed-form"], "force", "promises no best substitute"),
+        ([], None, "no solver is named"),
+        ("newton", None, r"solvers is 'newton'; give a list of names"),
+    ],
+)
+def test_what_cannot_be_honoured_is_a_value_error(solvers, nearest, message):
+    with pytest.raises(ValueError, match=message):
+        lineup(solvers, nearest)
+
+
+def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refused_by_name():
+    runs, missing = lineup(size=(3, 8))
+    assert (
+        missing["polygon:1-norm"]
+        == "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
+    )
+    assert "polygon:1-norm" not in {name for name, _ in runs}
+    assert ("polygon:1-norm", None) in lineup(size=(6, 8))[0]
+    with pytest.raises(ValueError, match=r"polygon does not serve this rig: .*redundancy 5"):
+        lineup(["newton", "polygon"], size=(3, 8))
+
+
+def test_unknown_names_are_unknown_solvers():
+    with pytest.raises(UnknownSolver, match="newton"):
+        lineup(["newtown"])
+
+
+def test_a_backend_that_is_not_installed_is_left_out_by_default_and_refused_by_name(monkeypatch):
+    monkeypatch.setattr(room, "installed_backends", lambda: ("clarabel",))
+    runs, missing = lineup()
+    assert "qp:daqp" in missing
+    assert "qp:clarabel" not in missing
+    assert not set(missing) & {name for name, _ in runs}
+    with pytest.raises(MissingDependency, match=r"qp:daqp.*tensionlab\[solvers\]"):
+        lineup(["newton", "qp:daqp"])

@@ -1,0 +1,90 @@
+"""One door for files from outside: bounds, encoding, nesting, numbers; and messages that are short."""
+
+import os
+import threading
+
+import pytest
+
+from tensionlab.errors import RigError, ShapeError
+from tensionlab.files import reading
+from tensionlab.files.reading import brief, parse_json, parse_toml, read_bytes, read_text, read_toml
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda path: None, "no such file; give the path of a rig file"),
+        (lambda path: path.mkdir(), "is a folder; give a rig file"),
+        (lambda path: path.write_bytes(b"x" * 2_000_000), "has more than 1,000,000 bytes; give a rig file"),
+        (lambda path: path.write_bytes(b"\xff\xfea\x00"), "not UTF-8 text; save it as UTF-8"),
+        (lambda path: path.symlink_to("/dev/zero"), "has more than 1,000,000 bytes"),
+        (lambda path: path.symlink_to(path), "cannot be read"),
+    ],
+)
+def test_what_is_no_text_is_refused_by_name(tmp_path, make, said):
+    path = tmp_path / "x.toml"
+    make(path)
+    with pytest.raises(RigError, match=rf"x\.toml: {said}"):
+        read_text(path, "a rig file (*.toml)", RigError)
+
+
+def test_a_name_that_no_system_takes_is_refused():
+    with pytest.raises(RigError, match=r"'a\\x00b': cannot be read"):
+        read_bytes("a\0b", "a rig file", RigError)
+
+
+def test_a_pipe_is_read_like_a_file(tmp_path):
+    """As the shell makes one of ``<(program)``."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=pipe.write_bytes, args=(b"a = 1",))
+    writer.start()
+    assert read_toml(pipe, "a rig file", RigError) == {"a": 1}
+    writer.join()
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    (tmp_path / "x.toml").write_bytes(b"\xef\xbb\xbfa = 1")
+    assert read_toml(tmp_path / "x.toml", "a rig file", RigError) == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a = " + "[" * 3000 + "]" * 3000, "nested more than 32 deep"),
+        ("a = " + "[" * 40 + "]" * 40, "nested more than 32 deep"),
+        ("a = " + "{a=" * 40 + "1" + "}" * 40, "nested more than 32 deep"),
+        ("a = " + "9" * 5000, "a whole number has thousands of digits"),
+        ("[b]\na = [1, 99999999999999999999]", "'b': a whole number beyond 64 bits"),
+        (".".join("a" * 200_000) + " = 1", "more than 32 parts with dots between"),
+        (' "a b" . ' * 40 + "x = 1", "more than 32 parts with dots between"),
+        ("a = 1\na = 2", "not valid TOML: Cannot overwrite a value"),
+        ('a = "\\ud800"', "not valid TOML"),
+        ("a = 2026-02-30T00:00:00Z", "not valid TOML"),
+        ("# " + "x" * 1_000_000, "has more than 1,000,000 characters"),
+    ],
+)
+def test_toml_that_no_reader_could_cope_with_is_refused(text, said):
+    with pytest.raises(ShapeError, match=f"x: .*{said}") as refused:
+        parse_toml(text, "x", ShapeError)
+    assert len(str(refused.value)) < 200
+
+
+def test_whole_numbers_of_64_bits_and_32_levels_are_read():
+    deep = "[" * 31 + "]" * 31
+    found = parse_toml(f"a = {2**63 - 1}\nb = {-(2**63)}\nc = {deep}", "x", ShapeError)
+    assert found["a"] - found["b"] == 2**64 - 1
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a":' * 3000, "9" * 5000, "[1", b"\xff", "[99999999999999999999]"]
+)
+def test_json_that_no_reader_could_cope_with_is_refused(text):
+    with pytest.raises(ShapeError, match=r"^x: "):
+        parse_json(text, "x", ShapeError)
+
+
+def test_values_in_messages_are_short():
+    for value in ("x" * 10_000, [[1.0] * 1000] * 1000, {str(i): i for i in range(1000)}, b"\x00" * 1000, 10**4000):
+        assert len(brief(value)) <= reading.MAX_SHOWN
+    assert brief([0.0, 0.3, 0.0]) == "[0.0, 0.3, 0.0]"

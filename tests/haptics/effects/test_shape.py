@@ -1,0 +1,122 @@
+"""Distance fields tell distances; a proxy stays on the surface, slides, and is never pulled through."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tensionlab.haptics.effects import Box, Distance, HalfSpace, Shape, Sphere, VirtualCoupling
+from tests.support.motions import at, follow
+
+FIELDS = [HalfSpace(), Sphere(), Box(), Box(centre=(0.01, 0.0, 0.0), size=(0.1, 0.2, 0.3))]
+COORDINATES = st.tuples(*[st.floats(-0.3, 0.3)] * 3).map(np.array)
+
+
+@pytest.mark.parametrize("field", FIELDS, ids=repr)
+@given(position=COORDINATES)
+def test_a_field_is_the_distance_to_its_nearest_point(field, position):
+    distance, out = field(position)
+    assert np.linalg.norm(out) == pytest.approx(1.0) or distance == 0.0
+    nearest = position - distance * out
+    assert field(nearest)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@given(position=COORDINATES)
+def test_differences_find_the_way_out(position):
+    distance, out = Distance(lambda p: Sphere()(p)[0])(position)
+    assert distance == Sphere()(position)[0]
+    if np.linalg.norm(position) > 1e-3:
+        assert out == pytest.approx(Sphere()(position)[1], abs=1e-3)
+
+
+def test_known_distances():
+    assert Box()(np.array([[0.0, 0.0, 0.15], [0.2, 0.2, 0.0], [0.0, 0.09, 0.0]]))[0] == pytest.approx(
+        [0.05, np.sqrt(2) * 0.1, -0.01]
+    )
+    assert Box()(np.array([0.0, 0.09, 0.0]))[1].tolist() == [0.0, 1.0, 0.0]
+
+
+def test_a_hand_in_a_ball_is_pushed_out_along_the_radius():
+    force = Shape().render(at(0.0, 0.06, 0.0)).force
+    assert force == pytest.approx([0.0, 400.0 * 0.04, 0.0])
+    assert not Shape().render(at(0.0, 0.11, 0.0)).force.any()
+
+
+def test_of_a_plane_it_is_a_wall():
+    z = np.linspace(0.02, -0.02, 41)
+    path = np.stack([z, -z, z], axis=-1)
+    assert follow(Shape(HalfSpace()), path, 0.01)[:, 2] == pytest.approx(np.maximum(-400.0 * z, 0.0))
+
+
+def test_the_proxy_slides_around_a_ball_to_where_the_hand_is_nearest():
+    angle = np.linspace(0.0, np.pi / 2, 200)
+    path = 0.09 * np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=-1)
+    force = follow(Shape(), path, 0.01)
+    assert np.linalg.norm(force, axis=-1) == pytest.approx(4.0, rel=1e-3)
+    assert force[-1] == pytest.approx([0.0, 0.0, 4.0], abs=0.01)
+
+
+def test_a_hand_that_is_pushed_through_a_thin_plate_is_drawn_back():
+    plate = Shape(Box(size=(1.0, 1.0, 0.002)))
+    z = np.linspace(0.01, -0.02, 31)
+    force = follow(plate, np.stack([0 * z, 0 * z, z], axis=-1), 0.01)
+    assert force[-1] == pytest.approx([0.0, 0.0, 400.0 * 0.021], rel=1e-3)
+
+
+def test_a_hand_that_leaps_through_a_plate_is_caught():
+    plate = Shape(Box(size=(1.0, 1.0, 0.002)))
+    force = follow(plate, [[0.0, 0.0, 0.01], [0.01, 0.0, -0.01]], 0.01)
+    assert force[-1][2] == pytest.approx(400.0 * 0.011, rel=1e-3)
+
+
+def test_a_hand_that_goes_around_the_plate_is_free():
+    plate = Shape(Box(size=(0.1, 0.1, 0.002)))
+    path = [[0.0, 0.0, 0.01], [0.1, 0.0, 0.01], [0.1, 0.0, -0.01], [0.0, 0.0, -0.01]]
+    assert not follow(plate, np.repeat(path, 2, axis=0), 0.01).any()
+
+
+def test_pressed_into_a_corner_between_two_walls_both_push():
+    def corner(p):
+        return np.minimum(p[..., 0], p[..., 2])
+
+    path = np.linspace([0.02, 0.0, 0.03], [-0.01, 0.0, -0.02], 60)
+    force = follow(Shape(Distance(corner)), path, 0.01)[-1]
+    assert force == pytest.approx([4.0, 0.0, 8.0], rel=1e-3, abs=1e-6)
+
+
+def test_a_batch_is_the_same_as_one_by_one():
+    paths = 0.12 * np.sin(np.linspace(0, 6, 80)[:, None, None] + np.random.default_rng(1).uniform(0, 6, (5, 3)))
+    together = follow(Shape(Box()), paths, 0.01)
+    assert np.abs(together).max() > 1.0
+    for which in range(5):
+        assert follow(Shape(Box()), paths[:, which], 0.01) == pytest.approx(together[:, which], abs=1e-3)
+
+
+def test_the_coupling_is_a_spring_and_a_damper():
+    force = VirtualCoupling(400.0, 3.0).force(
+        at(0.0, 0.0, 0.0, velocity=(0.1, 0.0, 0.0)), np.array([0.01, 0.0, 0.0])
+    )
+    assert force == pytest.approx([4.0 - 0.3, 0.0, 0.0])
+
+
+@given(start=COORDINATES, end=COORDINATES)
+def test_the_proxy_is_never_inside(start, end):
+    path = np.linspace(start, end, 25)
+    memory = None
+    for position in path:
+        memory = Shape(Box()).render(at(*position), memory).memory
+        assert Box()(memory)[0] >= -1e-5 or memory == pytest.approx(position)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("speed", [0.02, 0.3, 1.5])
+@pytest.mark.parametrize("solid", [HalfSpace(), Box(centre=(0.0, 0.0, -0.05), size=(1.0, 1.0, 0.1))])
+def test_a_hand_that_skims_a_flat_surface_is_not_held_back(solid, speed, depth):
+    """The proxy stays above it: it once was left behind by centimetres, and then drew with 10 N."""
+    x = np.arange(0.0, 0.1, speed * 0.001)
+    dips = -depth * np.sin(40 * np.pi * x / 0.1)
+    path = np.stack([x, 0 * x, dips], axis=-1)
+    force = follow(Shape(solid), path, 0.001)
+    assert np.abs(force[:, 0]).max() < 1e-3
+    assert force[:, 2].min() >= 0.0
+    assert force[:, 2].max() == pytest.approx(400.0 * depth, rel=0.1, abs=4e-4)

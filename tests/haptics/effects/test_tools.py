@@ -1,0 +1,141 @@
+"""A weight weighs, a shot kicks, a bow stores what drawing it took."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
+from tensionlab.haptics.rendering.filtering import slewed
+from tests.support.motions import at, follow
+
+
+def test_a_weight_at_rest_is_its_weight():
+    assert Weight(mass=0.61).render(at(0.0, 0.0, 0.0)).force == pytest.approx([0.0, 0.0, -5.98], abs=0.01)
+
+
+def test_a_weight_resists_acceleration_as_its_mass_does():
+    time = np.arange(0.0, 0.5, 0.001)
+    velocity = np.stack([2.0 * time, 0 * time, 0 * time], axis=-1)
+    force = follow(Weight(), np.zeros_like(velocity), 0.001, velocity)
+    share = 1 - np.exp(-2 * np.pi * 10 * time)
+    assert force[:, 0] == pytest.approx(-0.5 * 2.0 * share, abs=1e-9)
+    fast = follow(Weight(), np.zeros_like(velocity), 0.001, 10 * velocity)
+    assert fast[-1, 0] == pytest.approx(-0.5 * 5.0)
+
+
+def test_a_weight_comes_in_after_the_grasp():
+    time = np.array([0.9, 1.0, 1.05, 1.1, 2.0])
+    motion = Motion(np.zeros((5, 3)), np.zeros((5, 3)), time)
+    weight = Weight(grasped=1.0).render(motion).force[:, 2]
+    assert weight == pytest.approx(-0.5 * 9.81 * np.array([0.0, 0.0, 0.5, 1.0, 1.0]))
+
+
+def kick(recoil, time):
+    motion = Motion(np.zeros((len(time), 3)), np.zeros((len(time), 3)), time)
+    return recoil.render(motion)
+
+
+def test_a_shot_has_its_impulse():
+    time = np.linspace(-0.1, 2.0, 210_001)
+    force = kick(Recoil(shots=(0.0,)), time).force
+    assert np.trapezoid(-force[:, 1], time) == pytest.approx(0.34, abs=0.005)
+    assert Recoil().impulse == pytest.approx(5.5 * (0.0025 + 0.06))
+    assert np.trapezoid(-force[:, 1], time) == pytest.approx(Recoil().impulse, rel=1e-5)
+    assert -force[:, 1].min() == pytest.approx(5.5)
+    assert time[np.argmin(force[:, 1])] == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize(("slew", "peak", "impulse"), [(60.0, 2.8, 0.23), (300.0, 4.6, 0.31)])
+def test_what_a_modules_own_limit_leaves_of_a_shot(slew, peak, impulse):
+    time, now, felt = np.arange(0.0, 1.0, 1e-4), np.zeros(3), []
+    for wanted in kick(Recoil(shots=(0.0,)), time).force:
+        now = slewed(wanted, now, slew * 1e-4)
+        felt.append(-now[1])
+    assert max(felt) == pytest.approx(peak, abs=0.05)
+    assert np.trapezoid(felt, time) == pytest.approx(impulse, abs=0.005)
+
+
+def test_shots_add_up_and_may_leap():
+    time = np.array([-0.01, 0.0, 0.105, 0.2, 1.0])
+    done = kick(Recoil(shots=(0.0, 0.1)), time)
+    assert -done.force[2, 1] == pytest.approx(5.5 + 5.5 * math.exp(-0.1 / 0.06))
+    assert done.sudden.tolist() == [False, True, True, True, False]
+
+
+def test_shots_come_at_most_ten_a_second():
+    Recoil(shots=(0.0, 0.1, 0.2))
+    for shots in ((0.0, 0.05), (1.0, 0.0), (0.0, float("nan"))):
+        with pytest.raises(EffectError, match="Recoil: shots"):
+            Recoil(shots=shots)
+
+
+def bow_pull(bow, draw, time=0.0):
+    position = np.zeros((len(draw), 3))
+    position[:, 1] = -(bow.brace + np.asarray(draw))
+    return bow.render(Motion(position, np.zeros_like(position), time)).force[:, 1]
+
+
+def test_a_bow_is_a_spring_up_to_6_newtons():
+    assert bow_pull(Bow(), [-0.1, 0.0, 0.3, 0.6, 0.7]) == pytest.approx([1.0, 1.0, 3.49, 5.98, 6.0])
+
+
+def test_energy_of_a_bow_is_the_integral_of_its_pull():
+    draw = np.linspace(0.0, 0.6, 6001)
+    assert np.trapezoid(bow_pull(Bow(), draw), draw) == pytest.approx(1.0 * 0.6 + 8.3 * 0.6**2 / 2, rel=1e-6)
+
+
+def test_a_compound_bow_lets_off():
+    bow = Bow(let_off=0.7)
+    assert bow_pull(bow, [0.45, 0.6]) == pytest.approx([1.0 + 8.3 * 0.45, 0.3 * 5.98])
+    draw = np.linspace(0.0, 0.6, 60_001)
+    assert np.abs(np.diff(bow_pull(bow, draw))).max() < 1e-3
+    assert bow_pull(bow, draw).max() < bow_pull(Bow(), draw).max()
+
+
+def test_a_loosed_string_falls_slack_within_10_ms():
+    silent = Bow(loosed=1.0, hum=0.0)
+    time = np.array([0.99, 1.005, 1.01, 1.1])
+    draw = np.full(4, 0.6)
+    assert bow_pull(silent, draw, time) == pytest.approx([5.98, (5.98 + 0.5) / 2, 0.5, 0.5])
+
+
+def test_a_loosed_string_hums_but_never_goes_slack():
+    time = np.linspace(1.0, 1.5, 50_001)
+    pull = bow_pull(Bow(loosed=1.0), np.full(len(time), 0.3), time)
+    assert pull.min() >= 0.5 - 1e-12
+    late = time > 1.01
+    hum = pull[late] - 0.5 - np.exp(-(time[late] - 1.0) / 0.05)
+    assert hum == pytest.approx(np.exp(-(time[late] - 1.0) / 0.05) * np.sin(2 * np.pi * 60 * (time[late] - 1.0)))
+    assert pull[-1] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_only_a_loosed_string_may_leap():
+    bow = Bow(loosed=1.0)
+    sudden = [bool(bow.render(at(0.0, -0.5, 0.0, time=t)).sudden) for t in (0.9, 1.0, 1.2, 1.3)]
+    assert sudden == [False, True, True, False]
+
+
+def test_a_bow_is_between_two_hands():
+    draw = at(0.0, 0.0, 1.0, velocity=(0.0, 1.0, 0.0))
+    bow = at(0.0, 0.6, 1.0, velocity=(0.0, -1.0, 0.0))
+    seen = relative(draw, bow)
+    assert seen.position == pytest.approx([0.0, -0.6, 0.0])
+    assert seen.velocity == pytest.approx([0.0, 2.0, 0.0])
+    assert Bow().render(seen).force == pytest.approx([0.0, 1.0 + 8.3 * 0.4, 0.0])
+    assert not Bow().render(at(0.0, 0.0, 0.0)).force.any()
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Weight(mass=-1.0), "Weight: mass"),
+        (lambda: Bow(let_off=1.5), "Bow: let_off"),
+        (lambda: Bow(valley=1.0), "Bow: valley"),
+        (lambda: Recoil(rise=0.0), "Recoil: rise"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make, says):
+    with pytest.raises(EffectError, match=says):
+        make()

@@ -1,0 +1,247 @@
+"""Walls under the cap stand still, the bound is where a simulation finds it, the observer stops what shakes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.wall_stability import Hand, measured_bound, simulate
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects import (
+    Friction,
+    Magnet,
+    Motion,
+    OnModule,
+    Ramp,
+    Shape,
+    Sum,
+    Texture,
+    Viscous,
+    Wall,
+    WhileFresh,
+)
+from tensionlab.haptics.effects.shape import VirtualCoupling
+from tensionlab.haptics.rendering.filtering import Stages
+from tensionlab.haptics.rendering.passivity import PassivityController, most_damping
+from tensionlab.haptics.rendering.stability import (
+    beyond,
+    capped,
+    passive_stiffness,
+    stiffness_bound,
+    stiffness_cap,
+)
+
+STEP = 0.001
+DELAYS = np.array([0, 1, 2, 5, 10, 15, 20, 25, 30]) * 1e-3
+
+
+def law(wall):
+    """A wall effect as the law of the simulated hand."""
+
+    def push(k, position, velocity):
+        zero = np.zeros_like(position)
+        motion = Motion(
+            np.stack([zero, zero, position], axis=-1), np.stack([zero, zero, velocity], axis=-1), k * STEP, STEP
+        )
+        return wall.render(motion).force[..., 2]
+
+    return push
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_the_predicted_bound_is_within_10_percent_of_the_simulated_one(damping):
+    predicted = stiffness_bound(DELAYS, STEP, 2.0, damping)
+    measured = measured_bound(DELAYS, damping)
+    assert measured == pytest.approx(predicted, rel=0.10)
+    assert measured == pytest.approx(predicted, rel=0.05), "and closer than that"
+
+
+def test_the_numbers_that_the_project_agreed_on():
+    """No delay 4000 N/m, 5 ms 366, 20 ms 100, 30 ms 68: as simulated, and the formula within 4 %."""
+    agreed = [4000.0, 366.0, 100.0, 68.0]
+    delays = np.array([0.0, 0.005, 0.020, 0.030])
+    assert measured_bound(delays) == pytest.approx(agreed, rel=0.015)
+    assert stiffness_bound(delays, STEP, 2.0) == pytest.approx(agreed, rel=0.04)
+
+
+def test_a_light_hand_is_further_from_the_formula():
+    """Where (b + B) tau is no longer small against the mass: 6 % at 0.15 kg and 30 ms."""
+    light = measured_bound(DELAYS[-1:], hand=Hand(mass=0.15)) / stiffness_bound(DELAYS[-1:], STEP, 2.0)
+    assert 1.04 < light[0] < 1.08
+
+
+def test_a_hand_moves_as_it_should_where_nothing_acts():
+    """Pushed in the open it comes to push/b, and half way there after m/b ln 2."""
+    track = simulate(lambda k, p, v: 0.0 * p, np.array(0), np.zeros(1), np.zeros(1), Hand(), 0.001, 3.0)
+    assert track.velocity[-1] == pytest.approx(-1.0)
+    assert np.interp(0.15 * np.log(2), np.arange(3000) * STEP, -track.velocity[:, 0]) == pytest.approx(
+        0.5, rel=1e-3
+    )
+    assert track.position[1000, 0] == pytest.approx(-(1.0 - 0.15 * (1 - np.exp(-1 / 0.15))), rel=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0, 5, 20, 30])
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_a_wall_under_the_cap_comes_to_rest(delay, damping):
+    cap = stiffness_cap(delay * 1e-3, STEP, 2.0, damping)
+    wall = capped(Wall(stiffness=1e6, damping=damping), cap)
+    assert wall.stiffness == cap
+    push, speeds = np.array([2.0, 5.0, 0.5]), np.array([0.0, -1.0, -0.3])
+    track = simulate(law(wall), np.array(delay), 0.01, speeds, Hand(push=push), STEP, 6.0)
+    assert np.ptp(track.position[-1000:], axis=0).max() < 1e-4
+    assert track.position[-1] == pytest.approx(-push / wall.stiffness, abs=1e-4)
+
+
+def test_a_wall_over_the_bound_shakes():
+    wall = Wall(stiffness=1.2 * float(stiffness_bound(0.020, STEP, 2.0)), damping=0.0)
+    track = simulate(law(wall), np.array([20]), -2.0 / wall.stiffness, -0.01, Hand(), STEP, 10.0)
+    assert np.abs(track.velocity[-1000:]).max() > 0.1
+
+
+def test_the_cap_is_half_of_what_the_slowest_trips_allow():
+    trips = np.full(1000, 0.020)
+    assert stiffness_cap(trips, STEP, 2.0) == pytest.approx(0.5 * 2.0 / 0.0205)
+    trips[:20] = 0.060
+    assert stiffness_cap(trips, STEP, 2.0) == pytest.approx(0.5 * 2.0 / 0.0605)
+    assert stiffness_cap(0.020, STEP, 1.3, 2.0, 0.5) == pytest.approx(80.0, rel=0.01)  # needs b + B of 3.3
+
+
+def test_passive_is_more_than_stable():
+    assert passive_stiffness(STEP, 2.0, 0.5) == pytest.approx(3000.0)
+    assert passive_stiffness(STEP, 2.0, 3.0) == 0.0
+    dampings = np.array([0.0, 1.0, 2.0])
+    assert (passive_stiffness(STEP, 2.0, dampings) <= stiffness_bound(0.0, STEP, 2.0, dampings)).all()
+
+
+def test_a_sampled_spring_gives_no_more_than_the_hand_takes_up_to_the_passive_bound():
+    """Worst is a hand that goes to and fro at half the loop's rate; b is what it must lose."""
+    stiffness = float(passive_stiffness(STEP, 2.0))
+    position = 0.001 * (-1.0) ** np.arange(100)
+    # It moves steadily between the samples, in T each; the force is of the last sample.
+    force = -stiffness * position[:-1]
+    moved = np.diff(position)
+    given, lost = (force * moved).sum(), (2.0 * (moved / STEP) ** 2 * STEP).sum()
+    assert given == pytest.approx(lost)
+
+
+def test_every_stiffness_of_an_effect_is_capped():
+    whole = WhileFresh(Ramp(Sum((Wall(), Texture(), Magnet(), Shape(), Viscous(), Friction(stiffness=10.0)))))
+    soft = capped(whole, 50.0).effect.effect.parts
+    assert [soft[0].stiffness, soft[1].wall.stiffness, soft[1].friction.stiffness] == [50.0, 50.0, 50.0]
+    assert soft[1].ripples.stiffness == 50.0
+    assert [soft[2].stiffness, soft[3].coupling.stiffness, soft[5].stiffness] == [50.0, 50.0, 10.0]
+    assert soft[4] == Viscous()
+    assert capped(Wall(), 1000.0) == Wall()
+    assert set(beyond(whole, 50.0)) == {"effect.effect.parts.stiffness"} | {
+        f"effect.effect.parts.{name}.stiffness" for name in ("wall", "friction", "ripples", "coupling")
+    }
+    assert not beyond(soft, 50.0)
+    assert beyond(Texture(friction=Friction(stiffness=70.0)), 50.0, OnModule)["friction.stiffness"] == 70.0
+    assert "wall.stiffness" not in beyond(Texture(), 50.0, OnModule)
+    # What a module renders keeps its own stiffness, not what the host adds to it.
+    rough = capped(Texture(), 50.0, OnModule)
+    assert [rough.wall.stiffness, rough.friction.stiffness, rough.ripples.stiffness] == [300.0, 50.0, 50.0]
+    assert capped(Shape(coupling=VirtualCoupling(400.0, 1.0)), 50.0).coupling == VirtualCoupling(50.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: stiffness_bound(0.01, 0.0, 2.0), "step is 0.0"),
+        (lambda: stiffness_bound(-0.01, STEP, 2.0), "delay is -0.01"),
+        (lambda: stiffness_bound(0.01, STEP, float("nan")), "hand_damping is nan"),
+        (lambda: stiffness_cap([], STEP, 2.0), "round trips"),
+        (lambda: stiffness_cap([0.01, float("nan")], STEP, 2.0), "round trips"),
+        (lambda: Hand(mass=0.0), "Hand: mass"),
+        (lambda: most_damping(0.0, 0.01, STEP), "mass 0.0"),
+        (lambda: PassivityController(float("inf")), "most is inf"),
+        (lambda: PassivityController(1.0, -1), "delay is -1"),
+    ],
+)
+def test_nonsense_is_refused_by_name(make, says):
+    with pytest.raises(EffectError, match=says):
+        make()
+
+
+PUSHES, SPEEDS = np.array([0.1, 0.5, 2.0, 5.0]), np.array([-0.5, -0.3, 0.0, -0.5])
+"""Of the hands that meet a wall: some bounce off, some are pressed against it."""
+
+
+def bounce(delay, observed, factor=3.0, pushes=PUSHES, speeds=SPEEDS, **stages):
+    """Hands of 0.3 kg against a wall of ``factor`` times the bound, with or without the observer, for 4 s.
+
+    Without more, the observer sees the velocity as it is, and the force is not slewed.
+    """
+    wall = Wall(stiffness=factor * float(stiffness_bound(delay * 1e-3, STEP, 2.0)), damping=0.0)
+    controller = PassivityController(most_damping(0.3, delay * 1e-3, STEP), delay) if observed else None
+    staged = Stages(wall, controller, **(stages or {"cutoff": 1e9, "slew": 1e9}))
+    memory = None
+
+    def host(k, position, velocity):
+        nonlocal memory
+        zero = np.zeros_like(position)
+        motion = Motion(np.stack([zero, zero, position], axis=-1), np.stack([zero, zero, velocity], axis=-1))
+        force, memory, _ = staged.render(motion, memory)
+        return force[..., 2]
+
+    hand = Hand(push=pushes)
+    track = simulate(host, np.array(delay), 0.02, speeds, hand, STEP, 4.0)
+    return track, np.cumsum(hand.damping * track.velocity[:-1] ** 2 * STEP, axis=0)
+
+
+@pytest.mark.parametrize("stages", [{}, {"cutoff": 60.0, "slew": 200.0}], ids=["bare", "staged"])
+@pytest.mark.parametrize("delay", [0, 1, 5, 10, 20, 30])
+def test_with_the_observer_the_system_is_passive_at_three_times_the_bound(stages, delay):
+    """Wall, loop and the hand's own damping together never give out more than they took, at any step."""
+    track, lost = bounce(delay, observed=True, **stages)
+    assert (track.energy() + lost).min() >= -1e-9
+    assert np.abs(track.velocity[-1000:]).max() < 0.07
+    assert np.ptp(track.position[-1000:], axis=0).max() < 0.005
+
+
+@pytest.mark.parametrize("delay", [1, 5, 10, 20, 30])
+def test_and_without_it_is_not(delay):
+    track, lost = bounce(delay, observed=False)
+    assert ((track.energy() + lost).min(axis=0)[2:] < -1e-3).all()
+    assert (np.abs(track.velocity[-1000:]).max(axis=0)[2:] > 0.3).all()
+
+
+@pytest.mark.parametrize(("delay", "least", "most"), [(0, 0.995, 1.0), (5, 0.97, 1.0), (20, 1.8, 2.1)])
+def test_the_observer_leaves_a_stable_wall_alone_where_the_link_is_quick(delay, least, most):
+    """At half the bound and 5 ms, it takes 2 % of the largest force; over 20 ms it doubles it, at first touch."""
+    peaks = [
+        bounce(delay, observed, 0.5, np.array([2.0]), np.array([-0.3]))[0].force.max()
+        for observed in (True, False)
+    ]
+    assert least < peaks[0] / peaks[1] < most
+
+
+def test_the_observer_adds_up_what_the_hand_felt():
+    """Its energy is that of the port, a round trip late."""
+    controller = PassivityController(0.0, delay=7)
+    memory, seen = None, []
+
+    def host(k, position, velocity):
+        nonlocal memory
+        force = np.where(position < 0.0, -200.0 * position, 0.0) + 0.01
+        _, _, memory = controller.correct(
+            force[..., None], Motion(position[..., None], velocity[..., None]), memory
+        )
+        seen.append(memory.energy)
+        return force
+
+    track = simulate(host, np.array([7]), 0.01, -0.3, replace(Hand(), push=1.0), STEP, 1.0)
+    felt = track.energy()[:, 0]
+    assert np.array(seen)[8:, 0] == pytest.approx(felt[: len(seen) - 8], abs=1e-9)
+
+
+def test_a_surplus_is_forgotten_where_nothing_acts_and_a_debt_is_not():
+    """What a damper took a while ago does not pay for what a wall gives now."""
+    for pull, kept in ((-1.0, 0.0), (1.0, -0.1)):
+        controller, memory = PassivityController(0.0, delay=2), None
+        for k in range(20):
+            force = np.array([pull if k < 10 else 0.0])
+            _, _, memory = controller.correct(force, Motion(np.array([0.01 * k]), np.array([10.0])), memory)
+            if k == 12:
+                assert memory.energy == pytest.approx(-0.1 * pull)
+        assert memory.energy == pytest.approx(kept)

@@ -1,0 +1,125 @@
+"""A device that says anything at all: the host refuses it in words, keeps little of it, and goes on."""
+
+import random
+import struct
+import sys
+
+import pytest
+
+from tensionlab.errors import HardwareError, LinkTimeout, ProtocolError
+from tensionlab.hardware.client import discovery as discover
+from tensionlab.hardware.client import group
+from tensionlab.hardware.client.links import SerialPort
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Code, Type
+from tensionlab.hardware.protocol.frames import DELIMITER, Decoder, Frame
+from tensionlab.hardware.protocol.messages import PROTOCOL, Acknowledge, Hello, Info, Log, read
+
+INFO = struct.pack("<BHI5BH4f", PROTOCOL, 1, 1, 0, 0, 1, 1, 28, 250, 0.5, 6.0, 3.0, 0.02)
+
+
+class Liar:
+    """A link whose far end answers each command as told; its time passes while somebody waits."""
+
+    lockstep, url = True, "liar:"
+
+    def __init__(self, answer):
+        self.answer, self.time = answer, 0.0
+        self.said, self.decoder = b"", Decoder()
+
+    def send(self, content):
+        for frame in self.decoder.feed(content):
+            self.said += self.answer(frame)
+
+    def receive(self, timeout):
+        self.time += timeout
+        said, self.said = self.said, b""
+        return said
+
+    def clock(self):
+        return self.time
+
+    def close(self):
+        pass
+
+
+def client(answer):
+    return ModuleClient("liar", Liar(answer))
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload", "message"),
+    [
+        (Type.INFO, INFO[:-1], "Info has 30 bytes of payload; got 29"),
+        (Type.INFO, INFO[:14] + struct.pack("<4f", float("nan"), 6.0, 3.0, 0.02), "Info: tension_lower is nan"),
+        (
+            Type.INFO,
+            INFO[:14] + struct.pack("<4f", 7.0, 6.0, 3.0, 0.02),
+            "tension_lower 7 is above tension_upper 6",
+        ),
+        (Type.INFO, INFO[:8] + b"\x63" + INFO[9:], "Info: 99 is not a valid State"),
+    ],
+)
+def test_an_answer_that_makes_no_sense_is_told_at_once(kind, payload, message):
+    liar = client(lambda frame: Frame(kind, frame.sequence, payload).pack())
+    with pytest.raises(ProtocolError, match=f'module "liar" answered what makes no sense: .*{message}') as raised:
+        liar.hello()
+    assert liar.link.time <= 0.2, "after the first try"
+    assert len(str(raised.value)) <= 300
+
+
+@pytest.mark.parametrize("kind", [Type.PONG, Type.PARAMETER, Type.ACKNOWLEDGE])
+def test_an_answer_to_something_else_is_none(kind, monkeypatch):
+    monkeypatch.setattr(group, "PATIENT_TRIES", (0.05,))
+    payload = {Type.PONG: bytes(12), Type.PARAMETER: bytes(13), Type.ACKNOWLEDGE: bytes([Type.HELLO, 0, 0])}[kind]
+    liar = client(lambda frame: Frame(kind, frame.sequence, payload).pack())
+    with pytest.raises(LinkTimeout, match="did not answer Hello"):
+        liar.hello()
+    with pytest.raises(HardwareError, match='"liar"'):  # and no traceback, where many are asked together
+        group.ModuleGroup([liar])._all(Hello(), Info)
+
+
+@pytest.mark.parametrize("noise", [b"\xff", b"\0", b"\1\0", b"x\0\0", DELIMITER + b"ab"])
+def test_endless_bytes_are_not_kept(noise):
+    liar = client(lambda frame: noise * 20_000)
+    with pytest.raises(LinkTimeout):
+        liar.hello()
+    kept = len(liar._decoder._rest) + len(liar._listener._rest)
+    assert kept < 500
+
+
+def test_refusals_without_end_are_not_kept():
+    liar = client(lambda frame: b"")
+    refused = Acknowledge(Type.SET_TENSION, Code.BAD_VALUE, 0)
+    liar._take(b"".join(refused.frame(number % 256).pack() for number in range(10_000)))
+    with pytest.raises(HardwareError, match="refused a set-point: BAD_VALUE"):
+        liar.check()
+    liar.check()
+
+
+def test_whatever_a_frame_holds_no_other_error_comes_of_it():
+    rng = random.Random(4)
+    liar = client(lambda frame: b"")
+    for _ in range(5_000):
+        kind = rng.choice([*Type, rng.randrange(256)])
+        size = rng.choice((0, 3, 4, 12, 13, 30, 40, rng.randrange(57)))
+        payload = bytes(rng.choice((0, 1, 2, PROTOCOL, 0xFF, rng.randrange(256))) for _ in range(size))
+        liar._take(Frame(kind, rng.randrange(256), payload).pack())
+    assert len(liar._answers) <= 256
+
+
+def test_no_control_characters_of_a_device_reach_a_terminal(tmp_path, monkeypatch):
+    assert read(Frame(Type.LOG, 0, b"\x1b[2Jmotor\r\n\x07")) == Log("\ufffd[2Jmotor\ufffd\ufffd\ufffd")
+    named = SerialPort("/dev/ttyUSB0", "CP2102\x1b]0;owned\x07", "USB VID:PID=10C4:EA60", 0x10C4)
+    monkeypatch.setattr(discover, "serial_ports", lambda: [named])
+    monkeypatch.setattr(discover, "paired", dict)
+    assert discover.ports() == {"/dev/ttyUSB0": "CP2102\ufffd]0;owned\ufffd"}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a script stands in for a program of Linux")
+def test_nor_those_of_a_bluetooth_name(tmp_path, monkeypatch):
+    program = tmp_path / "bluetoothctl"
+    program.write_text("#!/bin/sh\nprintf 'Device AA:BB:CC:DD:EE:0F tensionlab-\\033[31m\\n'\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    assert discover.paired() == {"bt://AA:BB:CC:DD:EE:0F/1": "tensionlab-\ufffd[31m"}

@@ -1,0 +1,134 @@
+"""A module belongs to one process at a time, whatever becomes of that process."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from benchmarks.processes import simulated
+from tensionlab.errors import LinkError
+from tensionlab.hardware.client import locks as claims
+from tensionlab.hardware.client.links import open_link
+from tensionlab.hardware.client.locks import Claim, holder, normalised
+from tests.support.scripts import running
+
+HOLD = "import sys, time; from tensionlab.hardware.client.links import *; {}; print(flush=True); time.sleep(60)"
+pytestmark = pytest.mark.usefixtures("claims_folder")
+
+
+def another_process(statement):
+    """Run a statement in another process, which then stays; `statement` is what it does first."""
+    return running(HOLD.format(statement), "a", "word")
+
+
+def test_a_second_claim_names_the_process_that_has_the_module():
+    with another_process("claim = Claim('COM5')") as process:
+        with pytest.raises(LinkError, match=rf"com5 is in use by process {process.pid} \(-c a word\); end that"):
+            Claim("com5")
+        assert holder("COM5").pid == process.pid
+
+
+def test_a_killed_process_leaves_no_claim():
+    with another_process("claim = Claim('COM5')") as process:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        assert holder("COM5") is None
+        Claim("COM5").release()
+
+
+def test_who_hangs_still_has_its_modules():
+    with another_process("claim = Claim('COM5')") as process:
+        process.send_signal(signal.SIGSTOP)
+        assert holder("COM5").pid == process.pid
+
+
+def test_a_claim_ends_with_its_release_and_no_note_stays(claims_folder):
+    first = Claim("COM5")
+    with pytest.raises(LinkError, match=f"in use by process {os.getpid()} "):
+        Claim("COM5")
+    first.release()
+    first.release()
+    Claim("COM5").release()
+    assert holder("COM5") is None
+    assert [path.suffix for path in claims_folder.iterdir()] == [".lock"]
+    assert claims_folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_any_thread_may_release_a_claim():
+    claim = Claim("COM5")
+    lock = claim._lock  # lest it ends by itself
+    thread = threading.Thread(target=claim.release)
+    thread.start()
+    thread.join()
+    Claim("COM5").release()
+    assert not lock.is_locked
+
+
+def test_who_is_just_letting_go_is_waited_for():
+    with another_process(
+        "claim = Claim('COM5'); time.sleep(0); print(flush=True); time.sleep(0.1); claim.release()"
+    ):
+        Claim("COM5").release()
+
+
+def test_an_open_link_is_claimed_and_a_closed_one_is_free():
+    with simulated() as (links, _):
+        url = links["module"]
+        with another_process(f"link = open_link({url.replace('127.0.0.1', 'localhost')!r})") as process:
+            with pytest.raises(LinkError, match=f"in use by process {process.pid}"):
+                open_link(url)
+            process.kill()
+            process.wait()
+            time.sleep(0.1)  # until the module has noticed
+            link = open_link(url)
+        link.close()
+        assert holder(url) is None
+    with pytest.raises(LinkError, match="cannot be opened") as caught:
+        open_link(url)
+    assert holder(url) is None, caught
+
+
+def test_simulated_modules_of_this_process_are_as_many_as_one_likes():
+    for link in (open_link("sim:"), open_link("sim:")):
+        link.close()
+
+
+def test_names_of_one_module_are_one_claim(tmp_path):
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    (tmp_path / "by-id").symlink_to(port)
+    same = [
+        ("socket://localhost:4001", "socket://127.0.0.1:4001"),
+        ("socket://[::1]:4001", "socket://127.0.0.1:4001/"),
+        ("com12", "COM12"),
+        ("bt://aa:bb:cc:dd:ee:0f", "bt://AA:BB:CC:DD:EE:0F/1"),
+        (str(tmp_path / "by-id"), str(port)),
+        ("/dev/tty.tensionlab-1", "/dev/cu.tensionlab-1"),
+    ]
+    for one, other in same:
+        assert normalised(one) == normalised(other)
+    others = [
+        "socket://127.0.0.1:4002",
+        "socket://10.0.0.1:4001",
+        "bt://AA:BB:CC:DD:EE:0F/2",
+        "COM1",
+        "/dev/ttyUSB1",
+    ]
+    assert len({normalised(url) for url in [*others, *(one for one, _ in same)]}) == len(others) + len(same) - 1
+
+
+def test_a_folder_that_others_can_write_to_is_refused(claims_folder):
+    claims_folder.mkdir(mode=0o777)
+    Path(claims_folder).chmod(0o777)
+    with pytest.raises(LinkError, match=r"mode 0700"):
+        Claim("COM5")
+
+
+def test_a_long_command_line_is_cut(monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["/usr/lib/python3/site-packages/tensionlab/__main__.py", "run", "x" * 200])
+    assert claims._program().startswith("tensionlab run xxx")
+    assert len(claims._program()) == claims.LONGEST

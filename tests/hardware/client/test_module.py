@@ -1,0 +1,79 @@
+import pytest
+
+from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
+from tensionlab.hardware.client.links import open_link
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration, Code, State
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+
+
+@pytest.fixture
+def client():
+    simulated = SimulatedModule()
+    simulated.advance(STEP)
+    with ModuleClient("one", SimulatedLink(simulated)) as found:
+        found.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+        yield found
+
+
+def test_a_module_says_what_it_is_and_pulls_what_it_is_told(client):
+    assert client.hello().calibrated
+    client.telemetry_every(10)
+    client.arm()
+    sequence = client.set_tension(3.0)
+    client.listen(0.1)
+    client.check()
+    assert client.telemetry.message.sequence == sequence
+    assert client.telemetry.message.tension == 3.0
+    assert client.link.module.sample.tension == pytest.approx(3.0, abs=0.1)
+    client.stop()
+    assert client.state is State.IDLE
+
+
+def test_silence_makes_it_let_go_and_the_next_check_says_so(client):
+    client.telemetry_every(10)
+    client.arm()
+    client.set_tension(2.0, ttl_ms=100)
+    client.listen(0.3)
+    with pytest.raises(ModuleFault, match=r"has let go \(TIMEOUT") as caught:
+        client.check()
+    assert caught.value.module == "one"
+    assert caught.value.code is State.TIMEOUT
+
+
+def test_what_a_module_refuses_is_an_error_with_its_code(client):
+    client.arm()
+    with pytest.raises(ModuleFault, match="refused SetParameter: BAD_STATE") as caught:
+        client.set_parameter("slew", 50.0)
+    assert caught.value.code is Code.BAD_STATE
+    client.set_tension(50.0)
+    client.listen(0.01)
+    with pytest.raises(ModuleFault, match="refused a set-point: BAD_VALUE"):
+        client.check()
+
+
+def test_parameters_by_name(client):
+    client.set_parameter("slew", 50.0)
+    assert client.parameter("slew") == 50.0
+    with pytest.raises(ProtocolError, match="no parameter 'speed'; they have tension_lower"):
+        client.parameter("speed")
+    with pytest.raises(ProtocolError, match="slew is from"):
+        client.set_parameter("slew", 1e6)
+
+
+def test_a_module_that_does_not_answer_is_named(client, monkeypatch):
+    monkeypatch.setattr(client.link.module, "receive", lambda content: None)
+    before = client.link.clock()
+    with pytest.raises(LinkTimeout, match='module "one" at sim: did not answer Stop in 3 tries'):
+        client.stop()
+    assert client.link.clock() - before == pytest.approx(0.95, abs=0.01)
+    monkeypatch.undo()
+
+
+@pytest.mark.parametrize(
+    "url", ["tcp://there", "bt://nobody/1", "/dev/no-such-port", "socket://127.0.0.1:1", "socket://127.0.0.1"]
+)
+def test_links_that_cannot_be_opened_say_why(url):
+    with pytest.raises(LinkError, match=r"no link to a module|address and a channel|cannot be opened"):
+        open_link(url)

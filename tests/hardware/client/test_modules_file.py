@@ -1,0 +1,37 @@
+import pytest
+
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.client.modules_file import load_modules, modules_to_toml
+
+
+def test_what_is_written_is_read_again(tmp_path):
+    links = {"floor-1": "socket://127.0.0.1:40001", "x- y+": "/dev/rfcomm0", "ü": "COM5"}
+    file = tmp_path / "modules.toml"
+    file.write_text(modules_to_toml(links), encoding="utf-8")
+    assert list(load_modules(file).items()) == list(links.items())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[modules", "not valid TOML"),
+        ("", r"no modules; write \[modules\]"),
+        ("[modules]", "no modules"),
+        ('modules = "COM5"', "no modules"),
+        ('[module]\na = "COM5"', 'unknown key "module"; the file has one table'),
+        ("[modules]\na = 5", '"a" is 5; give a link as text'),
+        ('[modules]\na = ""', "\"a\" is ''"),
+        ('[modules]\na = "COM5"\nb = "COM5"', "COM5 is there twice"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_file(tmp_path, text, message):
+    file = tmp_path / "modules.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(HardwareError, match=message) as found:
+        load_modules(file)
+    assert "modules.toml" in str(found.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(HardwareError, match=r"none\.toml: no such file"):
+        load_modules(tmp_path / "none.toml")

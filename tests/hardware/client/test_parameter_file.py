@@ -1,0 +1,165 @@
+"""Parameters go to a file and come back whole, or not at all."""
+
+import random
+import tomllib
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
+from tensionlab.hardware.client import parameter_file as settings
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.parameter_file import change, dump, restore
+from tensionlab.hardware.protocol.codes import Calibration
+from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP, SimulatedModule, single
+
+
+@pytest.fixture
+def client():
+    simulated = SimulatedModule(serial_number=7)
+    simulated.advance(STEP)
+    with ModuleClient("one", SimulatedLink(simulated)) as found:
+        yield found
+
+
+def test_a_dump_has_all_parameters_with_units_and_the_module_for_information(client):
+    text = dump(client)
+    document = tomllib.loads(text)
+    assert document["module"] == {"serial_number": 7, "firmware": "0.2"}
+    assert list(document["parameters"]) == list(PARAMETERS)
+    values = {name: float(np.float32(value)) for name, value in document["parameters"].items()}
+    assert values == client.link.module.parameters
+    assert "spool_radius = 0.0195             # m, 0.005 to 0.1: from encoder angle to cable length\n" in text
+    assert max(map(len, text.splitlines())) < 135
+
+
+def test_what_was_dumped_comes_back_and_is_not_stored(client):
+    text = dump(client)
+    assert restore(client, text) == []
+    client.set_parameter("slew", 123.25)
+    client.set_parameter("ttl", 100.0)
+    assert {(each.name, each.before, each.after) for each in restore(client, text)} == {
+        ("slew", 123.25, 60.0),
+        ("ttl", 100.0, 250.0),
+    }
+    assert dump(client) == text
+    assert client.link.module.settings == b""
+
+
+def test_a_part_of_a_file_changes_that_part(client):
+    before = client.link.module.parameters
+    restore(client, "[parameters]\ntension_lower = 0.1\nslew = 80\n")
+    expected = {**before, "tension_lower": float(np.float32(0.1)), "slew": 80.0}
+    assert client.link.module.parameters == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "tension_lower = 1",
+            r'my\.toml: unknown key "tension_lower"; the file has \[module\] and \[parameters\]',
+        ),
+        ("[parameters]\n", r"my\.toml: no parameters; write"),
+        ("[parameters", r"my\.toml: not valid TOML"),
+        ("[parameters]\nslew = 70\nsleuw = 1", r"my\.toml: modules have no parameter \"sleuw\"; is it slew\?"),
+        ("[parameters]\nslew = 70\nttl = 10", r"my\.toml: ttl is from 50 to 2000 ms; got 10"),
+        ("[parameters]\nslew = 70\nttl = nan", r"ttl is from 50 to 2000 ms; got nan"),
+        ("[parameters]\nslew = 70\nttl = 1e60", r"ttl is from .* got 1e\+60"),
+        ('[parameters]\nslew = 70\nttl = "10"', r"my\.toml: ttl is '10'; give a number"),
+        ("[parameters]\nslew = 70\ncalibrated = true", r"calibrated is True; give a number"),
+        ("[parameters]\nslew = 70\ncalibrated = 0.5", r"calibrated is 0 or 1; got 0\.5"),
+        ("[parameters]\nslew = 70\nmotor_direction = 0", r"motor_direction is 1 or -1; got 0"),
+        (
+            "[parameters]\nslew = 70\ntension_upper = 1\ntension_lower = 1.5",
+            r'my\.toml: module "one": tension_lower would be 1\.5, but tension_upper 1; change either',
+        ),
+        (
+            "[parameters]\nslew = 70\nlength_lower = 5",
+            r"length_lower would be 5, but length_upper 5; change either",
+        ),
+        (
+            "[parameters]\nslew = 70\ncurrent_continuous = 0.1\ntension_lower = 0.4",
+            r"tension_lower would be 0\.4, but current_continuous times newton_per_ampere 0\.3; change either",
+        ),
+    ],
+)
+def test_a_file_that_is_wrong_anywhere_changes_nothing(client, text, message):
+    before = client.link.module.parameters
+    with pytest.raises(HardwareError, match=message):
+        restore(client, text, "my.toml")
+    assert client.link.module.parameters == before
+
+
+def random_values(generator):
+    """All parameters, somewhere between their bounds, often at them, and in agreement."""
+    while True:
+        values = {}
+        for name, row in PARAMETERS.items():
+            share = generator.choice([0.0, 1.0, generator.random()])
+            if name in settings.CHOICES:
+                share = round(share)
+            number = float(np.float32(row.lower + share * (row.upper - row.lower)))
+            values[name] = min(max(number, row.lower), row.upper)
+        try:
+            settings._require_consistent(values, "")
+        except HardwareError:
+            continue
+        return values
+
+
+def test_no_order_of_bounds_that_depend_on_each_other_gets_in_the_way(client):
+    generator = random.Random(4)
+    for _ in range(200):
+        values = random_values(generator)
+        change(client, values, "test")
+        assert client.link.module.parameters == values
+
+
+def test_the_host_knows_the_rules_of_the_firmware(client):
+    """What the host refuses, the firmware refuses, and the other way round: one value against standard ones."""
+    generator = random.Random(5)
+    standard = client.link.module.parameters
+    for _ in range(300):
+        name = generator.choice(list(PARAMETERS))
+        row = PARAMETERS[name]
+        number = single(generator.choice([row.lower, row.upper, generator.uniform(row.lower, row.upper)]))
+        try:
+            settings._require_consistent({**standard, name: number}, "")
+            allowed = name not in settings.CHOICES or number in (row.lower, row.upper)
+        except HardwareError:
+            allowed = False
+        try:
+            client.set_parameter(name, number)
+            taken = True
+        except ModuleFault:
+            taken = False
+        assert taken == allowed, (name, number)
+        client.set_parameter(name, standard[name])
+
+
+def test_bounds_that_are_just_met_are_met_in_32_bits(client):
+    change(client, {"current_continuous": 0.1, "tension_lower": 0.3}, "test")
+    assert client.parameter("tension_lower") == single(0.3)
+
+
+def test_a_module_that_is_not_idle_is_left_alone(client):
+    text = dump(client)
+    client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+    client.arm()
+    with pytest.raises(ModuleFault, match=r"refused GetParameter: BAD_STATE \(it is ARMED\)"):
+        restore(client, text)
+
+
+def test_what_was_changed_before_a_link_broke_is_named(client, monkeypatch):
+    tell = client.tell
+
+    def break_off(command, *rest):
+        if getattr(command, "value", 0.0) == 123.0:
+            raise LinkTimeout("silence")
+        tell(command, *rest)
+
+    monkeypatch.setattr(client, "tell", break_off)
+    with pytest.raises(HardwareError, match="silence; until then it took over ttl, and stored nothing"):
+        change(client, {"ttl": 100, "slew": 123}, "words")

@@ -1,0 +1,304 @@
+import json
+import random
+import re
+import time
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.demand import Pose
+from tensionlab.errors import LogError, TensionlabError
+from tensionlab.hardware.log.columns import COLUMNS, TYPES, decode, encode, schema
+from tensionlab.hardware.log.mcap_file import McapWriter, read_records
+from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.solvers.base import Status
+from tests.support import runs
+
+
+@pytest.fixture(scope="module")
+def seven(tmp_path_factory):
+    """A run of seven modules, one of which is lost half way, and the cycles that were written."""
+    file = tmp_path_factory.mktemp("logs") / "seven.mcap"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tensionlab.hardware.log.writer.FLUSH", 0.005)  # so that there is more than one chunk
+        return file, runs.logged(file, runs.seven(), 120, lost=2)
+
+
+def test_what_was_written_is_read_to_the_last_bit(seven):
+    file, written = seven
+    run = read_run(file)
+    assert len(run) == len(written) == 120
+    assert run.complete
+    for index, cycle in enumerate(written):
+        state, allocation = cycle.state, cycle.allocation
+        for name in ("cycle", "time", "twist", "structure", "lengths", "speeds", "tensions", "active", "states"):
+            np.testing.assert_array_equal(getattr(run, name)[index], getattr(state, name), name)
+        for name in ("faults", "limits", "taken", "thermal"):
+            np.testing.assert_array_equal(getattr(run, name)[index], getattr(state, name), name)
+        np.testing.assert_array_equal(run.position[index], state.pose.position)
+        np.testing.assert_array_equal(run.rotation[index], np.eye(3))
+        np.testing.assert_array_equal(run.ages[index], np.where(np.isinf(state.ages), np.nan, state.ages))
+        for name in ("residual", "status", "scale", "iterations", "separation"):
+            np.testing.assert_array_equal(getattr(run.allocation, name)[index], getattr(allocation, name), name)
+        np.testing.assert_array_equal(run.allocation.tensions[index], allocation.tensions)
+        np.testing.assert_array_equal(run.allocation.wrench[index], allocation.wrench)
+        for name in ("replaced", "sent", "sequences", "late", "work"):
+            np.testing.assert_array_equal(getattr(run, name)[index], getattr(cycle, name), name)
+        assert run.stop[index] == cycle.demand.stop
+        if cycle.demand.wrench is None:
+            assert np.isnan(run.demanded[index]).all()
+            assert list(run.impedances[index, 0, :2]) == [1.0, 50.0]
+            assert list(run.brakes[index]) == 6 * [False] + [True]
+        else:
+            np.testing.assert_array_equal(run.demanded[index], cycle.demand.wrench)
+            assert np.isnan(run.impedances[index]).all()
+            assert not run.brakes[index].any()
+
+
+def test_a_log_from_before_a_column_was_added_has_none_of_it():
+    rig = runs.seven()
+    rows = [json.loads(encode(cycle, rig)) for cycle in runs.cycles(rig, 3)]
+    old = [json.dumps({name: row[name] for name in row if name != "upper_now"}).encode() for row in rows]
+    found = decode(old, rig)
+    assert np.isnan(found["upper_now"]).all()
+    assert found["upper_now"].shape == (3, 7)
+
+
+def test_what_was_around_the_cycles_is_in_the_log_too(seven):
+    run = read_run(seven[0])
+    assert run.rig == runs.seven()
+    assert run.manifest == runs.MANIFEST
+    assert run.setup == setup_of(run.rig, "newton", RunSettings(50.0), run.setup.links)
+    assert run.setup.nearest == "force"
+    assert run.setup.links[run.rig.modules[1].name] == f"sim:{run.rig.modules[1].name}"
+    assert run.modules == {module.name: asdict(runs.INFO) for module in run.rig.modules}
+    assert (run.summary["ended"], run.summary["missed"]) == ("the demand", 3)
+    armed, lost, stopped = run.events
+    assert (armed.kind, armed.cycle, armed.module) == ("armed", -1, "")
+    assert (lost.kind, lost.cycle, lost.time, lost.module) == ("lost", 60, 1.2, run.rig.modules[2].name)
+    assert (stopped.kind, stopped.cycle) == ("ended", 119)
+
+
+def test_a_run_tells_the_time_of_day_when_it_began(tmp_path):
+    before = time.time()
+    runs.logged(tmp_path / "run.mcap", runs.four(), 5)
+    assert before <= read_run(tmp_path / "run.mcap").began <= time.time()
+    runs.logged(tmp_path / "none.mcap", runs.four(), 0)
+    assert np.isnan(read_run(tmp_path / "none.mcap").began)
+
+
+def test_a_log_may_be_cut_anywhere(tmp_path, seven):
+    file, written = seven
+    empty = tmp_path / "empty.mcap"
+    log = runs.new_log(empty, runs.seven())
+    begin = empty.stat().st_size  # what is written before the run starts
+    log.close()
+    content, cut = file.read_bytes(), tmp_path / "cut.mcap"
+    last = len(content) - 2000
+    places = [
+        *range(last, len(content), 11),
+        *range(len(content) - 50, len(content)),
+        *range(0, begin, 97),
+        begin - 1,
+        begin,
+    ]
+    found = []
+    for size in sorted([*places, *random.Random(0).sample(range(last), 60)]):
+        cut.write_bytes(content[:size])
+        try:
+            run = read_run(cut)
+        except LogError:
+            assert size < begin
+            continue
+        assert size >= begin
+        assert not run.complete
+        assert list(run.cycle) == list(range(len(run)))
+        found.append(len(run))
+    assert found == sorted(found)
+    assert found[0] == 0
+    assert found[-1] == len(written)  # all but the index was there
+    assert len(set(found)) > 4
+
+
+def test_damage_ends_the_log_where_it_is(tmp_path, seven):
+    file, written = seven
+    content, damaged = file.read_bytes(), tmp_path / "damaged.mcap"
+    ends = random.Random(1)
+    for _ in range(60):
+        place = ends.randrange(len(content) // 2, len(content))
+        damaged.write_bytes(
+            content[:place] + bytes([content[place] ^ (1 << ends.randrange(8))]) + content[place + 1 :]
+        )
+        run = read_run(damaged)
+        assert list(run.cycle) == list(range(len(run)))
+        assert len(run) <= len(written)
+
+
+def test_what_is_no_log_is_refused(tmp_path):
+    for content in (b"", b"name = 'rig'", b"\x89MCAP0\r\n"):
+        file = tmp_path / "x.mcap"
+        file.write_bytes(content)
+        with pytest.raises(LogError, match=r"x\.mcap: not the log of a run"):
+            read_run(file)
+    with pytest.raises(LogError, match="is a folder; give the log of a run"):
+        read_run(tmp_path)
+    with pytest.raises(LogError, match=r"none\.mcap: cannot be read \(No such file"):
+        read_run(tmp_path / "none.mcap")
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "said"),
+    [
+        ("setup", {"solver": 3}, '"links" is missing'),
+        ("setup", None, "setup: row 1"),
+        ("modules", {"floor-1": 3}, "module 'floor-1' is 3"),
+        ("event", '{"cycle": 0}', 'event 1: row 1: "kind" is missing'),
+        ("event", "[" * 3000 + "]" * 3000, "nested more than 32 deep"),
+        ("cycle", '{"cycle": 0}', "a cycle in it is none of this rig"),
+        ("cycle", "[" * 100_000, "a cycle in it is none of this rig (RecursionError)"),
+        ("rig.toml", "a = " + "[" * 3000, "nested more than 32 deep"),
+    ],
+)
+def test_what_is_whole_and_makes_no_sense_is_refused(tmp_path, what, value, said):
+    """A log whose checksums are right: somebody else wrote it, or another version."""
+    good, bad = tmp_path / "good.mcap", tmp_path / "bad.mcap"
+    runs.logged(good, runs.four(), 2)
+    writer = McapWriter(bad, {"cycle": {"title": "c"}, "event": {"title": "e"}})
+    for record in read_records(good):
+        content = value if record.name == what else record.content
+        if record.kind == "attachment":
+            writer.attachment(record.name, "text/plain", content.encode() if isinstance(content, str) else content)
+        elif record.kind == "metadata":
+            writer.metadata(record.name, {"x": 0} if content is None else content)
+        elif record.kind == "message":
+            writer.message(record.name, 1, 1, content.encode() if isinstance(content, str) else content)
+    writer.finish()
+    with pytest.raises(TensionlabError, match=re.escape(said)) as refused:
+        read_run(bad)
+    assert "bad.mcap" in str(refused.value)
+
+
+def test_metadata_nested_too_deep_are_damage(tmp_path):
+    file = tmp_path / "x.mcap"
+    writer = McapWriter(file, {})
+    writer.metadata("first", {"a": 1})
+    writer._writer.add_metadata("deep", {"a": "[" * 100_000})
+    writer.finish()
+    assert [record.name for record in read_records(file)] == ["first"]
+
+
+def test_a_chunk_that_unpacks_to_more_than_the_memory_is_damage(tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.hardware.log.mcap_file.MAX_CHUNK_BYTES", 1000)
+    file = tmp_path / "x.mcap"
+    writer = McapWriter(file, {"numbers": {"title": "n"}})
+    writer.metadata("first", {"a": 1})
+    writer.message("numbers", 1, 1, b" " * 2000)
+    writer.finish()
+    assert [record.name for record in read_records(file)] == ["first"]
+
+
+def test_a_run_without_a_cycle_is_a_run(tmp_path):
+    runs.logged(tmp_path / "run.mcap", runs.four(), 0)
+    run = read_run(tmp_path / "run.mcap")
+    assert run.complete
+    assert run.chosen.shape == (0, 4)
+    assert run.to_dataset().sizes["cycle"] == 0
+
+
+def test_cycles_keep_to_their_schema():
+    rig = runs.four()
+    rules = schema(rig)["properties"]
+    for cycle in runs.cycles(rig, 60):
+        row = json.loads(encode(cycle, rig))
+        assert list(row) == list(COLUMNS) == list(rules)
+        for name, value in row.items():
+            values = value if isinstance(value, list) else [value]
+            assert isinstance(value, list) == (rules[name]["type"] == "array")
+            if isinstance(value, list):
+                assert len(value) == rules[name]["minItems"] == rules[name]["maxItems"]
+            kind = {"f": (float, int, type(None)), "i": int, "b": bool}[TYPES[name].kind]
+            assert all(isinstance(each, kind) for each in values), name
+
+
+def test_json_knows_neither_nan_nor_infinity():
+    rig = runs.four()
+    cycle = next(runs.cycles(rig, 2))
+    cycle.state.speeds[:3] = np.nan, np.inf, -np.inf
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    row = json.loads(encode(cycle, rig), parse_constant=refuse)
+    assert row["speeds"][:3] == [None, None, None]
+    assert row["speeds"][3] == cycle.state.speeds[3]
+
+
+def test_foxglove_reads_schemas_of_numbers_and_plain_lists():
+    """It refuses a schema with anything else in it, and shows nothing of that channel then."""
+    for whole in (schema(runs.seven()), EVENT_SCHEMA):
+        assert whole["type"] == "object"
+        for rules in whole["properties"].values():
+            inner = rules["items"] if rules["type"] == "array" else rules
+            assert inner["type"] in ("number", "integer", "boolean", "string")
+            assert all(type(each["const"]) is int for each in rules.get("oneOf", []))
+
+
+def test_a_reader_tells_how_far_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.hardware.log.mcap_file.TOLD", 10)
+    runs.logged(tmp_path / "run.mcap", runs.four(), 100)
+    shares = []
+    read_run(tmp_path / "run.mcap", shares.append)
+    assert len(shares) == 10
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] <= shares[-1] <= 1.0
+
+
+def test_other_readers_find_their_way(seven):
+    """Foxglove and others read JSON by the schema, seek by the index, and show what is attached."""
+    from mcap.reader import make_reader
+
+    file, written = seven
+    with file.open("rb") as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        assert {channel.topic for channel in summary.channels.values()} == {"cycle", "event"}
+        assert {each.encoding for each in summary.schemas.values()} == {"jsonschema"}
+        assert summary.statistics.message_count == len(written) + 3
+        assert summary.chunk_indexes
+        times = [message.log_time for _, _, message in reader.iter_messages(["cycle"])]
+        steps = np.diff(times)
+        np.testing.assert_allclose(steps, 0.02e9, atol=1)
+        assert [each.name for each in reader.iter_attachments()] == ["rig.toml"]
+        assert [each.name for each in reader.iter_metadata()] == ["manifest", "setup", "modules", "summary"]
+
+
+def test_a_platform_may_be_turned(tmp_path):
+    rig = tl.load_rig(runs.RIGS / "cogiro.toml")
+    cycle = next(runs.cycles(rig, 2))
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    object.__setattr__(cycle.state, "pose", Pose(cycle.state.pose.position, turn))
+    assert json.loads(encode(cycle, rig))["rotation"] == turn.ravel().tolist()
+    planar = tl.load_rig(runs.RIGS / "kntu-planar.toml")
+    cycle = next(runs.cycles(planar, 2))
+    object.__setattr__(cycle.state, "pose", Pose(cycle.state.pose.position, np.array(np.pi / 2)))
+    np.testing.assert_allclose(json.loads(encode(cycle, planar))["rotation"], [0, -1, 1, 0], atol=1e-15)
+
+
+def test_a_dataset_names_what_it_holds(seven):
+    run = read_run(seven[0])
+    dataset = run.to_dataset()
+    assert dict(dataset.sizes) == {
+        "cycle": 120, "axis": 3, "platform_axis": 3, "component": 3, "module": 7, "impedance": 6,
+    }  # fmt: skip
+    assert set(dataset.variables) >= {*COLUMNS, "lower", "upper"}
+    assert list(dataset.component.values) == ["Fx", "Fy", "Fz"]
+    pulled = dataset.chosen.sel(module=run.rig.modules[3].name)
+    np.testing.assert_array_equal(pulled.sel(cycle=7), run.chosen[7, 3])
+    assert dataset.chosen.attrs["units"] == "N"
+    assert json.loads(dataset.attrs["manifest"]) == runs.MANIFEST
+    assert float(dataset.time[-1]) == 119 / 50
+    assert (dataset.status == Status.EXACT).any()

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.log.report import report
+from tests.support import runs
+
+
+def test_counts_and_shares_are_those_of_the_cycles(tmp_path):
+    rig = runs.seven()
+    cycles = runs.logged(tmp_path / "run.mcap", rig, 200, solver="dykstra", lost=2)
+    found = report(read_run(tmp_path / "run.mcap"))
+    assert (found.rig, found.solver, found.nearest) == ("seven-modules", "dykstra", "tension")
+    assert (found.cycles, found.missed, found.slewed) == (200, 0, 0)
+    assert found.duration == pytest.approx(199 / 50)
+    statuses = [int(cycle.allocation.status) for cycle in cycles]
+    assert list(found.statuses.values()) == [statuses.count(status) for status in range(4)]
+    assert found.statuses["NEAREST"] > 5
+    assert found.replaced == sum(cycle.replaced for cycle in cycles)
+    assert found.late == pytest.approx(np.percentile([cycle.late for cycle in cycles], [50, 99, 100]))
+    assert found.complete
+    assert found.ended == "the demand"
+
+    lost, kept = found.modules[2], found.modules[3]
+    assert (lost.name, lost.faults, lost.lost_at) == (rig.modules[2].name, ["ENCODER"], 2.0)
+    assert (kept.faults, kept.lost_at) == ([], None)
+    taut = np.mean([cycle.state.limits[3] == 1 for cycle in cycles])
+    assert kept.limits == {"LOWER": pytest.approx(taut)}
+    sent = [cycle.sent[2] for cycle in cycles[:100]]
+    assert (lost.sent_least, lost.sent_mean) == pytest.approx((min(sent), np.mean(sent)))
+    assert 0.005 < kept.age[0] < kept.age[2] < 0.03
+
+
+def test_missed_deadlines_are_seen_in_the_times(tmp_path):
+    log = runs.new_log(tmp_path / "run.mcap", runs.four())
+    for cycle in runs.cycles(runs.four(), 100):
+        if cycle.state.cycle not in (30, 31, 70):
+            log.write(cycle)
+    log.close()
+    assert report(read_run(tmp_path / "run.mcap")).missed == 3
+
+
+def test_set_points_that_were_slowed_are_counted(tmp_path):
+    log = runs.new_log(tmp_path / "run.mcap", runs.four())
+    for cycle in runs.cycles(runs.four(), 20):
+        if cycle.state.cycle < 5:
+            cycle.sent[0] -= 0.1
+        log.write(cycle)
+    log.close()
+    assert report(read_run(tmp_path / "run.mcap")).slewed == 5
+
+
+def test_a_run_without_a_cycle_has_nothing_to_report(tmp_path):
+    runs.logged(tmp_path / "run.mcap", runs.four(), 0)
+    found = report(read_run(tmp_path / "run.mcap"))
+    assert (found.cycles, found.missed, found.duration) == (0, 0, 0.0)
+    assert np.isnan(found.late).all()
+    assert found.modules[0].limits == {}

@@ -1,0 +1,113 @@
+"""Frames on the host: the same as the firmware's, for whatever comes over the link."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tensionlab import _native
+from tensionlab.errors import ProtocolError
+from tensionlab.hardware.protocol.codes import Type
+from tensionlab.hardware.protocol.frames import (
+    DELIMITER,
+    MAX_FRAME,
+    MAX_PAYLOAD,
+    Decoder,
+    Frame,
+    crc16,
+    pack_1,
+    unpack,
+    unpack_1,
+)
+
+FRAMES = st.builds(Frame, st.integers(0, 255), st.integers(0, 255), st.binary(max_size=MAX_PAYLOAD))
+# Streams that are mostly frames, with damage in between.
+PIECES = st.one_of(
+    FRAMES.map(Frame.pack),
+    st.binary(max_size=80),
+    st.integers(1, 7).map(bytes),
+    st.integers(0, 255).map(lambda sequence: pack_1(Frame(Type.HELLO, sequence))),
+)
+
+
+def test_the_check_value_of_the_crc():
+    assert crc16(b"123456789") == 0x29B1
+
+
+def test_a_frame_worked_out_by_hand():
+    # STOP with sequence number 7. No zero in it: one code byte 03 says so, whose upper bits are set.
+    # The CRC of C3 05 07 is 0x3C29: 0011110 0001010 01 in binary.
+    assert crc16(b"\xc3\x05\x07") == 0x3C29
+    assert Frame(0x05, 0x07).pack() == bytes.fromhex("c3 05 07 9e 8a fd 00 00 00")
+
+
+@given(FRAMES)
+def test_a_frame_comes_back(frame):
+    packed = frame.pack()
+    assert packed == _native.build_frame(frame.type, frame.sequence, frame.payload)
+    assert len(packed) <= MAX_FRAME
+    assert packed.index(0) == len(packed) - 3
+    assert Decoder().feed(packed) == [frame]
+
+
+@given(st.lists(PIECES, max_size=8), st.data())
+def test_both_sides_read_any_stream_alike_however_it_is_cut(pieces, data):
+    stream = b"".join(pieces)
+    decoder, frames = Decoder(), []
+    while stream:
+        size = data.draw(st.integers(1, len(stream)))
+        frames += decoder.feed(stream[:size])
+        stream = stream[size:]
+    expected, bad = _native.parse_frames(b"".join(pieces))
+    assert [(frame.type, frame.sequence, frame.payload) for frame in frames] == expected
+    assert decoder.bad_frames == bad
+
+
+@pytest.mark.parametrize("rubbish", [b"\1", b"\5abc", b"\3ab", b"x" * 10_000, b"\xff" * 70, b"a\0b\0\0c"])
+def test_rubbish_is_counted_and_the_next_frame_read(rubbish):
+    decoder = Decoder()
+    assert decoder.feed(rubbish + DELIMITER + Frame(1, 2, b"three").pack()) == [Frame(1, 2, b"three")]
+    assert decoder.bad_frames == 1
+
+
+@pytest.mark.parametrize("byte", [b"x", b"\0", b"x\0", b"x\0\0"])
+def test_bytes_without_end_are_not_kept(byte):
+    decoder = Decoder()
+    for _ in range(100):
+        assert decoder.feed(byte * 10_000) == []
+        assert len(decoder._rest) < 2 * MAX_FRAME
+    assert decoder.feed(DELIMITER + Frame(1, 2, b"three").pack()) == [Frame(1, 2, b"three")]
+    assert decoder.bad_frames == (byte != b"\0")
+
+
+@pytest.mark.parametrize("size", range(0, MAX_PAYLOAD + 1, 7))
+@pytest.mark.parametrize("content", [b"\0", b"\xff", b"\1", b"\x10\0", Frame(6, 0).pack()[:-3] + b"\x80"])
+def test_no_flipped_bit_lets_a_frame_pass_and_the_next_is_read(size, content):
+    before, after = Frame(1, 1), Frame(2, 2)
+    wire = Frame(3, 3, (content * MAX_PAYLOAD)[:size]).pack()
+    for bit in range(8 * len(wire)):
+        damaged = bytearray(wire)
+        damaged[bit // 8] ^= 1 << bit % 8
+        kept = [before] if damaged[-3:] != DELIMITER else [before, after]
+        assert Decoder().feed(before.pack() + damaged + after.pack()) == kept
+
+
+@given(FRAMES)
+def test_protocols_1_and_2_do_not_understand_each_other(frame):
+    # The first byte tells them apart: at most 61 in protocol 1, at least 193 in protocol 2.
+    assert unpack_1(frame.pack()[:-3]) is None
+    assert unpack(pack_1(frame)[:-3]) is None
+    assert unpack_1(pack_1(frame)[:-3]) == frame
+    assert Decoder().feed(pack_1(frame)) == []
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ((256, 0), "type is one byte"),
+        ((1, -1), "sequence is one byte"),
+        ((1, 0, bytes(57)), "at most 56 bytes; got 57"),
+    ],
+)
+def test_what_is_no_frame_is_refused(numbers, message):
+    with pytest.raises(ProtocolError, match=message):
+        Frame(*numbers)

@@ -1,0 +1,344 @@
+"""What a run renders, in lockstep with simulated modules; `test_faults.py` has what can go wrong."""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.demand import Demand, Impedance, Pose
+from tensionlab.errors import HardwareError, LinkError, ModuleFault
+from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.runner.clock import WorldClock
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.world import World
+from tensionlab.solvers.base import Answer, Status
+
+
+@pytest.fixture
+def rig():
+    return tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+
+
+def run(world, rig, demand, seconds=1.0, solver="newton", **options):
+    settings = options.pop("settings", RunSettings())
+    runner = Runner(rig, world.group(), solver, demand, settings, clock=WorldClock(world), **options)
+    runner.run(seconds)
+    return runner
+
+
+@pytest.mark.parametrize("solver", ["newton", "dykstra", "qp:daqp", "least-sum", "closed-form"])
+def test_the_modules_pull_with_the_force_that_is_asked_for(rig, solver):
+    world, force = World(rig), np.array([0.5, 0.3, -1.0])
+    runner = run(world, rig, lambda state: Demand(force), solver=solver)
+    last = runner.latest
+    assert last.allocation.status == Status.EXACT
+    np.testing.assert_allclose(last.state.structure @ last.state.tensions, force, atol=2e-4)
+    assert runner.statistics.cycles == 50
+    assert runner.statistics.statuses == {Status.EXACT: 50}
+    assert {module.sample.state for module in world.modules} == {State.IDLE}
+
+
+def test_the_force_follows_a_hand_that_moves(rig):
+    """Where the hand is comes from the cable lengths alone; cables stretch, so that it is not quite true."""
+
+    def motion(time):
+        return Pose(rig.home + 0.05 * np.array([np.cos(4 * time) - 1, 0.2 * np.sin(4 * time), np.sin(4 * time)]))
+
+    world, force, errors = World(rig, motion), np.array([0.0, 0.0, 1.5]), []
+
+    def demand(state):
+        errors.append([*(state.pose.position - world.pose.position), *(state.twist - velocity(world.time))])
+        return Demand(force)
+
+    def velocity(time):
+        return 0.2 * np.array([-np.sin(4 * time), 0.2 * np.cos(4 * time), np.cos(4 * time)])
+
+    runner = run(world, rig, demand, 2.0)
+    assert np.abs(np.array(errors)[5:, :3]).max() < 1e-3
+    assert np.abs(np.array(errors)[5:, 3:]).max() < 0.03
+    np.testing.assert_allclose(runner.latest.allocation.wrench, force, atol=1e-6)
+
+
+def test_a_platform_is_found_with_its_rotation():
+    rig = tl.load_rig("datasets/rigs/ipanema-1.toml")
+    limited = tl.Rig(
+        rig.name,
+        rig.kind,
+        [tl.Module(each.name, each.anchor, 0.5, 6.0, each.attachment) for each in rig.modules],
+        rig.home,
+    )
+
+    def motion(time):
+        angle = 0.1 * time
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1.0]])
+        return Pose(rig.home + np.array([0.1, 0.05, -0.02]) * time, turn)
+
+    world = World(limited, motion)
+    true = []
+
+    def demand(state):
+        true.append(world.pose)
+        return Demand()
+
+    runner = run(world, limited, demand, 1.0)
+    pose = runner.latest.state.pose
+    np.testing.assert_allclose(pose.position, true[-1].position, atol=2e-3)
+    # Cables stretch by 0.13 mm, and those of this rig hardly resist a turn about the vertical.
+    np.testing.assert_allclose(pose.rotation, true[-1].rotation, atol=6e-3)
+    np.testing.assert_allclose(runner.latest.state.twist[:3], [0.1, 0.05, -0.02], atol=0.02)
+
+
+@pytest.mark.parametrize("solver", ["newton", "closed-form", "safe"])
+def test_without_a_wrench_the_cables_are_held_taut(rig, solver):
+    runner = run(World(rig), rig, lambda state: Demand(), solver=solver)
+    np.testing.assert_allclose(runner.latest.sent, rig.limits.lower, atol=1e-9)
+
+
+@dataclass(frozen=True)
+class GivesUp:
+    """Never proves anything."""
+
+    policies = ("force",)
+
+    def solve(self, problem):
+        count, _, m = problem.structure.shape
+        return Answer(np.full((count, m), 3.0), np.full(count, 7))
+
+
+def test_an_unproved_answer_is_never_sent(rig):
+    force = np.array([0.0, 0.0, 1.5])
+    runner = run(World(rig), rig, lambda state: Demand(force), solver=GivesUp())
+    assert runner.statistics.replaced == runner.statistics.cycles == 50
+    assert runner.latest.replaced
+    np.testing.assert_allclose(
+        runner.latest.sent, tl.allocate(runner.latest.state.structure, force, rig.limits).tensions, atol=1e-9
+    )
+
+
+def test_set_points_change_no_faster_than_the_modules_allow(rig):
+    forces = iter([np.array([0.0, 0.0, 3.0]), np.array([0.0, 0.0, -3.0])] * 100)
+    cycles = []
+
+    def demand(state):
+        if runner_of:
+            cycles.append(runner_of[0].latest)
+        return Demand(next(forces))
+
+    runner_of = []
+    world = World(rig)
+    runner = Runner(rig, world.group(), "newton", demand, RunSettings(), clock=WorldClock(world))
+    runner_of.append(runner)
+    runner.run(1.0)
+    sent = np.array([cycle.sent for cycle in cycles[1:]])
+    assert np.abs(np.diff(sent, axis=0)).max() <= 60.0 / 50.0 + 1e-9
+    assert runner.statistics.slewed > 40
+    # All go the same share of their way: the wrench stays between the old one and the new one, in direction too.
+    rendered = np.array([cycle.state.structure @ cycle.sent for cycle in cycles[1:]])
+    assert np.abs(rendered[10:, :2]).max() < 0.01
+
+
+def test_modules_with_an_impedance_render_it_and_the_others_share_the_wrench(rig):
+    spring = Impedance(rest=1.9, stiffness=10.0, feed_forward=0.5)
+    force = np.array([0.0, -1.0, 0.0])
+    world = World(rig)
+    runner = run(world, rig, lambda state: Demand(force, impedances={"top": spring}))
+    cycle = runner.latest
+    assert cycle.state.tensions[3] == pytest.approx(0.5 + 10.0 * 0.1, abs=0.02)
+    assert np.isnan(cycle.sent[3])
+    assert cycle.sequences[3] >= 0
+    # All together exert the force; what the spring pulls is known from the cable's length as the module told it.
+    pulls = np.append(cycle.sent[:3], spring.tension(cycle.state.lengths[3], cycle.state.speeds[3]))
+    np.testing.assert_allclose(cycle.state.structure @ pulls, force, atol=1e-6)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.02])
+def test_it_knows_how_late_it_hears_what_it_asked_for(rig, latency):
+    delays = []
+    world = World(rig)
+    group = world.group(Conditions(latency))
+
+    def demand(state):
+        delays.append(state.delays)
+        return Demand(np.array([0.0, np.sin(9.0 * state.time), 0.0]))
+
+    Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(1.0)
+    settled = np.array(delays[20:])
+    assert (settled > 2 * latency).all()
+    assert (settled <= 2 * latency + 3.1 / 50.0).all()  # what is on its way moves on once a cycle
+
+
+def test_before_the_first_set_point_it_does_not_know_how_late_it_hears(rig):
+    """With a tracker, nothing is sent before the first cycle; from lengths, cables are reeled in first."""
+    delays = []
+    place = Pose(rig.home)
+
+    def demand(state):
+        delays.append(state.delays)
+        return Demand()
+
+    run(World(rig), rig, demand, tracker=lambda time: place)
+    assert np.isnan(delays[0]).all()
+    assert np.isfinite(delays[5]).all()
+
+
+def test_brakes_are_laid_on(rig):
+    world = World(rig)
+
+    def demand(state):
+        return Demand(brakes=frozenset({"top"}), stop=state.time > 0.5 and closed(state))
+
+    def closed(state):
+        return world.modules[3].sample.pawl_down
+
+    runner = run(world, rig, demand, None)
+    assert runner.statistics.ended == "the demand"
+
+
+def test_a_tracker_takes_the_place_of_the_lengths(rig):
+    place = Pose(rig.home + np.array([0.1, 0.0, 0.0]))
+    runner = run(World(rig), rig, lambda state: Demand(np.array([0, 0, 1.0])), tracker=lambda time: place)
+    np.testing.assert_array_equal(runner.latest.state.structure, rig.structure_matrix(place.position))
+
+
+def test_a_rig_on_a_body_needs_a_tracker():
+    rig = tl.load_rig("datasets/rigs/body-mounted.toml")
+    world = World(rig)
+    with pytest.raises(HardwareError, match="modules ride on shoulder, hip, so cable lengths do not tell"):
+        run(world, rig, lambda state: Demand())
+    frames = {"shoulder": (np.array([0.0, 1.4, 0.0]), None), "hip": (np.array([0.0, 1.0, 0.0]), None)}
+    moved = World(rig, lambda time: Pose(rig.home, frames=frames))
+    force = np.array([0.0, 0.0, 0.5])
+    runner = run(moved, rig, lambda state: Demand(force), tracker=lambda time: Pose(rig.home, frames=frames))
+    np.testing.assert_allclose(runner.latest.allocation.wrench, force, atol=1e-6)
+
+
+def test_modules_that_do_not_fit_are_refused_before_any_is_armed(rig):
+    world = World(rig)
+    strong = tl.Rig(
+        rig.name, rig.kind, [tl.Module(each.name, each.anchor, 0.5, 9.0) for each in rig.modules], rig.home
+    )
+    with pytest.raises(HardwareError, match=r'"floor-1" pulls with 0\.5 to 6 N, but the rig wants 0\.5 to 9 N'):
+        run(world, strong, lambda state: Demand())
+    group = world.group()
+    group.clients[2].arm()
+    with pytest.raises(LinkError, match=r'module "floor-3" at sim: is in use: somebody has it armed'):
+        run(world, rig, lambda state: Demand())
+    assert {module.sample.state for module in world.modules[:2]} == {State.IDLE}
+
+
+def test_a_module_in_emergency_stop_is_refused(rig):
+    world = World(rig)
+    world.group().clients[0].estop()
+    with pytest.raises(ModuleFault, match='module "floor-1" is in ESTOP: find out why, then'):
+        run(world, rig, lambda state: Demand())
+
+
+def test_unknown_lengths_are_refused(rig):
+    world = World(rig)
+    client = world.group().clients[1]
+    client.set_parameter("spool_radius", 0.02)  # turns no longer tell the length
+    client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+    with pytest.raises(HardwareError, match="cable lengths of floor-2 are not known"):
+        run(world, rig, lambda state: Demand())
+
+
+def round_trip(rig, radius=0.2, period=4.0):
+    """A hand that goes round home."""
+
+    def motion(time):
+        angle = 2.0 * np.pi * time / period
+        return Pose(rig.home + radius * np.array([np.cos(angle), np.sin(angle), 0.0]))
+
+    return motion
+
+
+@pytest.mark.parametrize("name", ["bartels2026-validation", "seven-modules", "floor-3"])
+def test_a_run_begins_with_slack_cables_while_the_hand_moves(name):
+    """Nobody reels in while no run is on: cables are paid out by the hand and hang slack as it comes back."""
+    rig = tl.load_rig(f"datasets/rigs/{name}.toml")
+    world = World(rig, round_trip(rig))
+    world.advance(7.3)
+    slack = [module.sample.length - module.sample.distance for module in world.modules]
+    assert max(slack) > 0.1
+    errors = []
+
+    def demand(state):
+        errors.append(np.linalg.norm(state.pose.position - world.pose.position))
+        return Demand()
+
+    runner = run(world, rig, demand, 2.0)
+    assert runner.statistics.ended == "after 2 s"
+    assert max(errors) < 1e-2
+
+
+def test_lengths_of_different_instants_are_compared_at_one(rig):
+    """Behind links with jitter, each module is heard at another time, while the hand makes 0.8 m/s."""
+    world, errors = World(rig, round_trip(rig, 0.2, 1.6)), []
+    group = world.group(Conditions(latency=0.02, jitter=0.02), seed=1)
+
+    def demand(state):
+        errors.append(np.linalg.norm(state.pose.position - world.pose.position))
+        return Demand()
+
+    Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world)).run(2.0)
+    assert max(errors) < 0.8 * 0.1  # no further behind than the link is
+
+
+def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(rig):
+    """It gets to 3.1 m/s in 75 ms, as fast as spools reel in; nothing of that is taken for a fault."""
+    begun = []
+
+    def motion(time):
+        passed = np.clip(time - begun[0] - 0.5, 0.0, 0.15) if begun else 0.0
+        return Pose(rig.home + np.array([0.0, 0.15 * (1.0 - np.cos(np.pi * passed / 0.15)), 0.0]))
+
+    world, off = World(rig, motion), []
+
+    def demand(state):
+        if not begun:
+            begun.append(world.time)
+        off.append(np.linalg.norm(state.pose.position - world.pose.position))
+        return Demand()
+
+    runner = run(world, rig, demand, 2.0)
+    assert runner.statistics.ended == "after 2 s"
+    assert max(off[-30:]) < 1e-3
+
+
+def test_lengths_that_fit_no_pose_are_refused(rig):
+    world = World(rig)
+    for client in world.group().clients[:3]:
+        client.calibrate(Calibration.LENGTH, 0.4)
+    said = r'fit no pose: that of module "\S+" is off by \d+ mm, or .* all cables are taut, so calibrate'
+    with pytest.raises(HardwareError, match=said):
+        run(world, rig, lambda state: Demand())
+    assert {module.sample.state for module in world.modules} == {State.IDLE}
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rate": 5.0}, "rate is from 8 Hz, which is 2 set-points in a ttl of 0.25 s, to 10000 Hz; got 5"),
+        ({"rate": float("nan")}, "rate is from"),
+        ({"ttl": 0.01}, "ttl is from 0.05 to 2 s; got 0.01"),
+        ({"on_loss": "hope"}, "on_loss is 'hope'; give one of stop, continue"),
+    ],
+)
+def test_settings_that_cannot_work(settings, message):
+    with pytest.raises(HardwareError, match=message):
+        RunSettings(**settings)
+
+
+def test_a_run_in_another_thread_than_the_main_one(rig):
+    """Signals reach only the main thread; the rest is the same."""
+    found = []
+    thread = threading.Thread(
+        target=lambda: found.append(run(World(rig), rig, lambda state: Demand(), 0.2).statistics.cycles)
+    )
+    thread.start()
+    thread.join()
+    assert found == [10]

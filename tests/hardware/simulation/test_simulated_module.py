@@ -1,0 +1,57 @@
+"""The simulated module: what it is told, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PARTS, PLANT, STEP, SimulatedModule
+
+
+def test_the_tables_come_from_the_firmware():
+    assert PARAMETERS["tension_upper"].standard == 6.0
+    assert [row.index for row in PARAMETERS.values()] == list(range(len(PARAMETERS)))
+    assert all(row.lower <= row.standard <= row.upper for row in PARAMETERS.values())
+    assert all(row.lower <= row.standard for row in PLANT.values())
+    assert set(PARTS) == {"encoder", "supply", "motor", "brake", "cable"}
+
+
+def test_a_trace_has_a_row_for_each_step_and_ends_at_the_sample():
+    module = SimulatedModule(distance=0.8)
+    trace = module.trace(0.01, 0.81)
+    assert len(trace.seconds) == round(0.01 / STEP) == 40
+    np.testing.assert_allclose(np.diff(trace.seconds), STEP)
+    np.testing.assert_allclose(np.diff(trace.distance), 0.01 / 40)
+    last = module.sample
+    for name in ("seconds", "distance", "length", "tension", "commanded", "current", "state", "driver_on"):
+        assert getattr(trace, name)[-1] == getattr(last, name), name
+
+
+def test_the_same_seed_gives_the_same_noise():
+    first, second, other = (SimulatedModule(seed=seed) for seed in (3, 3, 4))
+    for module in (first, second, other):
+        module.receive(bytes.fromhex("05 0d 01 05 01 01 00"))  # damaged: nothing happens
+        module.advance(0.1, 1.01)
+    assert first.sample == second.sample
+    assert first.sample.seconds == other.sample.seconds
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: SimulatedModule(plant={"mass": 1.0}), "no parameter 'mass'; it has resistance, "),
+        (lambda: SimulatedModule(plant={"inertia": 0.0}), "'inertia' is finite and at least 1e-07 kg m2; got 0.0"),
+        (lambda: SimulatedModule(plant={"inertia": np.nan}), "got nan"),
+        (lambda: SimulatedModule(distance=0.0), "finite distance of more than 0 m; got 0.0"),
+        (lambda: SimulatedModule(seed=-1), r"seed is from 0 to 2\*\*32 - 1; got -1"),
+        (lambda: SimulatedModule(start_us=1 << 32), "start_us"),
+        (lambda: SimulatedModule().advance(-1.0), "time passes by 0 to 1e6 s; got -1.0"),
+        (lambda: SimulatedModule().advance(np.nan), "got nan"),
+        (lambda: SimulatedModule().trace(0.1, np.inf), "distance"),
+        (lambda: SimulatedModule().damage("wheel"), "no part 'wheel'; it has encoder, "),
+        (lambda: SimulatedModule().repair("wheel"), "no part 'wheel'"),
+        (lambda: SimulatedModule().pause(100.0), "a pause takes 0 to 60 s; got 100.0"),
+    ],
+)
+def test_what_cannot_be_is_refused(call, message):
+    with pytest.raises(HardwareError, match=message):
+        call()

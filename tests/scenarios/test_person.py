@@ -1,0 +1,96 @@
+"""Somebody whom the cables hold: Newton's law, and the springs of an arm."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import ScenarioError
+from tensionlab.scenarios import Person, PersonPlan, Script, Sway, Waypoint
+
+
+@pytest.fixture
+def rig():
+    return tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+
+
+def still(rig, **how):
+    how = {"mass": 1.0, "stiffness": 200.0, "damping": 20.0} | how
+    return Person(PersonPlan(**how, script=Script((Waypoint(0.0, tuple(rig.home)),))), rig)
+
+
+def tensions_of(rig, person, force):
+    return tl.allocate(rig.structure_matrix(*person.pose), force, rig.limits).tensions
+
+
+def test_a_steady_force_moves_it_by_force_over_stiffness(rig):
+    person, force = still(rig), np.array([0.5, 0.0, -1.0])
+    person.begin()
+    for time in np.arange(0.001, 2.0, 0.001):
+        person.feel(tensions_of(rig, person, force))
+        person(time)
+    assert person.pose.position - rig.home == pytest.approx(force / 200.0, abs=1e-6)
+    assert person.felt.force[-1] == pytest.approx(force, abs=1e-9)
+
+
+def test_a_push_begins_with_force_over_mass(rig):
+    person, force = still(rig, mass=2.0), np.array([0.0, 1.0, 0.0])
+    person.begin()
+    for time in np.arange(0.001, 0.0105, 0.001):
+        person.feel(tensions_of(rig, person, force))
+        person(time)
+    assert (person.pose.position - rig.home)[1] == pytest.approx(0.5 * 0.5 * 0.01**2, rel=0.12)
+
+
+def test_it_swings_with_its_own_frequency_and_loses_energy(rig):
+    """Let go from a place where a force held it: sqrt(k/m), and each swing smaller."""
+    person = still(rig, stiffness=200.0, damping=2.0)
+    person.begin()
+    force = np.array([0.0, 1.0, 0.0])
+    for time in np.arange(0.001, 10.0, 0.001):
+        pulls = tensions_of(rig, person, force) if time < 4.0 else np.zeros(rig.m)
+        person.feel(pulls)
+        person(time)
+    felt = person.felt
+    swing = (felt.position - rig.home)[felt.time > 4.0, 1]
+    crossings = np.flatnonzero(np.diff(np.sign(swing)))
+    assert 2 * np.mean(np.diff(crossings)) * 1e-3 == pytest.approx(2 * np.pi / np.sqrt(200.0 - 1.0), rel=1e-2)
+    peaks = np.array([np.abs(swing[a:b]).max() for a, b in itertools.pairwise(crossings)])
+    assert (np.diff(peaks) < 0.0).all()
+
+
+def test_it_follows_its_script_and_nothing_holds_it_back_where_there_is_no_force(rig):
+    far = tuple(rig.home + np.array([0.2, 0.0, 0.0]))
+    script = Script((Waypoint(0.0, tuple(rig.home)), Waypoint(1.0, far)))
+    person = Person(PersonPlan(1.0, 200.0, 20.0, script), rig)
+    person.begin()
+    for time in np.arange(0.001, 3.0, 0.001):
+        person(time)
+    assert person.pose.position == pytest.approx(far, abs=1e-6)
+
+
+def test_it_stands_still_until_it_begins_and_its_script_begins_then():
+    rig = tl.load_rig("datasets/rigs/body-mounted.toml")
+    start = Waypoint(0.0, tuple(rig.home))
+    step = Script((Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(1.0, (0.1, 0.0, 0.0))))
+    bodies = dict.fromkeys(rig.frames, step)
+    person = Person(PersonPlan(1.0, 200.0, 20.0, Script((start,), Sway((0.01, 0.0, 0.0))), bodies), rig)
+    person.feel(np.full(rig.m, 6.0))
+    person(5.0)
+    assert person.pose.position == pytest.approx(rig.home)
+    assert len(person.felt.time) == 0
+    person.begin()
+    person(5.5)
+    person.begin()  # again: it goes on
+    person(6.5)
+    assert person.pose.frames["shoulder"][0] == pytest.approx([0.1, 0.0, 0.0])
+    assert person.felt.time[[0, -1]] == pytest.approx([0.001, 1.5])
+    assert person.felt.tensions.shape == (1500, rig.m)
+
+
+@pytest.mark.parametrize("name", ["mass", "stiffness", "damping"])
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan")])
+def test_nonsense_is_refused_by_name(rig, name, value):
+    with pytest.raises(ScenarioError, match=f"{name} is {value}"):
+        still(rig, **{name: value})

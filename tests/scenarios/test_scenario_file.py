@@ -1,0 +1,120 @@
+"""Scenarios in TOML: the five that come along, and what is said about others."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tensionlab.errors import RigError, ScenarioError
+from tensionlab.haptics.effects import Bow
+from tensionlab.scenarios import SCENARIOS, load_scenario
+from tensionlab.scenarios.scenario_file import FOLDER
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_each_of_the_five_can_be_read_and_says_that_it_is_a_proposal(name):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.rig.source.startswith("A proposal of this project")
+    assert scenario.rig.up == "z"
+    assert max(phase.end for phase in scenario.phases) <= scenario.seconds
+    assert scenario.phases[0] in scenario.now(scenario.phases[0].begin)
+
+
+def test_only_the_materials_are_grounded():
+    """As the publication says: the others mix modules on the body and in the room, or are on the body alone."""
+    frames = {name: load_scenario(name).rig.frames for name in SCENARIOS}
+    assert [name for name, worn in frames.items() if not worn] == ["materials"]
+
+
+@pytest.fixture
+def bow(tmp_path):
+    """A copy of the bow that may be changed: the file, and what changes it."""
+    for name in ("bow.toml", "bow.rig.toml"):
+        shutil.copy(FOLDER / name, tmp_path / name)
+    path = tmp_path / "bow.toml"
+
+    def change(old, new):
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        return path
+
+    return path, change
+
+
+def test_a_file_of_ones_own_brings_its_rig(bow):
+    path, change = bow
+    change("loosed = 3.2", "loosed = 2.0, stiffness = 5.0")
+    mine = load_scenario(path)
+    assert mine.phases[0].effects["string"] == Bow(loosed=2.0, stiffness=5.0)
+    assert mine.rig == load_scenario("bow").rig
+
+
+def test_another_rig_may_take_its_place(bow):
+    path, _ = bow
+    with pytest.raises(ScenarioError, match="modules ride on"):
+        load_scenario(path, rig=FOLDER / "materials.rig.toml")
+    with pytest.raises(RigError, match="no such file"):
+        load_scenario(path, rig=path.with_name("nothing.toml"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("seconds = 5.0", "secnds = 5.0", 'no key "secnds"'),
+        ('up = "z"', "", 'key "up" is missing'),
+        ('up = "z"', 'up = "y"', 'has up = "y", and rig "bow" up = "z"'),
+        ('up = "z"', "up = 3", "up: "),
+        ("seconds = 5.0", "", 'key "seconds" is missing'),
+        ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
+        ("seconds = 5.0", 'seconds = "long"', "seconds: "),
+        ('seen_from = "bow"', 'seen_from = "bw"', 'seen_from is "bw"'),
+        ("mass = 1.0", "mass = 0.0", "person: PersonPlan: mass is 0.0"),
+        ("mass = 1.0", "mas = 1.0", "person: no parameter 'mas'"),
+        ("time = 2.0", "tme = 2.0", "person: script: waypoints: no parameter 'tme'"),
+        ("frequency = 0.4", "freq = 0.4", "person: bodies: bow: sway: no parameter 'freq'"),
+        ("loosed = 3.2", "losed = 3.2", "no parameter 'losed'"),
+        (
+            'effects.string = { kind = "bow", loosed = 3.2 }',
+            "effects.string = 3",
+            "effect 'string' is 3; give a table",
+        ),
+        ("loosed = 3.2", "stiffness = 1e308", "Bow: stiffness is 1e+308"),
+        ('{ kind = "bow", loosed = 3.2 }', '{ kind = "spring", centre = [0, 0] }', "centre is (0.0, 0.0); give 3"),
+        ("reach = 0.80", "plane = { point = [0, 0] }", "hold: plane.point is (0.0, 0.0); give 3"),
+        ("reach = 0.80", "reach = inf", "reach is inf"),
+        ("mass = 1.0", "mass = inf", "mass is inf"),
+        ("amplitude = [0.002, 0.004, 0.004]", "amplitude = [0.002, 1e308, 0.004]", "amplitude is"),
+        ('kind = "bow"', 'kind = "bw"', "effect 'string': kind is 'bw'"),
+        ("reach = 0.80", "reach = 0.80, plane = {}", "a plane or a reach"),
+        ("reach = 0.80", "reach = 0.80, stength = 1.0", "hold: no parameter 'stength'"),
+        ("end = 5.0", "end = -5.0", 'phase "draw": begin 0.0, end -5.0'),
+        ("end = 5.0", "", 'phase "draw": end'),
+        ('nearest = "force"', 'nearest = "nowhere"', "nearest: "),
+        ("[person.bodies.bow]", "[person.bodies.bw]", "modules ride on ['bow']"),
+        ("title =", "title", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_said_with_file_and_key(bow, old, new, said):
+    path, change = bow
+    change(old, new)
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(path)
+    assert "bow.toml" in str(refused.value)
+    assert said in str(refused.value)
+
+
+def test_a_rig_that_stands_otherwise_is_refused(tmp_path):
+    """A rig with Y up played in a scenario with Z up without a word, most of its forces out of reach."""
+    with pytest.raises(ScenarioError, match='has up = "z", and rig "bartels2026-validation" up = "y"'):
+        load_scenario("materials", rig="datasets/rigs/bartels2026-validation.toml")
+    text = Path("datasets/rigs/bartels2026-validation.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace('up = "y"\n', ""))
+    with pytest.raises(ScenarioError, match='rig "bartels2026-validation" no key "up"; give a rig'):
+        load_scenario("materials", rig=tmp_path / "mine.toml")
+
+
+def test_an_unknown_name_is_told_the_known_ones():
+    with pytest.raises(ScenarioError, match='no scenario "bw"; there are materials, collision'):
+        load_scenario("bw")

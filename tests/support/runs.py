@@ -1,0 +1,121 @@
+"""Runs without a runner, for the tests: real cycles of a real rig, allocated by a real solver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import tensionlab as tl
+from tensionlab.demand import Demand, Impedance, Pose, RigState
+from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
+from tensionlab.hardware.protocol.messages import Info
+from tensionlab.hardware.runner.cycle import Cycle
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.solvers.base import Status
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+MANIFEST = {"call": "tensionlab run", "date": "2026-11-21T22:00:00+00:00", "seed": 3, "versions": {"numpy": "2"}}
+
+
+INFO = Info(1, 257, 7, ResetReason.POWER, State.IDLE, True, True, 28, 250, 0.5, 6.0, 3.0, 0.0195)
+
+
+def four():
+    return tl.load_rig(RIGS / "bartels2026-validation.toml")
+
+
+def seven():
+    return tl.load_rig(RIGS / "seven-modules.toml")
+
+
+def new_log(path, rig, solver="newton", nearest=None, rate=50.0):
+    links = {module.name: f"sim:{module.name}" for module in rig.modules}
+    return RunLog(path, rig, MANIFEST, solver, RunSettings(rate, nearest=nearest), links)
+
+
+def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=None) -> Iterator[Cycle]:
+    """The reference point goes round, and the force that is asked for too; one module may be lost half way."""
+    random = np.random.default_rng(0)
+    exact, own = tl.Allocator(rig.limits), tl.Allocator(rig.limits, solver, nearest=nearest)
+    told = np.full(rig.m, np.nan)
+    sequence = 250
+    for index in range(count):
+        angle = 2 * np.pi * index / (2.0 * rate)
+        active = np.full(rig.m, True)
+        if lost is not None and index >= count // 2:
+            active[lost] = False
+        position = rig.home + 0.05 * np.array([np.cos(angle), np.sin(angle), 0.0])[: rig.dimension]
+        structure = rig.structure_matrix(position)
+        wrench = np.zeros(rig.n)
+        force = size * np.array([np.sin(angle), np.cos(angle), np.sin(3 * angle)])
+        wrench[: rig.dimension] = force[: rig.dimension]
+        wanted = None if index % 50 == 49 else wrench
+        limits = (np.where(active, rig.limits.lower, 0.0), np.where(active, rig.limits.upper, 0.0))
+        if active.all():
+            found = own(structure, wrench)
+        else:
+            found = tl.allocate(structure, wrench, limits, solver, nearest=nearest)
+        replaced = bool(found.status == Status.ITERATION_LIMIT)
+        if replaced:
+            found = exact(structure, wrench) if active.all() else tl.allocate(structure, wrench, limits)
+        sequence = (sequence + 1) % 256
+        first = index == 0
+        state = RigState(
+            cycle=index,
+            time=index / rate,
+            pose=Pose(position),
+            twist=random.normal(0.0, 0.01, rig.n),
+            structure=structure,
+            lengths=rig.lengths(position),
+            speeds=random.normal(0.0, 0.01, rig.m),
+            tensions=told,
+            ages=np.full(rig.m, np.inf) if first else random.uniform(0.005, 0.03, rig.m),
+            delays=np.full(rig.m, np.nan) if first else random.uniform(0.01, 0.05, rig.m),
+            active=active,
+            states=np.where(active, State.RUNNING, State.FAULT).astype(np.int64),
+            faults=np.where(active, 0, 1).astype(np.int64),
+            limits=np.where(found.tensions > 0.6, Limit.NONE, Limit.LOWER).astype(np.int64),
+            brakes=np.full(rig.m, -1 if first else BrakeState.OPEN),
+            taken=np.full(rig.m, -1 if first else (sequence - 1) % 256),
+            thermal=np.full(rig.m, index / (count + 1)),
+            upper_now=rig.limits.upper,
+        )
+        sent = np.where(active, found.tensions, np.nan)
+        told = np.where(active, np.float32(found.tensions), 0.0)
+        yield Cycle(
+            state=state,
+            demand=Demand(
+                wrench=wanted,
+                impedances={rig.modules[0].name: Impedance(1.0, 50.0)} if wanted is None else {},
+                brakes=frozenset({rig.modules[-1].name}) if wanted is None else frozenset(),
+                stop=index == count - 1,
+            ),
+            asked=wrench if wanted is not None else found.wrench,
+            allocation=found,
+            replaced=replaced,
+            sent=sent,
+            sequences=np.where(active, sequence, -1),
+            late=float(random.exponential(2e-4)),
+            work=float(random.uniform(2e-4, 3e-4)),
+        )
+
+
+def logged(path, rig, count=200, **how):
+    """Write a run to a file; gives the cycles that are in it."""
+    log = new_log(path, rig, **{key: how[key] for key in ("solver", "nearest", "rate") if key in how})
+    log.modules({module.name: INFO for module in rig.modules})
+    log.note("armed", "all modules are armed")
+    written = []
+    for cycle in cycles(rig, count, **how):
+        log.write(cycle)
+        written.append(cycle)
+        if how.get("lost") is not None and cycle.state.cycle == count // 2:
+            name = rig.modules[how["lost"]].name
+            log.note("lost", f'module "{name}" has let go (FAULT: ENCODER)', name)
+    log.note("ended", "the demand")
+    log.close(Statistics(missed=3, ended="the demand"))
+    return written

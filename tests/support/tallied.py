@@ -1,0 +1,43 @@
+"""A measure that keeps a tally of what was evaluated where, so that a test can count it.
+
+It is a module of its own because other processes import it: a sweep that is killed, and the workers of a cluster.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from tensionlab.workspace.base import Batch
+
+
+@dataclass(frozen=True)
+class Tallied:
+    """How far from the origin is the pose?"""
+
+    file: str = ""
+    seconds: float = 0.0
+
+    title: ClassVar[str] = "distance"
+    unit: ClassVar[str] = "m"
+    above_zero: ClassVar[str] = ""
+
+    def evaluate(self, batch: Batch) -> np.ndarray:
+        """Find the value at every pose, and write down the process and the first pose."""
+        if len(batch.position):
+            time.sleep(self.seconds)
+            line = f"{os.getpid()} {' '.join(map(str, batch.position[0]))}\n"
+            with Path(self.file).open("a") as tally:
+                tally.write(line)
+        return np.linalg.norm(batch.position, axis=1)
+
+
+def read(file: Path) -> list[tuple[int, tuple[float, ...]]]:
+    """Which process evaluated which chunk, known by its first pose?"""
+    rows = [line.split() for line in file.read_text().splitlines()] if file.exists() else []
+    return [(int(process), tuple(map(float, pose))) for process, *pose in rows]

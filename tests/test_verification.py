@@ -1,0 +1,156 @@
+"""The compiled judge against a short statement of what it must find, on good, bad and absurd answers."""
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab import _native
+from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
+from tensionlab.verification import measure
+
+LOWER, UPPER = 0.5, 6.0
+
+
+def problems(n, m, count, nearest, stretch, weights):
+    rng = np.random.default_rng(100 * n + m)
+    structure = rng.normal(size=(count, n, m))
+    if n > 2:
+        structure[: count // 4, -1] = structure[: count // 4, 0]  # a quarter of them without full rank
+    wrench = stretch * np.einsum("bnm,bm->bn", structure, rng.uniform(LOWER, UPPER, size=(count, m)))
+    limits = [np.full((count, m), value) for value in (LOWER, UPPER, 0.0)]
+    return Problem(structure, wrench, *limits, weights, nearest)
+
+
+def statement(W, w, weights, nearest, t, d):
+    """Status, residual and scale of tensions t with the proposed direction d, as NumPy would say it."""
+    t = np.clip(t, LOWER, UPPER)
+    error = w - W @ t
+    residual, rendered = (np.sqrt(np.sum(weights * x**2)) for x in (error, W @ t))
+    tolerance = TOLERANCE * max(np.sqrt(weights.max()), rendered)
+
+    def reach(d):
+        return np.maximum(W.T @ d * LOWER, W.T @ d * UPPER).sum()
+
+    def bounds(d, metric):  # least error in a metric whose dual norm of d is given: weak duality
+        return (d @ w - reach(d)) / metric if metric > 0 else -np.inf
+
+    if np.linalg.norm(error) <= TOLERANCE * max(1, np.linalg.norm(w)):
+        return tl.Status.EXACT, residual, 1.0
+    free = (t > LOWER + 1e-6 * UPPER) & (t < UPPER - 1e-6 * UPPER)
+    span = W[:, free] @ np.linalg.pinv(W[:, free], rcond=1e-8)
+    force = [d, weights * error - span @ (weights * error), weights * error]
+    best_force = max(bounds(x, np.sqrt(np.sum(x**2 / weights))) for x in force)
+    if nearest == "force" and best_force > 1e-12 and residual - best_force <= tolerance:
+        return tl.Status.NEAREST, residual, np.nan
+    if nearest == "tension":
+        inverse = np.linalg.pinv(W, rcond=RANK_TOLERANCE)
+        size, outside = np.linalg.norm(inverse @ error), w - W @ inverse @ w
+        tolerance = TOLERANCE * max(1, np.linalg.norm(inverse @ W @ t))
+        metric = inverse.T @ inverse
+        tried = (W @ inverse @ d, metric @ error, metric @ error - span @ metric @ error)
+        best = max(bounds(x, np.linalg.norm(W.T @ x)) for x in tried)
+        if (size <= tolerance and outside @ w - reach(outside) > 1e-12) or (
+            best > 1e-12 and size - best <= tolerance
+        ):
+            return tl.Status.NEAREST, residual, np.nan
+    if nearest == "direction" and d @ w - reach(d) > 1e-12:
+        # Unit normals; s along <= far, moved outwards by what w may be missed by, less a tenth of it at s = 0.
+        length, unit = np.linalg.norm(w), 1 / np.linalg.norm(d)
+        allowed = TOLERANCE * max(1, min(length, np.abs(W).sum() * UPPER))
+        along, far = d @ w * unit, reach(d) * unit
+        if far + 0.9 * allowed < min(0, along - 0.1 * allowed):
+            proved = best_force > 1e-12 and residual - best_force <= tolerance
+            return (tl.Status.NEAREST if proved else tl.Status.ITERATION_LIMIT), residual, np.nan
+        share = 0.98 * allowed * np.clip(2 - 2 * along / (GRAZING * length), 0, 1)
+        scale = w @ (W @ t) / length**2
+        aside, near = np.linalg.norm(W @ t - scale * w), TOLERANCE * max(1, np.linalg.norm(W @ t))
+        bound = max(0, (far + 0.9 * share) / (along - 0.1 * share)) if along > 0.1 * share else np.inf
+        kept = aside <= (max(near, allowed) if share > 0 else near) and scale * length >= -near
+        if kept and (bound - scale) * length <= near + aside * along / length:
+            return tl.Status.NEAREST, residual, max(scale, 0.0)
+    return tl.Status.ITERATION_LIMIT, residual, np.nan
+
+
+@pytest.mark.parametrize("blur", [0.0, 1e-9, 1e-4, 1.0])
+@pytest.mark.parametrize(
+    ("nearest", "proposed"),
+    [("force", True), ("force", False), ("tension", True), ("tension", False), ("direction", True)],
+)
+@pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 3), (3, 8), (6, 8)])
+def test_finds_what_its_statement_finds(n, m, nearest, proposed, blur):
+    weights = np.linspace(0.5, 2.0, n)
+    for stretch in (1.0, 1.5):
+        problem = problems(n, m, 60, nearest, stretch, weights)
+        answer = tl.Newton().solve(problem)
+        rng = np.random.default_rng(0)
+        tensions = answer.tensions + blur * rng.normal(size=answer.tensions.shape)
+        proposal = answer.separation if proposed else np.zeros((60, n))
+        found = measure(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()), (60,))
+        for row in range(60):
+            status, residual, scale = statement(
+                problem.structure[row], problem.wrench[row], weights, nearest, tensions[row], proposal[row]
+            )
+            assert found.status[row] == status, row
+            assert found.residual[row] == pytest.approx(residual, rel=1e-9, abs=1e-9)
+            np.testing.assert_allclose(found.scale[row], scale, atol=1e-9)
+
+
+def test_the_compiled_judge_grazes_where_the_others_do():
+    assert _native.GRAZING == GRAZING
+
+
+def test_tensions_outside_their_limits_are_clipped_before_they_are_measured():
+    problem = problems(3, 4, 1, "force", 1.0, np.ones(3))
+    found = measure(problem, Answer(np.array([[-50.0, 3.0, 50.0, 3.0]]), np.zeros(1, dtype=np.int64)), (1,))
+    np.testing.assert_array_equal(found.tensions, [[LOWER, 3.0, UPPER, 3.0]])
+    np.testing.assert_allclose(found.wrench[0], problem.structure[0] @ found.tensions[0])
+
+
+def test_a_solver_keeps_its_own_arrays():
+    problem = problems(3, 4, 2, "force", 1.0, np.ones(3))
+    mine = np.full((2, 4), -1.0)
+    mine.flags.writeable = False  # as the arrays of a problem are
+    found = measure(problem, Answer(mine, np.zeros(2, dtype=np.int64)), (2,))
+    assert (mine == -1.0).all()
+    assert (found.tensions == LOWER).all()
+
+
+def test_the_summary_says_what_was_found():
+    assert str(tl.allocate([[1.0, -1.0]], [1.0], (0.5, 6.0))).startswith("EXACT: tensions [1.5 0.5] N")
+    both = tl.allocate([[1.0, -1.0]], [[1.0], [20.0]], (0.5, 6.0))
+    assert str(both) == "Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5"
+    assert str(tl.allocate(np.ones((0, 1, 2)), [1.0], (0.5, 6.0))) == "Allocation of 0 wrenches: none"
+
+
+@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+@pytest.mark.parametrize("stretch", [1.0, 2.0])
+@pytest.mark.parametrize(("n", "m"), [(2, 3), (3, 8), (6, 8), (6, 3)])
+def test_one_pass_over_a_batch_one_call_a_problem_and_solver_then_judge_agree(n, m, stretch, nearest):
+    weights = np.linspace(1.0, 2.0, n)
+    problem = problems(n, m, 700, nearest, stretch, weights)  # more than the compiled loop takes at a time
+    limits = LOWER, UPPER
+    apart = measure(problem, tl.Newton().solve(problem), (700,))
+    whole = tl.allocate(problem.structure, problem.wrench, limits, nearest=nearest, wrench_weights=weights)
+    allocator = tl.Allocator(limits, nearest=nearest, wrench_weights=weights)
+    for name in ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation"):
+        expected = getattr(apart, name)
+        np.testing.assert_array_equal(getattr(whole, name), expected, name)
+        singles = [getattr(allocator(problem.structure[i], problem.wrench[i]), name) for i in range(50)]
+        np.testing.assert_array_equal(singles, expected[:50], name)
+
+
+def test_a_single_call_forgets_nothing_and_shares_nothing():
+    limits = np.full(8, LOWER), np.full(8, UPPER)
+    problem = problems(3, 8, 3, "force", 1.0, np.ones(3))
+    allocator = tl.Allocator(limits)
+    first, second = (allocator(problem.structure[i], problem.wrench[i]) for i in (1, 2))
+    limits[0][:] = 3.0  # the allocator has its own
+    again = allocator(problem.structure[1], problem.wrench[1])
+    np.testing.assert_array_equal(again.tensions, first.tensions)
+    assert not np.shares_memory(first.tensions, second.tensions)
+    with pytest.raises(tl.ShapeError, match=r"wrench\[1\] is nan"):
+        allocator(problem.structure[1], np.array([0.0, np.nan, 0.0]))
+    with pytest.raises(tl.ShapeError, match=r"structure\[0, 2\] is inf"):
+        allocator(np.where(np.arange(8) == 2, np.inf, problem.structure[1]), problem.wrench[1])
+    with pytest.raises(tl.ShapeError, match="3 rows"):
+        allocator(problem.structure[1], np.zeros(2))

@@ -1,0 +1,58 @@
+"""The benchmark's table is of the committed results, and these are of the solvers and sets that there are."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import tensionlab
+from tensionlab.benchmark import results
+from tensionlab.benchmark.entries import contestants
+from tensionlab.benchmark.headline import headlines
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS
+from tools.generate_benchmark_table import COMMITTED, section
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_committed_results_are_small_and_whole():
+    committed = results.read(ROOT / COMMITTED)
+    assert (ROOT / COMMITTED / results.FILE).stat().st_size < 200_000
+    assert {"newton", "daqp"} <= {row.solver for row in committed.rows}
+    assert committed.batches
+    assert committed.calls
+
+
+def test_the_committed_results_are_of_the_solvers_and_sets_that_there_are():
+    committed = results.read(ROOT / COMMITTED)
+    assert list(committed.sets) == list(PROBLEM_SETS), "run `make bench-readme` on an idle machine"
+    for name, about in committed.sets.items():
+        took_part = [(row.solver, row.setting, row.nearest) for row in committed.of_set(name)]
+        takers = [(each.solver, each.setting, each.nearest) for each in contestants(about["reachable"])]
+        assert sorted(took_part, key=str) == sorted(takers, key=str), "run `make bench-readme` on an idle machine"
+
+
+def test_the_table_says_what_was_measured_on_what_and_when(bench_results):
+    text, about = section(bench_results), bench_results.manifest
+    assert f"on one thread of {about['processor']}" in text
+    assert f"{about['date'][:10]}, tensionlab {tensionlab.__version__}" in text
+    assert all(f"{line.label}" in text for line in headlines(bench_results))
+
+
+def test_other_results_make_another_table(bench_results):
+    assert section(bench_results) != section(results.read(ROOT / COMMITTED))
+
+
+def test_one_command_takes_a_run_into_the_repository(tmp_path, bench_folder, bench_results):
+    package = str(Path(tensionlab.__file__).parents[1])
+    command = [sys.executable, "-m", "tools.generate_benchmark_table"]
+
+    def call(*words):
+        return subprocess.run([*command, *words], cwd=tmp_path, env={"PYTHONPATH": package, "PATH": ""},
+                              capture_output=True, text=True, check=False)  # fmt: skip
+
+    assert call(str(bench_folder)).returncode == 0
+    assert (tmp_path / COMMITTED / "manifest.json").exists()
+    assert section(results.read(tmp_path / COMMITTED)) == section(bench_results)
+    for words, message in (((), "name the folder of a run"), (("nowhere",), "results of `tensionlab bench`")):
+        wrong = call(*words)
+        assert (wrong.returncode, message in wrong.stderr) == (2, True)

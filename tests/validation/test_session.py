@@ -1,0 +1,79 @@
+import json
+import os
+import signal
+
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import LogError
+from tensionlab.model.directions import grid18
+from tensionlab.model.layouts import ring_plus_top
+from tensionlab.validation.protocol import Protocol
+from tensionlab.validation.session import FILE, Plan, validate
+
+RIG = ring_plus_top(1.0)
+
+
+def plan(**changes):
+    chosen = {"solver": "newton", "preset": "paper-like", "seed": 3} | changes
+    return Plan(RIG, protocol=Protocol(hold=0.35, directions=grid18()[::9]), **chosen)
+
+
+def interrupted_after(count, total):
+    """A progress that presses Ctrl-C."""
+
+    def progress(share):
+        if round(share * total) == count:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    return progress
+
+
+def test_interrupted_and_resumed_equals_uninterrupted(tmp_path):
+    total = len(plan().protocol.forces)
+    _, whole = validate(plan(), tmp_path / "whole")
+    assert len(whole) == total
+    for count in (2, 9):
+        _, part = validate(plan(), tmp_path / "parts", progress=interrupted_after(count, total))
+        assert len(part) == count
+    with (tmp_path / "parts" / FILE).open("a") as file:
+        file.write('{"number": 9, "dema')  # as a process leaves it that is killed
+    _, parts = validate(plan(), tmp_path / "parts")
+    assert parts == whole
+    assert (tmp_path / "parts" / FILE).read_text() == (tmp_path / "whole" / FILE).read_text()
+
+
+def test_what_is_complete_is_not_measured_again(tmp_path):
+    _, first = validate(plan(), tmp_path)
+    _, again = validate(plan(), tmp_path, progress=lambda share: pytest.fail("measured again"))
+    assert again == first
+
+
+def test_another_validation_is_not_continued(tmp_path):
+    validate(plan(), tmp_path)
+    with pytest.raises(LogError, match="of a validation with other seed;"):
+        validate(plan(seed=4), tmp_path)
+    with pytest.raises(LogError, match="other solver"):
+        validate(plan(solver="dykstra"), tmp_path)
+
+
+def test_a_damaged_journal_is_named_by_its_line(tmp_path):
+    validate(plan(), tmp_path)
+    file = tmp_path / FILE
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([*lines[:3], *lines[4:]]) + "\n")
+    with pytest.raises(LogError, match="line 4: damaged"):
+        validate(plan(), tmp_path)
+    first = json.loads(lines[1])
+    first["surprise"] = 1
+    file.write_text("\n".join([lines[0], json.dumps(first)]) + "\n")
+    with pytest.raises(LogError, match=r"line 2: .*surprise"):
+        validate(plan(), tmp_path)
+
+
+def test_the_journal_has_the_rig_itself(tmp_path):
+    validate(plan(), tmp_path)
+    head = json.loads((tmp_path / FILE).read_text().splitlines()[0])
+    (tmp_path / "rig.toml").write_text(head["rig"])
+    assert tl.load_rig(tmp_path / "rig.toml") == RIG
+    assert head["simulated"] is True

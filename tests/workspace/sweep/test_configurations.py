@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import RigError, SweepError
+from tensionlab.workspace.sweep.configurations import vary
+
+RIG = tl.ring_plus_top(1.0)
+
+
+def labels(configurations):
+    return {each.name: each for each in configurations.coordinates()}
+
+
+def test_every_combination_of_layout_parameters_is_a_rig():
+    rigs = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 8], height=0.2)
+    assert rigs.dims == ("side", "count")
+    assert rigs.shape == (2, 3)
+    for i, side in enumerate([0.5, 1.0]):
+        for j, count in enumerate([3, 4, 8]):
+            assert rigs.rig([i, j]) == tl.ring_plus_top(side, count, 0.2)
+    assert labels(rigs)["side"].values.tolist() == [0.5, 1.0]
+    assert labels(rigs)["side"].units == "m"
+    assert labels(rigs)["count"].values.tolist() == [3, 4, 8]
+    assert labels(rigs)["count"].units == "1"
+
+
+def test_a_missing_value_is_a_value_too():
+    rigs = vary(tl.ring_plus_top, side=[1.0], top=[None, 2.0])
+    assert (rigs.rig([0, 0]).m, rigs.rig([0, 1]).m) == (3, 4)
+    np.testing.assert_array_equal(labels(rigs)["top"].values, [np.nan, 2.0])
+
+
+def test_points_are_labelled_by_number_and_coordinates():
+    rigs = vary(tl.box_corners, size=[[1.0, 2.0, 3.0], [2.0, 2.0, 2.0]])
+    assert rigs.rig([1]) == tl.box_corners([2.0, 2.0, 2.0])
+    assert labels(rigs)["size"].values.tolist() == [0, 1]
+    assert labels(rigs)["size_z"].values.tolist() == [3.0, 2.0]
+    assert labels(rigs)["size_z"].units == "m"
+
+
+def test_any_anchor_moves_and_all_else_stays():
+    rigs = vary(RIG, anchors={"top": [[0, 2, 0], [1, 2, 0]], "floor-2": [[0, 0, 1]]})
+    assert rigs.dims == ("rig", "anchor_top", "anchor_floor-2")
+    assert rigs.shape == (1, 2, 1)
+    moved = rigs.rig([0, 1, 0])
+    assert moved.modules[3].anchor.tolist() == [1.0, 2.0, 0.0]
+    assert moved.modules[1].anchor.tolist() == [0.0, 0.0, 1.0]
+    assert moved.modules[0] == RIG.modules[0]
+    assert labels(rigs)["anchor_top_x"].values.tolist() == [0.0, 1.0]
+    assert labels(rigs)["rig"].values.tolist() == ["ring-3-plus-top"]
+    assert vary(tl.box_corners([1, 1, 1]), anchors={"x- y- z+": [[0, 0, 0]]}).dims[1] == "anchor_x-_y-_z+"
+
+
+def test_limits_apply_to_all_modules_of_all_rigs():
+    rigs = vary([RIG, tl.box_corners([1, 1, 1])], limits=[(0.5, 6), (1, 12)])
+    assert rigs.dims == ("rig", "limits")
+    assert rigs.rig([1, 1]).limits.lower.tolist() == [1.0] * 8
+    assert rigs.rig([1, 1]).limits.upper.tolist() == [12.0] * 8
+    assert labels(rigs)["limits_upper"].values.tolist() == [6.0, 12.0]
+    assert labels(rigs)["limits_upper"].units == "N"
+
+
+def test_a_layout_of_ones_own_has_parameters_too():
+    def two(reach, style):
+        modules = [tl.Module(f"{style}-{s}", [s * reach, 0.0], 0.0, 1.0) for s in (-1, 1)]
+        return tl.Rig("two", "planar-point", tuple(modules), np.zeros(2))
+
+    rigs = vary(two, reach=[1.0, 2.0], style=["a", "b"])
+    assert rigs.rig([1, 1]).modules[1].name == "b-1"
+    assert labels(rigs)["style"].values.tolist() == ["a", "b"]
+    assert labels(rigs)["reach"].units == "SI"
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: vary([]), "rigs is empty"),
+        (lambda: vary([RIG, RIG]), 'two rigs are called "ring-3-plus-top"'),
+        (lambda: vary([RIG, "cube.toml"]), "'cube.toml'"),
+        (lambda: vary(RIG, side=[1.0]), "'side' is the parameter of a layout"),
+        (
+            lambda: vary(tl.ring_plus_top, sides=[1.0]),
+            "ring_plus_top has no parameter 'sides'; it has side,",
+        ),
+        (lambda: vary(tl.ring_plus_top, count=[3]), "ring_plus_top needs 'side'"),
+        (lambda: vary(tl.ring_plus_top, side=[]), "side holds no values"),
+        (lambda: vary(tl.ring_plus_top, side=[{}]), "side is .*give numbers"),
+        (lambda: vary(tl.box_corners, size=[[1.0, 2.0], [1.0]]), "size is .*points of one dimension"),
+        (lambda: vary(RIG, limits=(0.5, 6)), "limits is .*pairs"),
+        (lambda: vary(RIG, limits=[(0.5, 6, 7)]), "limits is .*pairs"),
+        (lambda: vary(RIG, limits=[]), "limits is .*pairs"),
+        (lambda: vary(RIG, anchors={"top": [0, 1, 2]}), r"anchors\['top'\] is .*places"),
+    ],
+)
+def test_odd_variations_are_refused(call, words):
+    with pytest.raises(SweepError, match=words):
+        call()
+
+
+def test_a_module_that_is_not_there_cannot_move():
+    with pytest.raises(RigError, match='no module "tip" to move; it has floor-1, floor-2, floor-3, top'):
+        vary(RIG, anchors={"tip": [[0, 1, 2]]}).rig([0, 0])

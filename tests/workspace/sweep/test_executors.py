@@ -1,0 +1,199 @@
+"""Chunks are evaluated by threads of this process, or by the workers of a real Dask cluster."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tensionlab as tl
+from tensionlab.errors import SweepError
+from tensionlab.workspace import Grid
+from tensionlab.workspace.sweep import executors as run
+from tensionlab.workspace.sweep.ledger import LEDGER
+from tests.support.tallied import Tallied, read
+
+CUBE = tl.box_corners([2.0, 1.0, 3.0])
+POSES = Grid(np.linspace(-0.9, 0.9, 40), np.linspace(-0.4, 0.4, 5), np.linspace(-1.0, 1.0, 3))
+COUNT, CHUNK = 40, 15
+
+
+def test_all_processors_work_and_few_chunks_wait(monkeypatch):
+    monkeypatch.delenv("TENSIONLAB_NUM_THREADS", raising=False)
+    monkeypatch.setattr(run, "_processors", lambda: 3)
+    threads, waiting = set(), []
+
+    class Task:
+        def evaluate(self):
+            threads.add(threading.get_ident())
+            time.sleep(0.005)
+            return np.zeros(1)
+
+    def tasks():
+        for number in range(50):
+            waiting.append(number)
+            yield Task()
+
+    done = 0
+    for _ in run.locally(tasks()):
+        done += 1
+        assert len(waiting) - done <= run.AHEAD * 3
+    assert (done, len(threads)) == (50, 3)
+
+
+def test_the_number_of_threads_can_be_set(monkeypatch):
+    monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "1")
+    threads = set()
+
+    class Task:
+        def evaluate(self):
+            threads.add(threading.get_ident())
+
+    assert len(list(run.locally(Task() for _ in range(9)))) == 9
+    assert len(threads) == 1
+
+
+def test_an_error_of_a_chunk_ends_the_sweep():
+    class Task:
+        def evaluate(self):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        list(run.locally(Task() for _ in range(1_000_000)))
+
+
+@pytest.fixture
+def start():
+    """Start programs, and kill those that are left in the end."""
+    started = []
+
+    def program(*words):
+        path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+        process = subprocess.Popen(
+            [sys.executable, "-m", *map(str, words)],
+            env={**os.environ, "PYTHONPATH": path},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        started.append(process)
+        return process
+
+    yield program
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def scheduler(start, tmp_path):
+    """Address of a real scheduler, over TCP."""
+    file = tmp_path / "scheduler.json"
+    where = ["--host", "127.0.0.1", "--port", 0, "--scheduler-file", file]
+    start("distributed.cli.dask_scheduler", *where, "--no-dashboard")
+    wait_for(file.exists)
+    wait_for(lambda: file.read_text().endswith("}"))
+    return json.loads(file.read_text())["address"]
+
+
+def worker(start, scheduler):
+    return start("distributed.cli.dask_worker", scheduler, "--no-nanny", "--nthreads", 1, "--no-dashboard")
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline, "waited for too long"
+        time.sleep(0.01)
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, tmp_path):
+    from distributed import Client
+
+    workers = [worker(start, scheduler), worker(start, scheduler)]
+    with Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=60)
+
+    tally, out = tmp_path / "tally", tmp_path / "sweep.zarr"
+    dead, alive = workers[0].pid, workers[1].pid
+
+    def kill():
+        ledger = out / LEDGER
+        wait_for(lambda: ledger.exists() and len(ledger.read_text().splitlines()) >= COUNT // 2)
+        wait_for(lambda: {process for process, _ in read(tally)} == {dead, alive})
+        workers[0].send_signal(signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    measures = ["capacity-margin", Tallied(str(tally), 0.2)]
+    data = tl.sweep(CUBE, POSES, measures, out=out, scheduler=scheduler, chunk=CHUNK).load()
+    killer.join()
+    assert workers[0].wait() == -signal.SIGKILL
+    assert workers[1].poll() is None
+
+    by_process = {process: [pose for who, pose in read(tally) if who == process] for process in (dead, alive)}
+    assert 0 < len(by_process[dead]) < COUNT
+    assert len(set(by_process[dead]) | set(by_process[alive])) == COUNT  # what died with the worker was done again
+    expected = tl.sweep(CUBE, POSES, ["capacity-margin", Tallied(str(tmp_path / "local"))])
+    xr.testing.assert_equal(data, expected)
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, scheduler, tmp_path):
+    from distributed import Client
+
+    only = worker(start, scheduler)
+    with Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=60)
+        process = client.run_on_scheduler(os.getpid)
+
+    tally, out = tmp_path / "tally", tmp_path / "sweep.zarr"
+
+    def kill():
+        wait_for(lambda: (out / LEDGER).exists() and len((out / LEDGER).read_text().splitlines()) >= 10)
+        os.kill(process, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    arguments = {"measures": Tallied(str(tally), 0.05), "out": out, "chunk": CHUNK}
+    with pytest.raises(SweepError, match=r"(?s)gave up: .*the same call goes on from here"):
+        tl.sweep(CUBE, POSES, **arguments, scheduler=scheduler)
+    killer.join()
+    only.kill()
+    only.wait()
+    finished = len((out / LEDGER).read_text().splitlines()) - 1  # the first line names the sweep
+    evaluated = len(read(tally))
+    assert tl.sweep(CUBE, POSES, **arguments)["Tallied"].notnull().all()
+    assert len(read(tally)) - evaluated == COUNT - finished
+
+
+def test_a_scheduler_without_workers_is_refused(scheduler):
+    with pytest.raises(SweepError, match="has no workers; start some with: dask worker tcp://"):
+        tl.sweep(CUBE, POSES, "capacity-margin", scheduler=scheduler)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense://x"])
+def test_a_scheduler_that_does_not_answer_is_named(address, monkeypatch):
+    monkeypatch.setattr(run, "PATIENCE", 0.5)
+    with pytest.raises(SweepError, match=f"scheduler '{address}' does not answer"):
+        tl.sweep(CUBE, POSES, "capacity-margin", scheduler=address)
+
+
+def test_where_nobody_listens_no_client_waits(monkeypatch):
+    """The client of Dask tries again and again until its time is over, 10 s."""
+    monkeypatch.setattr("distributed.Client", None)
+    with pytest.raises(SweepError, match=r"does not answer \(.*refused.*\); give one that runs"):
+        tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:1")
+
+
+def test_without_distributed_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(tl.MissingDependency, match=r'needs dask.distributed: pip install "tensionlab\[cluster\]"'):
+        tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:9")

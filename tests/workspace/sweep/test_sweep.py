@@ -1,0 +1,268 @@
+"""What a sweep says is what a direct call says, and it is labelled."""
+
+import itertools
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tensionlab as tl
+from tensionlab.errors import RigError, ShapeError, SweepError
+from tensionlab.model.directions import fibonacci
+from tensionlab.model.kinematics import exponential
+from tensionlab.workspace.directions import effort, reachable_share
+from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
+from tensionlab.workspace.margin import capacity_margin
+from tensionlab.workspace.metrics import BodyDistance, CapacityMargin, ReachableShare
+from tensionlab.workspace.paths import box, polyline
+from tensionlab.workspace.registry import MEASURES
+from tensionlab.workspace.structure_metrics import tension_factor, wrench_closure
+from tensionlab.workspace.sweep import store
+from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
+
+CUBE = tl.box_corners([2.0, 1.0, 3.0])
+
+
+def held(kind, dimension):
+    """A body held from the corners of a box, in the plane or in space."""
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=dimension)))
+    modules = [
+        tl.Module(str(i), corner * [2, 3, 1][:dimension], 1.0, 50.0, corner * [0.1, 0.2, -0.1][:dimension])
+        for i, corner in enumerate(corners)
+    ]
+    return tl.Rig(kind, kind, tuple(modules), np.zeros(dimension))
+
+
+def test_values_are_those_of_a_direct_call_whatever_the_chunks():
+    poses = Grid(np.linspace(-0.8, 0.8, 7), np.linspace(-0.4, 0.4, 5), np.linspace(-1.2, 1.2, 6))
+    position = np.stack(np.meshgrid(poses.x, poses.y, poses.z, indexing="ij"), axis=-1)
+    structure = CUBE.structure_matrix(position)
+    names = ["capacity-margin", "wrench-closure", "tension-factor", "reachable-share:3.0", "effort:worst"]
+    data = tl.sweep(CUBE, poses, names, chunk=11)
+    expected = {
+        "capacity-margin": capacity_margin(structure, CUBE.limits),
+        "wrench-closure": wrench_closure(structure),
+        "tension-factor": tension_factor(structure),
+        "reachable-share:3.0": reachable_share(structure, CUBE.limits, fibonacci(200), 3.0),
+        "effort:worst": effort(structure, CUBE.limits, fibonacci(200), 1.0)[1],
+    }
+    for name, values in expected.items():
+        assert data[name].dims == ("rig", "x", "y", "z")
+        np.testing.assert_array_equal(data[name].sel(rig="box-corners"), values)
+    xr.testing.assert_equal(data, tl.sweep(CUBE, poses, names))
+
+
+def test_platforms_are_swept_over_orientations_too():
+    rig, turns = held("platform", 3), exponential(np.array([[0.0, 0.0, 0.0], [0.1, 0.2, -0.1]]))
+    data = tl.sweep(rig, Grid([0.0, 0.3], [0.1], [-0.2, 0.2, 0.3], turns), ["tension-factor", "cable-distance"])
+    assert data["tension-factor"].dims == ("rig", "x", "y", "z", "orientation")
+    one = data.sel(rig="platform", x=0.3, y=0.1, z=-0.2, orientation=1)
+    here = ([0.3, 0.1, -0.2], turns[1])
+    assert one["tension-factor"] == tension_factor(rig.structure_matrix(*here))
+    assert one["cable-distance"] == cable_distance(rig, *here).distance
+    np.testing.assert_array_equal(one.rotation, turns[1])
+
+    rig, grid = held("planar", 2), Grid([0.0, 0.3], [0.1], rotations=[0.0, 0.1])
+    flat = tl.sweep(rig, grid, "tension-factor")["tension-factor"]
+    assert flat.dims == ("rig", "x", "y", "angle")
+    expected = tension_factor(rig.structure_matrix([0.3, 0.1], 0.1))
+    assert flat.sel(rig="planar", x=0.3, y=0.1, angle=0.1) == expected
+
+
+def test_lists_and_paths_have_one_axis():
+    turns = exponential(np.array([[0.0, 0.0, 0.0], [0.1, 0.2, -0.1]]))
+    poses = PoseList([[0.0, 0.0, 0.0], [0.2, 0.1, 0.0]], turns)
+    data = tl.sweep(held("platform", 3), poses, "least-singular-value", chunk=1)
+    found = data["least-singular-value"].sel(rig="platform")
+    structure = held("platform", 3).structure_matrix(poses.position, turns)
+    np.testing.assert_allclose(found, np.linalg.svd(structure, compute_uv=False)[:, -1], rtol=1e-12)
+    path = tl.sweep(CUBE, polyline([[0, 0, 0], [0.9, 0, 0]], 0.3), "wrench-closure")
+    np.testing.assert_allclose(path.distance, [0.0, 0.3, 0.6, 0.9])
+    assert tl.sweep(CUBE, [[0.0, 0.0, 0.0]], "wrench-closure").x.dims == ("pose",)
+
+
+def test_a_body_keeps_its_distance():
+    head = Capsule([0.0, 0.2, 0.5], radius=0.1)
+    data = tl.sweep(CUBE, [[0.1, 0.2, 0.3]], BodyDistance((head,)))
+    assert data["body-distance"].item() == body_distance(CUBE, [head], [0.1, 0.2, 0.3]).distance
+
+
+@pytest.mark.parametrize(("layout", "share"), [(tl.alternate_corners, 1 / 3), (tl.box_corners, 1)])
+def test_alternate_corners_close_a_third_of_the_box_and_all_corners_all_of_it(layout, share):
+    half = (np.arange(30) + 0.5) / 30 - 0.5
+    data = tl.sweep(layout([2, 1, 3]), Grid(2 * half, half, 3 * half), "wrench-closure")
+    assert float(data["wrench-closure"].mean()) == pytest.approx(share, abs=0.01)
+
+
+def test_the_workspace_of_ipanema_2_has_as_many_poses_as_published():
+    rig = tl.load_rig(Path(__file__).parents[3] / "datasets" / "rigs" / "ipanema-2.toml")
+    plane = box((-4, 4), (-3, 3), 0.0, step=0.1)
+    closed = tl.sweep(rig, Grid(plane.x, plane.y, [2.0, 3.0, 4.0]), "wrench-closure")["wrench-closure"]
+    assert closed.sum(["rig", "x", "y"]).values.tolist() == [3591, 3575, 3575]
+
+
+def test_layouts_with_other_numbers_of_modules_share_one_dataset():
+    rigs = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 5, 8], limits=[(0.5, 6), (0.5, 12)])
+    data = tl.sweep(rigs, box((-0.2, 0.2), (0.1, 0.5), 0.0, step=0.1), "capacity-margin", chunk=37)
+    margin = data["capacity-margin"]
+    assert margin.dims == ("side", "count", "limits", "x", "y", "z")
+    assert margin.shape == (2, 3, 2, 5, 5, 1)
+    for i, j, k in np.ndindex(rigs.shape):
+        rig = rigs.rig([i, j, k])
+        position = np.stack(np.meshgrid(data.x, data.y, data.z, indexing="ij"), axis=-1)
+        expected = capacity_margin(rig.structure_matrix(position), rig.limits)
+        np.testing.assert_array_equal(margin[i, j, k], expected)
+        here = data.isel(side=i, count=j, limits=k)
+        np.testing.assert_array_equal(here.anchor[: rig.m], rig.anchors)
+        assert here.anchor[rig.m :].isnull().all()
+        assert here.upper[: rig.m].values.tolist() == rig.limits.upper.tolist()
+        assert here.module_name.values.tolist()[: rig.m] == [module.name for module in rig.modules]
+        assert here.rig.item() == rig.name
+    # A rig twice as wide, at places twice as far from its centre on the floor, sees the same directions.
+    factors = []
+    for scale in (1.0, 2.0):
+        layout = vary(tl.ring_plus_top, side=[0.5 * scale], top=1.0 * scale, height=0.1 * scale)
+        factors.append(tl.sweep(layout, [[0.05 * scale, 0.1 * scale, 0.02 * scale]], "tension-factor"))
+    near, far = (each["tension-factor"].item() for each in factors)
+    assert near == pytest.approx(far)
+
+
+def test_anchors_that_ride_on_a_body_are_where_it_is():
+    modules = [tl.Module("worn", [0.0, 0.0, 0.1], 0.5, 6.0, frame="hip"), *CUBE.modules]
+    rig = tl.Rig("worn", "point", tuple(modules), np.zeros(3))
+    frames = {"hip": ([0.3, 0.0, 0.0], exponential(np.array([0.0, np.pi / 2, 0.0])))}
+    data = tl.sweep([rig, CUBE], [[0.1, 0.2, 0.3]], "capacity-margin", frames=frames)
+    expected = capacity_margin(rig.structure_matrix([0.1, 0.2, 0.3], frames=frames), rig.limits)
+    assert data["capacity-margin"].sel(rig="worn").item() == expected
+    np.testing.assert_allclose(data.anchor.sel(rig="worn")[0], [0.4, 0.0, 0.0], atol=1e-12)
+
+
+def test_where_a_cable_has_no_length_there_is_no_value():
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 1.5], [0.1, 0.0, 0.0]])
+    data = tl.sweep(CUBE, poses, list({*MEASURES} - {"body-distance"}))
+    for name, values in data.items():
+        assert np.isnan(values.values).tolist() == [[False, True, False]], name
+
+
+def test_there_is_no_value_on_an_anchor_whatever_the_orientation():
+    rig, turn = held("platform", 3), exponential(np.array([0.0, 0.0, 0.4]))
+    corner = np.array([2.0, 3.0, 1.0]) - turn @ [0.1, 0.2, -0.1]
+    poses = PoseList([[0.1, 0.0, 0.2], corner, corner], [turn, turn, np.eye(3)])
+    found = tl.sweep(rig, poses, "cable-distance")["cable-distance"].values[0]
+    assert np.isnan(found).tolist() == [False, True, False]
+    assert found[2] == cable_distance(rig, corner, np.eye(3)).distance
+
+
+def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tmp_path):
+    for out in (None, tmp_path / "a.zarr"):
+        rigs = vary(tl.ring_plus_top, side=[1.0], limits=[(0.5, 6)], anchors={"top": [[0, 2, 0]]})
+        data = tl.sweep(rigs, Grid(0.0, 0.2, 0.1), [ReachableShare(2.0), "effort"], out=out)
+        assert {"side", "limits", "limits_lower", "anchor_top", "anchor_top_x", "anchor", "lower"} <= set(
+            data.coords
+        )
+        for name, variable in data.variables.items():
+            assert variable.attrs["units"], name
+            assert variable.attrs["long_name"], name
+        assert data.x.units == data.anchor.units == data.side.units == "m"
+        assert data.upper.units == data.limits_upper.units == "N"
+        assert data["effort"].units == "N²"
+        assert data["reachable-share:2.0"].measure == "ReachableShare(magnitude=2.0, count=200)"
+        manifest = json.loads(data.manifest)
+        assert manifest["versions"]["numpy"] == np.__version__
+        assert {"call", "git_commit", "processor", "seed", "date"} <= set(manifest)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], []), SweepError, "measures is empty"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "beauty"), SweepError, "no measure is called 'beauty'"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], ["effort", "effort"]), SweepError, "'effort' twice"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [CapacityMargin]), SweepError, "CapacityMargin.*instances"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "measures holds 3"),
+        (lambda: tl.sweep("cube.toml", [[0, 0, 0]], "effort"), SweepError, "rigs holds 'c'"),
+        (lambda: tl.sweep(CUBE, [[0, 0]], "effort"), SweepError, '2 coordinates; rig "box-corners".*needs 3'),
+        (lambda: tl.sweep(CUBE, [[0, np.nan, 0]], "effort"), ShapeError, r"position\[0, 1\] is nan"),
+        (lambda: tl.sweep(CUBE, PoseList([[0, 0, 0]], [np.eye(3)]), "effort"), SweepError, "cannot turn"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "effort", chunk=0), SweepError, "chunk is 0"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "effort", frames={"hip": [0, 0, 0]}), SweepError, '"hip"'),
+        (
+            lambda: tl.sweep(vary(tl.ring_plus_top, side=[1.0, -1.0]), [[0, 0, 0]], "effort"),
+            RigError,
+            "side is -1.0",
+        ),
+        (lambda: tl.sweep(vary(CUBE, limits=[(6, 1)]), [[0, 0, 0]], "effort"), RigError, '"lower" is 6.0'),
+        (
+            lambda: tl.sweep(vary(CUBE, anchors={"a": [[0, 0, 0]]}), [[0, 0, 0]], "effort"),
+            RigError,
+            'no module "a"',
+        ),
+        (
+            lambda: tl.sweep(vary(lambda x: CUBE, x=[1.0]), Grid(0.0, 0.0, 0.0), "effort"),
+            SweepError,
+            'are called "x"',
+        ),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], BodyDistance((Capsule([0, 0]),))), ShapeError, "body 0"),
+        (lambda: tl.sweep(CUBE, Grid(*[np.zeros(1000)] * 3), "effort"), SweepError, "8.0 GB.*give out"),
+    ],
+)
+def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch):
+    monkeypatch.setattr("tensionlab.workspace.sweep.locally", None)
+    with pytest.raises(error, match=words):
+        call()
+
+
+def test_a_body_frame_that_is_not_given_is_asked_for():
+    rig = tl.Rig("worn", "point", (tl.Module("worn", [0, 0, 0], 0.5, 6.0, frame="hip"),), np.zeros(3))
+    with pytest.raises(RigError, match='rides on the frame "hip", which is missing'):
+        tl.sweep(rig, [[1, 0, 0]], "effort")
+    with pytest.raises(SweepError, match="one pose for each body frame"):
+        tl.sweep(rig, [[1, 0, 0]], "effort", frames={"hip": np.zeros((2, 3))})
+
+
+@pytest.mark.parametrize("missing", ["xarray", "zarr"])
+def test_a_library_that_is_missing_is_named_with_its_extra(missing, monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, missing, None)
+    with pytest.raises(tl.MissingDependency, match=rf'needs {missing}: pip install "tensionlab\[workspace\]"'):
+        tl.sweep(CUBE, [[0, 0, 0]], "effort", out=tmp_path / "a.zarr")
+
+
+def test_the_limit_of_memory_counts_all_measures(monkeypatch):
+    monkeypatch.setattr(store, "LARGEST", 8 * 2 * 3)
+    assert tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure"]).sizes["pose"] == 3
+    with pytest.raises(SweepError, match="give out"):
+        tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure", "tension-factor"])
+
+
+LARGE = """
+import re, sys
+from pathlib import Path
+import numpy as np
+import tensionlab as tl
+
+axis = np.linspace(-0.4, 0.4, 216)
+data = tl.sweep(
+    tl.box_corners([1, 1, 1]),
+    tl.workspace.Grid(axis, axis, axis),
+    ["capacity-margin", "wrench-closure"],
+    out=sys.argv[1],
+)
+peak = re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())
+print(data["capacity-margin"].size, 1024 * int(peak[1]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_ten_million_poses_take_less_than_a_gigabyte(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", LARGE, tmp_path / "a.zarr"], capture_output=True, text=True, check=True
+    )
+    size, peak = map(int, done.stdout.split())
+    assert size == 216**3 > 10_000_000
+    assert peak < 0.4e9, f"{peak:,} bytes"  # twice what Python and its libraries take by themselves

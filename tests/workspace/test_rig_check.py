@@ -1,0 +1,95 @@
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.model.directions import grid18
+from tensionlab.workspace.rig_check import check_rig
+
+RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
+
+
+def verdicts(rig):
+    return {finding.name: finding.passed for finding in check_rig(rig)}
+
+
+def published():
+    return tl.load_rig(RIGS / "bartels2026-validation.toml")
+
+
+def with_limits(rig, lower, upper):
+    modules = [dataclasses.replace(module, lower=lower, upper=upper) for module in rig.modules]
+    return dataclasses.replace(rig, modules=tuple(modules))
+
+
+def test_the_published_rig_passes_with_its_published_strength():
+    findings = {finding.name: finding for finding in check_rig(published())}
+    assert all(finding.passed for finding in findings.values())
+    # The largest force that the rig renders in all 182 directions, side 1.0 m.
+    assert findings["strength"].text.startswith("3.72 N in its weakest of 182 directions")
+
+
+def test_the_strength_is_the_edge_of_what_can_be_rendered():
+    rig = published()
+    structure = rig.structure_matrix(rig.home)
+    strength = float(next(f.text for f in check_rig(rig) if f.name == "strength").split()[0])
+    inside = tl.allocate(structure, 0.998 * strength * grid18(), rig.limits)
+    outside = tl.allocate(structure, 1.002 * strength * grid18(), rig.limits)
+    assert (inside.status == tl.Status.EXACT).all()
+    assert (outside.status == tl.Status.NEAREST).any()
+
+
+def test_three_modules_on_the_floor_cannot_hold_each_other():
+    rig = tl.load_rig(RIGS / "floor-3.toml")
+    assert verdicts(rig) == {"rank": True, "limits": True, "balance": False}
+    assert "no wrench closure" in check_rig(rig)[2].text
+
+
+def test_limits_that_are_too_narrow_are_told_from_geometry():
+    # 3:1 between the cables is needed at home, 1.1:1 is allowed.
+    rig = with_limits(tl.load_rig(RIGS / "bartels2026-validation-0.3m.toml"), 1.0, 1.1)
+    balance = next(finding for finding in check_rig(rig) if finding.name == "balance")
+    assert balance.passed is False
+    assert "widen the limits" in balance.text
+
+
+def test_a_suspended_robot_needs_its_weight():
+    assert verdicts(tl.load_rig(RIGS / "cogiro.toml"))["balance"] is False
+
+
+def test_too_few_or_flat_cables_lack_rank():
+    rig = published()
+    two = dataclasses.replace(rig, modules=rig.modules[:2])
+    rank = check_rig(two)[0]
+    assert rank.passed is False
+    assert "fewer than 3" in rank.text
+    flat = [dataclasses.replace(m, anchor=m.anchor * [1, 0, 1] + [0, 0.3, 0]) for m in rig.modules[:3]]
+    level = dataclasses.replace(flat[0], name="fourth", anchor=[-1.0, 0.3, 0.2])
+    rank = check_rig(dataclasses.replace(rig, modules=(*flat, level)))[0]
+    assert rank.passed is False
+    assert "in one plane" in rank.text
+
+
+def test_cables_without_a_choice_are_noted_and_body_frames_too():
+    assert verdicts(with_limits(published(), 2.0, 2.0))["limits"] is None
+    rig = tl.load_rig(RIGS / "body-mounted.toml")
+    note = next(finding for finding in check_rig(rig) if finding.name == "frames")
+    assert note.passed is None
+    assert all(name in note.text for name in rig.frames)
+
+
+@pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_rig_of_the_house_can_be_checked_and_has_full_rank(path):
+    rig = tl.load_rig(path)
+    findings = check_rig(rig)
+    assert findings[0].passed, findings[0]
+    assert np.all([finding.text for finding in findings])
+
+
+def test_brakes_that_no_head_must_meet_are_told():
+    limits = next(finding for finding in check_rig(published()) if finding.name == "limits")
+    assert "with brakes 768 N together, so not for a head, which may feel 60 N" in limits.text
+    gentle = [dataclasses.replace(module, brake=4.0) for module in published().modules]
+    assert "head" not in check_rig(dataclasses.replace(published(), modules=tuple(gentle)))[1].text

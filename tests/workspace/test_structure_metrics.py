@@ -1,0 +1,145 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tests.support.judges import evenness
+from tests.support.problems import random_structure
+
+RIGS = Path(__file__).parents[2] / "datasets/rigs"
+factor, closure = tl.workspace.tension_factor, tl.workspace.wrench_closure
+
+
+def rig(name):
+    return tl.load_rig(RIGS / f"{name}.toml")
+
+
+def grid(height):
+    """The poses of the published comparison: X -4..4, Y -3..3 in steps of 0.1 m, flattened."""
+    x, y = np.meshgrid(np.arange(-40, 41) / 10, np.arange(-30, 31) / 10, indexing="ij")
+    return np.stack([x, y, np.full_like(x, height)], axis=-1)
+
+
+@pytest.mark.parametrize(("height", "count"), [(2.0, 3591), (3.0, 3575), (4.0, 3575)])
+def test_closure_of_ipanema_2(height, count):
+    found = closure(rig("ipanema-2").structure_matrix(grid(height)))
+    assert found.shape == (81, 61)
+    assert found.dtype == bool
+    assert np.count_nonzero(found) == count
+
+
+@pytest.mark.parametrize(
+    ("name", "position", "expected"),
+    [
+        ("ipanema-1", (0.0, 0.0, 1.0), 1.0),
+        ("ipanema-1", (1.2, 0.6, 1.0), 0.250555),
+        ("ipanema-2", (0.5, 0.3, 2.5), 0.729983),
+    ],
+)
+def test_published_tension_factors(name, position, expected):
+    assert factor(rig(name).structure_matrix(position)) == pytest.approx(expected, abs=5e-7)
+
+
+def test_alternate_corners_close_a_third_of_the_box():
+    # The interior of the tetrahedron of its anchors.
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (20_000, 3))
+    tetra = tl.alternate_corners((1.0, 1.0, 1.0), limits=(0.5, 5.0))
+    inside = closure(tetra.structure_matrix(points))
+    weights = np.linalg.solve(
+        np.vstack([tetra.anchors.T, np.ones(4)]), np.vstack([points.T, np.ones(len(points))])
+    )
+    assert np.array_equal(inside, (weights > 0).all(axis=0))
+    assert inside.mean() == pytest.approx(1 / 3, abs=0.01)
+    assert closure(tl.box_corners((1.0, 1.0, 1.0), limits=(0.5, 5.0)).structure_matrix(points)).all()
+
+
+@pytest.mark.parametrize(
+    ("n", "m"), [(1, 3), (2, 3), (2, 5), (3, 4), (3, 6), (4, 6), (5, 7), (6, 7), (6, 8), (6, 10)]
+)
+def test_a_linear_program_agrees(n, m):
+    rng = np.random.default_rng(m)
+    W = np.stack([random_structure(rng, 6 if n > 3 else max(n, 2), m)[:n] for _ in range(150)])
+    W[::2, :, 0] -= W[::2].sum(axis=-1)  # every other one is balanced by equal tensions
+    found, expected = factor(W), np.array([evenness(each) for each in W])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+    assert found[::2] == pytest.approx(1.0, abs=1e-12)
+    assert np.array_equal(closure(W), expected > 1e-9)
+
+
+def test_no_closure_below_full_rank():
+    tug_of_war = np.array([[1.0, -1.0], [0.0, 0.0]])
+    assert factor(tug_of_war) == 0
+    assert not closure(tug_of_war)
+    assert factor(tug_of_war[:1]) == 1
+    assert not closure(np.zeros((3, 5)))
+    assert not closure(np.ones((6, 3)))
+
+
+def test_two_spare_cables_or_more():
+    # A cable of no effect changes no tension factor, but takes another way through the kernel.
+    rng = np.random.default_rng(3)
+    W = np.stack([random_structure(rng, 6, 8) for _ in range(200)])
+    W[::2, :, 0] -= rng.uniform(0.6, 1.4, (100, 1)) * W[::2].sum(axis=-1)
+    W[:20, :, 5] = W[:20, :, 2]  # parallel cables
+    W[20:40, :, 5] = 0
+    weak = np.concatenate([W, 1e-13 * W[..., :1]], axis=-1)
+    assert np.count_nonzero(closure(W)) > 50
+    np.testing.assert_allclose(factor(W), factor(weak), rtol=0, atol=1e-11)
+
+
+def test_closure_ends_where_the_platform_leaves_the_hull():
+    W = tl.alternate_corners((1.0, 1.0, 1.0), limits=(0.5, 5.0)).structure_matrix([0.5, 0.0, 0.0])  # on an edge
+    assert factor(W) == pytest.approx(0.0, abs=1e-12)
+    assert not closure(W)
+
+
+def test_isotropic_force_of_a_point_is_its_margin():
+    points = np.random.default_rng(1).uniform(-0.45, 0.45, (50, 3))
+    cube = tl.box_corners((1.0, 1.0, 1.0), limits=(0.5, 5.0))
+    W = cube.structure_matrix(points)
+    margin = tl.workspace.capacity_margin(W, cube.limits)
+    np.testing.assert_allclose(tl.workspace.isotropic_force(W, cube.limits), np.maximum(margin, 0), atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "dimension"), [("ipanema-2", 3), ("kntu-planar", 2)])
+def test_isotropic_force_of_a_platform_is_rendered_without_torque(name, dimension):
+    platform = rig(name)
+    W = platform.structure_matrix(platform.home)
+    force = tl.workspace.isotropic_force(W, platform.limits, dimension)
+    rng = np.random.default_rng(2)
+    directions = rng.normal(size=(4000, dimension))
+    if dimension == 2:
+        angle = np.linspace(0, 2 * np.pi, 4000)
+        directions = np.column_stack([np.cos(angle), np.sin(angle)])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    wrenches = np.zeros((4000, platform.n))
+    wrenches[:, :dimension] = directions
+    reach = tl.allocate(W, 1e3 * wrenches, platform.limits, nearest="direction").scale * 1e3
+    assert reach.min() >= force - 1e-6
+    assert reach.min() == pytest.approx(force, rel=0.02)
+
+
+def test_attachments_at_one_point_make_a_platform_a_point():
+    cube = tl.box_corners((1.0, 1.0, 1.0), limits=(0.5, 5.0))
+    W = cube.structure_matrix([0.1, 0.0, 0.2])
+    expected = tl.workspace.isotropic_force(W, cube.limits)
+    assert expected > 1
+    assert tl.workspace.isotropic_force(np.vstack([W, np.zeros((3, 8))]), cube.limits) == pytest.approx(expected)
+    assert tl.workspace.isotropic_force(W * [[1.0], [1.0], [0.0]], cube.limits) == 0
+    assert tl.workspace.isotropic_force(W, (2.0, 2.0)) == 0
+    assert tl.workspace.isotropic_force(W, (0.0, 0.0)) == 0
+
+
+def test_dimension_counts_components():
+    with pytest.raises(tl.ShapeError, match="dimension is 4; of 3 wrench components"):
+        tl.workspace.isotropic_force(np.eye(3), (0.0, 1.0), 4)
+
+
+def test_singular_values():
+    W = np.array([[[3.0, 0.0, 0.0], [0.0, 2.0, 0.0]], [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]])
+    np.testing.assert_allclose(tl.workspace.least_singular_value(W), [2.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(tl.workspace.condition_number(W), [1.5, np.inf])
+    assert tl.workspace.least_singular_value(W[0].T) == 0
+    assert tl.workspace.condition_number(W[0].T) == np.inf
+    assert tl.workspace.condition_number(np.zeros((2, 3))) == np.inf

@@ -1,0 +1,202 @@
+"""Tables of the firmware's documents, made from the firmware; `make docs` writes them.
+
+Run that after a change to messages, parameters, plant or supervisor. A test fails while a document says something
+else than the code.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterable, Mapping
+from enum import IntEnum, IntFlag
+from inspect import get_annotations, getdoc
+from pathlib import Path
+from typing import get_type_hints
+
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.protocol import codes
+from tensionlab.hardware.protocol.descriptions import EVENTS, MEANINGS, PARAMETER_MEANINGS
+from tensionlab.hardware.protocol.frames import CHECKSUM, DELIMITER, checksum, crc16
+from tensionlab.hardware.protocol.messages import MESSAGES, Message, SetTension
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, TRANSITIONS
+
+FOLDER = Path("firmware")
+LETTERS = {"B": "u8", "H": "u16", "I": "u32", "Q": "u64", "f": "f32", "?": "flag", "": "text"}
+"""How a field's layout is written in the document."""
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """A table in Markdown."""
+    lines = [list(head), *([str(cell) for cell in row] for row in rows)]
+    lines.insert(1, ["---"] * len(lines[0]))
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def messages(from_module: bool) -> str:
+    """Which messages are there, with their bytes?"""
+    rows = [
+        (f"`0x{number:02X}`", message.type.name, payload(message), described(message))
+        for number, message in sorted(MESSAGES.items())
+        if (number >= 0x80) is from_module
+    ]
+    return table(("Type", "Message", "Payload", "What it says"), rows)
+
+
+def payload(message: type[Message]) -> str:
+    """Which fields has a message, in their order, and how many bytes?"""
+    hints = get_type_hints(message, include_extras=True)
+    letters = {name: hints[name].__metadata__[0] for name in get_annotations(message)}
+    if not letters:
+        return "none"
+    fields = ", ".join(f"{name} {LETTERS[letter]}" for name, letter in letters.items())
+    size = struct.calcsize("<" + "".join(letters.values()))
+    return fields if "" in letters.values() else f"{fields} ({size} byte{'' if size == 1 else 's'})"
+
+
+def described(message: type[Message]) -> str:
+    """What does a message say?"""
+    text = " ".join((getdoc(message) or "").split()).replace("``", "`")
+    for other in MESSAGES.values():
+        text = text.replace(f"`{other.__name__}`", other.type.name)
+    return text
+
+
+def words(kind: type[IntEnum | IntFlag]) -> str:
+    """Which numbers stand for which words?"""
+    names = [member.name or "" for member in kind]
+    rows = zip([f"`{member.value}`" for member in kind], names, explained(MEANINGS[kind], names), strict=True)
+    return table(("Number", "Name", "Meaning"), rows)
+
+
+def example() -> str:
+    """What does a frame look like, from its fields to the wire?"""
+    command, sequence = SetTension(session=0x1234, tension=3.0, ttl_ms=250), 7
+    frame = command.frame(sequence)
+    body = bytes([frame.type, frame.sequence]) + frame.payload
+    packed = frame.pack()
+    stuffed = packed[: -CHECKSUM - len(DELIMITER)]
+    crc = crc16(stuffed)
+    rows = [
+        ("type, sequence number", spaced(body[:2])),
+        ("session 0x1234", spaced(body[2:4])),
+        ("tension 3.0", spaced(body[4:8])),
+        ("brake 0", spaced(body[8:9])),
+        ("ttl_ms 250", spaced(body[9:])),
+        ("stuffed, upper bits set", spaced(stuffed)),
+        (f"CRC 0x{crc:04X}: {crc >> 9:07b} {crc >> 2 & 0x7F:07b} {crc & 3:02b}", spaced(checksum(stuffed))),
+        ("on the wire", spaced(packed)),
+    ]
+    return table(("Part", "Bytes"), rows)
+
+
+def spaced(content: bytes) -> str:
+    """Bytes as one reads them."""
+    return f"`{content.hex(' ').upper()}`"
+
+
+def parameters() -> str:
+    """What can be set on a module?"""
+    rows = [
+        (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.standard:g}", meaning)
+        for (name, row), meaning in zip(PARAMETERS.items(), explained(PARAMETER_MEANINGS, PARAMETERS), strict=True)
+    ]
+    return table(("", "Parameter", "Unit", "Least", "Most", "Standard", "What it is"), rows)
+
+
+def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
+    """What do these names mean? One that nobody explained is an error, and so is an explanation of nothing."""
+    names = list(names)
+    wrong = set(names) ^ set(meanings)
+    if wrong:
+        raise HardwareError(f"hardware/meanings.py: explain, or drop, {', '.join(sorted(wrong))}")
+    return [meanings[name] for name in names]
+
+
+def plant() -> str:
+    """What is the simulated hardware made of?"""
+    rows = [(f"`{name}`", row.unit, f"{row.standard:g}", row.about) for name, row in PLANT.items()]
+    return table(("Parameter", "Unit", "Value", "What it is, and where the value comes from"), rows)
+
+
+def transitions() -> str:
+    """What does each event do in each state?"""
+    rows = []
+    for event, row in zip(EVENTS, TRANSITIONS, strict=True):
+        rows.append([event, *(to.name.lower() if accepted else "refused" for accepted, to in row)])
+    return table(("Event", *(state.name.lower() for state in codes.State)), rows)
+
+
+def drawing() -> str:
+    """The supervisor, drawn: what leads from state to state. What changes nothing is left out."""
+    arrows: dict[tuple[str, str], list[str]] = {}
+    for event, row in zip(EVENTS, TRANSITIONS, strict=True):
+        for state, (accepted, to) in zip(codes.State, row, strict=True):
+            if accepted and to is not state:
+                arrows.setdefault((state.name.lower(), to.name.lower()), []).append(event)
+    lines = [f"    {begin} --> {end}: {', '.join(events)}" for (begin, end), events in arrows.items()]
+    return "\n".join(["```mermaid", "stateDiagram-v2", "    [*] --> idle", *lines, "```"])
+
+
+def figures() -> str:
+    """What did `firmware/check.py --write` measure?"""
+    measured = json.loads((FOLDER / "figures.json").read_text())
+    arm, hub, esp32, flips = (measured[name] for name in ("arm", "hub", "esp32", "flips"))
+    rows = (
+        ("Core, Cortex-M4F, -Os: text", f"{arm['text_bytes']} bytes; below 16384 is required"),
+        (
+            "Core: data and bss, one module",
+            f"{arm['data_bytes'] + arm['bss_bytes']} bytes; below 2048 is required",
+        ),
+        ("Core: asks of libraries", f"{', '.join(arm['asks_for'])}: no heap, nothing in double precision"),
+        ("Core: deepest stack frame", f"{arm['deepest_frame_bytes']} bytes"),
+        ("Core, ESP32", f"{esp32['core_instructions']} instructions; calls {', '.join(esp32['core_calls'])}"),
+        ("Exact solver, Cortex-M4F, -O2: text", f"{hub['text_bytes']} bytes"),
+        ("Exact solver: deepest stack frame", f"{hub['deepest_frame_bytes']} bytes"),
+        ("Exact solver: a wrench within reach", cycles(hub, "reachable")),
+        ("Exact solver: a wrench out of reach", cycles(hub, "out_of_reach")),
+        (
+            "Exact solver, ESP32",
+            f"{esp32['hub_instructions']} instructions; calls {', '.join(esp32['hub_calls'])}",
+        ),
+        (
+            "One and two bits flipped, frames of all lengths",
+            f"{flips['flips']:,} flips, {flips['passed']} passed; in protocol 1, {flips['passed_protocol_1']} did",
+        ),
+        ("Fuzzing under sanitizers", f"{measured['fuzzing']['chunks']:,} chunks of bytes, no finding"),
+    )
+    return table(("What", "Measured"), rows)
+
+
+def cycles(hub: Mapping[str, int], kind: str) -> str:
+    """How long does an allocation take?"""
+    median, most = hub[f"cycles_{kind}"], hub[f"cycles_{kind}_most"]
+    return f"{median} cycles, at most {most}: {median / 240:.0f} and {most / 240:.0f} us at 240 MHz"
+
+
+def sections() -> dict[str, dict[str, str]]:
+    """What do the tables of each document say?"""
+    kinds = (
+        codes.Code,
+        codes.State,
+        codes.Limit,
+        codes.Fault,
+        codes.Calibration,
+        codes.BrakeState,
+        codes.ResetReason,
+    )
+    return {
+        "README.md": {
+            "drawing": drawing(),
+            "transitions": transitions(),
+            "parameters": parameters(),
+            "plant": plant(),
+            "figures": figures(),
+        },
+        "PROTOCOL.md": {
+            "example": example(),
+            "commands": messages(from_module=False),
+            "answers": messages(from_module=True),
+            **{kind.__name__: words(kind) for kind in kinds},
+        },
+    }
