@@ -33,8 +33,8 @@ bench-quick: .venv/dev.stamp
 
 bench-readme: bench
 	@$(BIN)/python -m tools.generate_benchmark_table out/bench
-	@$(BIN)/python tools/checksums.py
-	@$(BIN)/python tools/generate_docs.py
+	@$(BIN)/python -m tools.checksums
+	@$(BIN)/python -m tools.generate_docs
 
 bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.workspace
@@ -72,10 +72,10 @@ figures: .venv/dev.stamp
 
 # What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
 docs: .venv/dev.stamp
-	@$(BIN)/python tools/generate_docs.py
+	@$(BIN)/python -m tools.generate_docs
 
 checksums: .venv/bin/python
-	@$(BIN)/python tools/checksums.py
+	@$(BIN)/python -m tools.checksums
 
 # Sizes, sanitizers and fuzzing; what needs a tool that is not there is left out.
 firmware-check: .venv/dev.stamp

@@ -102,7 +102,7 @@ def _read_caspr(place: Path) -> object:
 
 def _read_rig(place: Path) -> object:
     from tensionlab.model.mjcf import rig_to_mjcf
-    from tensionlab.workspace.rig_check import check_rig
+    from tensionlab.validation.rig_check import check_rig
 
     rig = load_rig(place)
     rig_from_toml(rig_to_toml(rig), "copy")

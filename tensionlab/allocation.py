@@ -29,9 +29,21 @@ from tensionlab.arrays import (
 )
 from tensionlab.errors import ShapeError
 from tensionlab.solvers import SOLVERS, make
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Nearest, Problem, Solver, refusal
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Nearest, Problem, Solver, Status, refusal
 from tensionlab.solvers.newton import Newton
 from tensionlab.verification import Allocation, exact, exact_single, measure
+
+__all__ = [
+    "POLICIES",
+    "RANK_TOLERANCE",
+    "TOLERANCE",
+    "Allocation",
+    "Allocator",
+    "Nearest",
+    "Solver",
+    "Status",
+    "allocate",
+]
 
 
 @dataclass(frozen=True)

@@ -163,3 +163,24 @@ def rows(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
     made_one = array.reshape(math.prod(shape), *full[len(shape) :])
     made_one.flags.writeable = False
     return made_one
+
+
+def angles(desired: Floats, rendered: Floats) -> Floats:
+    """How far each rendered force points away from the desired one.
+
+    Parameters
+    ----------
+    desired, rendered : (K, d) array
+        Forces in N, d = 2 or 3.
+
+    Returns
+    -------
+    (K,) array
+        Degrees; NaN where either force is zero or NaN and so has no direction.
+    """
+    length = np.linalg.norm(desired, axis=1) * np.linalg.norm(rendered, axis=1)
+    # arccos of the cosine loses small angles to rounding; lengths of sum and difference (Kahan) do not.
+    a = desired * np.linalg.norm(rendered, axis=1)[:, None]
+    b = rendered * np.linalg.norm(desired, axis=1)[:, None]
+    half = np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
+    return np.where(length > 0, np.degrees(2 * half), np.nan)

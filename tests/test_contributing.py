@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.comparison.selected_solvers import lineup
 from tensionlab.model.directions import grid18
+from tensionlab.solvers.selection import lineup
 from tests.support.distribution import install
 
 ROOT = Path(__file__).parents[1]

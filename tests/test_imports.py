@@ -14,7 +14,8 @@ PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
 # Rooms that each room may enter, besides itself and those of everybody.
 EVERYBODY = {"errors", "arrays", "files", "records", "__version__"}
-CORE = {"model", "solvers", "verification", "allocation", "demand", "_native"}
+CORE = {"model", "allocation", "demand", "_native"}
+ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
 ALLOWED = {
     "errors": set(),
     "arrays": {"_native"},
@@ -30,14 +31,13 @@ ALLOWED = {
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
     "haptics": CORE,
     "scenarios": CORE | {"haptics", "hardware"},
-    "comparison": CORE | {"datasets", "workspace", "hardware", "haptics", "scenarios"},
-    "benchmark": CORE | {"datasets", "workspace", "hardware", "haptics", "scenarios"},
-    "validation": CORE | {"datasets", "workspace", "hardware", "haptics", "scenarios"},
+    "comparison": ABOVE,
+    "benchmark": ABOVE,
+    "validation": ABOVE,
     "datasets": {"model", "workspace", "benchmark", "validation"},
-    "plots": CORE | {"workspace", "hardware", "haptics", "scenarios", "comparison", "benchmark", "validation"},
-    "cli": CORE
-    | {"workspace", "hardware", "haptics", "scenarios", "comparison", "benchmark", "validation", "plots"},
-    "__init__": CORE | {"workspace", "hardware", "haptics", "scenarios", "datasets"},
+    "plots": ABOVE | {"comparison", "benchmark", "validation"},
+    "cli": ABOVE | {"comparison", "benchmark", "validation", "plots"},
+    "__init__": ABOVE,
     "__main__": {"cli"},
 }
 # One door for each third party, by file or folder of the package.

@@ -1,11 +1,11 @@
-"""Write the checksums of all data sets, in the format of `sha256sum`: ``python tools/checksums.py``."""
+"""Write the checksums of all data sets, in the format of `sha256sum`: ``python -m tools.checksums``."""
 
 from __future__ import annotations
 
 import hashlib
 from pathlib import Path
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parents[1] / "datasets"
 FILE = FOLDER / "SHA256SUMS"
 SUFFIXES = (".csv", ".json", ".parquet", ".toml")
 

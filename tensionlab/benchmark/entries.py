@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from tensionlab.benchmark.daqp_direct import DirectDaqp
-from tensionlab.comparison.selected_solvers import every_solver
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import make
 from tensionlab.solvers.base import POLICIES, Nearest, Solver
@@ -15,6 +14,7 @@ from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.newton import Newton
 from tensionlab.solvers.peer import Peer
 from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
+from tensionlab.solvers.selection import every_solver
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective

@@ -14,7 +14,7 @@ from tensionlab.files import writing
 if TYPE_CHECKING:
     from tensionlab.arrays import Floats
     from tensionlab.model.rig import Rig
-    from tensionlab.workspace.rig_check import Finding
+    from tensionlab.validation.rig_check import Finding
 
 rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
@@ -104,7 +104,7 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     Body frames stay at rest, at the origin of the world.
     """
     from tensionlab.model.files import load_rig
-    from tensionlab.workspace.rig_check import check_rig
+    from tensionlab.validation.rig_check import check_rig
 
     loaded = load_rig(path)
     findings = check_rig(loaded)

@@ -18,8 +18,8 @@ def solvers(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
     """List the solvers: what each minimises, which policies it honours, where it was published."""
-    from tensionlab.comparison.selected_solvers import every_solver
     from tensionlab.solvers import SOLVERS, make, plugins
+    from tensionlab.solvers.selection import every_solver
 
     broken = {name: str(found) for name, found in plugins.find_all(SOLVERS).items() if not isinstance(found, type)}
     entries: list[dict[str, Any]] = []

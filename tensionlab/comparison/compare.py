@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats
 from tensionlab.comparison.scores import Score, finite, score
-from tensionlab.comparison.selected_solvers import lineup
 from tensionlab.errors import ShapeError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import make
 from tensionlab.solvers.base import POLICIES, Nearest, Status
+from tensionlab.solvers.selection import lineup
 from tensionlab.verification import Allocation
 
 TIMED_CALLS = 200

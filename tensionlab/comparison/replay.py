@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
 from tensionlab.comparison.scores import Score, finite, score
-from tensionlab.comparison.selected_solvers import lineup
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import make
 from tensionlab.solvers.base import Nearest
+from tensionlab.solvers.selection import lineup
 from tensionlab.verification import Allocation
 
 

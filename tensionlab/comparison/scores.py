@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.arrays import Floats, Integers
+from tensionlab.arrays import Floats, Integers, angles
 from tensionlab.solvers.base import Nearest, Status
 from tensionlab.verification import Allocation
 
@@ -72,27 +72,6 @@ def score(solver: str, nearest: Nearest | None, wrenches: Floats, found: Allocat
         angle_max_deg=finite(np.max, angle),
         tension_sq_mean=finite(np.mean, found.tensions**2),
     )
-
-
-def angles(desired: Floats, rendered: Floats) -> Floats:
-    """How far each rendered force points away from the desired one.
-
-    Parameters
-    ----------
-    desired, rendered : (K, d) array
-        Forces in N, d = 2 or 3.
-
-    Returns
-    -------
-    (K,) array
-        Degrees; NaN where either force is zero or NaN and so has no direction.
-    """
-    length = np.linalg.norm(desired, axis=1) * np.linalg.norm(rendered, axis=1)
-    # arccos of the cosine loses small angles to rounding; lengths of sum and difference (Kahan) do not.
-    a = desired * np.linalg.norm(rendered, axis=1)[:, None]
-    b = rendered * np.linalg.norm(desired, axis=1)[:, None]
-    half = np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1))
-    return np.where(length > 0, np.degrees(2 * half), np.nan)
 
 
 def finite(measure: Callable[[Any], Any], values: Floats | Integers) -> float:

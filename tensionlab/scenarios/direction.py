@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Status
 from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.on_module import ALIGNED
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
-from tensionlab.solvers.base import Status
 
 WEAK = 0.5
 """Forces below have no direction that matters, in N."""

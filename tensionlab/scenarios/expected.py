@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tensionlab.comparison.scores import angles
+from tensionlab.arrays import angles
 from tensionlab.haptics.effects import Bow, Recoil, Weight
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.scenarios.expected_collision import collision

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tensionlab.arrays import Floats
-from tensionlab.comparison.scores import angles
+from tensionlab.arrays import Floats, angles
 from tensionlab.haptics.effects import Magnet, Shape, Sphere, Texture, Vibration, Water
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering.rendering import HAND_DAMPING, REMEMBERED

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from tensionlab.allocation import Nearest
 from tensionlab.errors import ScenarioError
 from tensionlab.files.reading import brief
 from tensionlab.haptics.brakes.choice import brake_strengths
@@ -14,7 +15,6 @@ from tensionlab.haptics.effects.effect import Effect
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.brake_target import Hold
 from tensionlab.scenarios.person import PersonPlan
-from tensionlab.solvers.base import Nearest
 
 
 @dataclass(frozen=True)

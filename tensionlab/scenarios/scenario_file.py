@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from tensionlab.allocation import Nearest
 from tensionlab.errors import EffectError, ScenarioError
 from tensionlab.files.reading import read_toml
 from tensionlab.haptics.effects.described import effect_of, read
@@ -16,7 +17,6 @@ from tensionlab.model.rig import Rig
 from tensionlab.scenarios.brake_target import Hold
 from tensionlab.scenarios.person import PersonPlan
 from tensionlab.scenarios.scenario import Phase, Scenario
-from tensionlab.solvers.base import Nearest
 
 FOLDER = Path(__file__).parent / "files"
 """Where those of this package are: NAME.toml, and NAME.rig.toml beside it."""

@@ -23,12 +23,12 @@ import numpy as np
 import tensionlab.validation.trials as table
 from tensionlab.allocation import allocate
 from tensionlab.arrays import Floats
-from tensionlab.comparison.selected_solvers import lineup
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
 from tensionlab.records import manifest
 from tensionlab.solvers.base import Solver, Status
 from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.selection import lineup
 from tensionlab.validation.calibration import MODELS
 from tensionlab.validation.error_model import PRESETS, ErrorModel, draw
 from tensionlab.validation.protocol import BASIS, Protocol

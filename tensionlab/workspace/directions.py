@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab import _native
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE, Allocator, Status
 from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, Status
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
 AT_ONCE = 1 << 16

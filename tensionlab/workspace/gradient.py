@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab import _native
+from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.arrays import Floats, rows
 from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.workspace.margin import Wanted, required_set
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 

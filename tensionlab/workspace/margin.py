@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab import _native
+from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
 Wanted = ArrayLike | tuple[ArrayLike, ArrayLike] | None

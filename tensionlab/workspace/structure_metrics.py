@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
+from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.solvers.base import RANK_TOLERANCE
 from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
 
 CLOSURE_TOLERANCE = 1e-10

@@ -10,7 +10,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.cli import join_numbers
 from tensionlab.cli.common import output
-from tensionlab.comparison import selected_solvers as lineup
+from tensionlab.solvers import selection as lineup
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 PUBLISHED = str(RIGS / "bartels2026-validation.toml")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.arrays import angles
 from tensionlab.comparison.compare import TIMED_CALLS, compare
-from tensionlab.comparison.scores import angles
 from tensionlab.errors import ShapeError
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"

@@ -10,9 +10,9 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.cli import main
-from tensionlab.comparison.selected_solvers import every_solver, lineup
 from tensionlab.errors import PluginError, UnknownSolver
 from tensionlab.solvers import make, plugins
+from tensionlab.solvers.selection import every_solver, lineup
 from tests.support.distribution import install
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"

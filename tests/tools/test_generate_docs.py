@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tensionlab.comparison import compare as comparison
-from tensionlab.comparison.selected_solvers import every_solver
 from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers.selection import every_solver
 
 ROOT = Path(__file__).parents[2]
 spec = importlib.util.spec_from_file_location("generate_docs", ROOT / "tools" / "generate_docs.py")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.comparison.selected_solvers import lineup
 from tensionlab.errors import HardwareError, RigError
 from tensionlab.model.directions import grid18
+from tensionlab.solvers.selection import lineup
 from tensionlab.validation.alignment import angle
 from tensionlab.validation.error_model import PRESETS, ErrorModel, draw, true_rig, turned
 from tensionlab.validation.protocol import BASIS, Protocol, measure

@@ -60,7 +60,7 @@ def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> Non
     UnknownSolver, MissingDependency, PluginError
         As `lineup`.
     """
-    from tensionlab.comparison.selected_solvers import lineup
+    from tensionlab.solvers.selection import lineup
 
     try:
         lineup(names, nearest, (rig.n, rig.m))

@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
+from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE
 from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
 from tensionlab.model.limits import TensionLimits
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab.allocation import TOLERANCE
 from tensionlab.arrays import Floats
 from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
 from tensionlab.model.limits import TensionLimits
-from tensionlab.solvers.base import TOLERANCE
 
 Why = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 """What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked

@@ -1,9 +1,9 @@
 """Which part of an effect must a module render by itself, at its own rate?
 
 What is stiff, or vibrates, cannot wait for a link (see `tensionlab.haptics.rendering.stability`). A module knows
-its own cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed of paying out, 0)
-+ amplitude sin(2 pi frequency t)``. So an effect that has such a part says what happens along one axis, and
-`divide` finds the cable that lies best along it.
+its own cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping max(speed of paying
+out, 0) + amplitude sin(2 pi frequency t)``. So an effect that has such a part says what happens along one axis,
+and `divide` finds the cable that lies best along it.
 """
 
 from __future__ import annotations

@@ -12,12 +12,12 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Status
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.cycle import Cycle
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import Status
 
 IMPEDANCE = tuple(each.name for each in fields(Impedance))
 """The numbers of an impedance, in their order."""

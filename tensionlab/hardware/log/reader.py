@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Allocation
 from tensionlab.errors import LogError
 from tensionlab.files.reading import brief, parse_json
 from tensionlab.files.tables import from_mappings
@@ -21,7 +22,6 @@ from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.writer import RunSetup
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.rig import Rig
-from tensionlab.verification import Allocation
 
 if TYPE_CHECKING:
     import xarray

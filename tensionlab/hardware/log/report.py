@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Status
 from tensionlab.arrays import Floats
 from tensionlab.hardware.log.reader import Run, RunEvent
 from tensionlab.hardware.protocol.codes import Fault, Limit
-from tensionlab.solvers.base import Status
 
 PERCENTILES = (50.0, 99.0, 100.0)
 

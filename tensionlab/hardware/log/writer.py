@@ -13,7 +13,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import Allocator, Nearest, Solver
 from tensionlab.errors import LogError, WriteError
 from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.mcap_file import McapWriter
@@ -23,7 +23,6 @@ from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import Nearest, Solver
 
 FLUSH = 0.2
 """What was logged is in the system's hands after so many s, and then outlives the process."""

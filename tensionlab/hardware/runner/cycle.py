@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tensionlab.allocation import Allocation
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, RigState
-from tensionlab.verification import Allocation
 
 
 @dataclass(frozen=True, eq=False)

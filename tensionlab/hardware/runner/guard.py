@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError
 from tensionlab.model.limits import TensionLimits
-from tensionlab.solvers.base import Nearest, Solver, Status
-from tensionlab.verification import Allocation
 
 PROVED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
 MAX_PREPARED = 256

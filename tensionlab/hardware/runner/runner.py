@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensionlab.allocation import Solver
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
@@ -35,7 +36,6 @@ from tensionlab.hardware.runner.settling import reel_in
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.hardware.runner.watchdog import Watchdog
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import Solver
 
 if TYPE_CHECKING:
     from tensionlab.hardware.log.writer import RunLog

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tensionlab.allocation import Nearest
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.runner.module_monitor import ON_LOSS, OnLoss
-from tensionlab.solvers.base import Nearest
 
 SHORTEST_TTL, LONGEST_TTL = 0.05, 2.0
 """What modules take, in s."""

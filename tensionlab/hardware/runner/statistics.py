@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.allocation import Status
 from tensionlab.hardware.runner.cycle import Cycle
-from tensionlab.solvers.base import Status
 
 KEPT = 100_000
 """Cycles whose times are kept for percentiles."""

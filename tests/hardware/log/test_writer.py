@@ -16,7 +16,7 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.writer import FLUSH
 from tests.support import runs
 
-TESTS = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 WRITER = """
 import sys, time
 from tests.support import runs
@@ -31,7 +31,7 @@ def open_log(path):
 
 
 def script(text, *words):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS.parent), str(TESTS)])}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", WRITER + text, *map(str, words)]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 

@@ -75,7 +75,7 @@ def start():
     started = []
 
     def program(*words):
-        path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+        path = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
         process = subprocess.Popen(
             [sys.executable, "-m", *map(str, words)],
             env={**os.environ, "PYTHONPATH": path},

@@ -56,7 +56,7 @@ def sweep(store, tally, **changed):
 
 
 def command(store, tally):
-    path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
     return [sys.executable, "-c", PROGRAM, store, tally], {**os.environ, "PYTHONPATH": path}
 
 

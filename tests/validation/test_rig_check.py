@@ -6,7 +6,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.model.directions import grid18
-from tensionlab.workspace.rig_check import check_rig
+from tensionlab.validation.rig_check import check_rig
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 

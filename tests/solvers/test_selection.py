@@ -1,9 +1,9 @@
 import pytest
 
-from tensionlab.comparison import selected_solvers as room
-from tensionlab.comparison.selected_solvers import every_solver, lineup
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS, make
+from tensionlab.solvers import selection as room
+from tensionlab.solvers.selection import every_solver, lineup
 
 
 def test_every_name_makes_a_solver_and_every_family_is_there():
