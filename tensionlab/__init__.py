@@ -3,6 +3,8 @@
 from tensionlab import datasets, workspace
 from tensionlab.allocation import Allocator, allocate
 from tensionlab.errors import (
+    DataError,
+    InputError,
     MissingDependency,
     PluginError,
     RigError,
@@ -44,8 +46,10 @@ __all__ = [
     "AnalyticCentre",
     "ClosedForm",
     "ConvexProgram",
+    "DataError",
     "Dykstra",
     "Frame",
+    "InputError",
     "LeastSum",
     "Minimax",
     "MissingDependency",

@@ -4,6 +4,8 @@
 
     TensionlabError
     ├── ShapeError (ValueError)              arrays whose shapes or entries cannot form a problem
+    ├── InputError (ValueError)              an argument or option that makes no sense; names it
+    ├── DataError (ValueError)               a file of data that cannot be used; names file, row and column
     ├── RigError (ValueError)                a rig that cannot exist; names file, module and key
     ├── UnknownSolver (LookupError)          a solver name that is not in the table
     ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
@@ -41,6 +43,14 @@ class TensionlabError(Exception):
 
 class ShapeError(TensionlabError, ValueError):
     """Arrays whose shapes do not fit together, or that hold NaN or infinity."""
+
+
+class InputError(TensionlabError, ValueError):
+    """Argument or option that makes no sense; the message names it and what is possible."""
+
+
+class DataError(TensionlabError, ValueError):
+    """File of data that cannot be used; the message names the file, and the row or column."""
 
 
 class RigError(TensionlabError, ValueError):
