@@ -1,4 +1,4 @@
-"""What the README promises: its Python runs and its files exist."""
+"""Promises of README, CONTRIBUTING and the pages of docs: their Python runs, their files exist, they are short."""
 
 import re
 from pathlib import Path
@@ -22,10 +22,24 @@ def test_its_example_renders_the_force(
     assert capsys.readouterr().out.startswith("EXACT: tensions [")
 
 
-def test_its_files_exist() -> None:
-    named = re.findall(r"`((?:[a-z_]+/)+[\w.-]*|[A-Z]+\.(?:md|cff))`", README) + re.findall(
-        r"\]\(([^)]+)\)", README
-    )
-    assert len(named) > 5
-    for name in named:
-        assert (ROOT / name).exists(), name
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_files_that_are_named_exist(path: Path) -> None:
+    text = path.read_text()
+    for name in re.findall(r"\]\(([^)#:]+)\)", text):
+        assert (path.parent / name).exists(), name
+    for name in re.findall(r"`((?:[a-z_]+/)+[\w.-]*|[A-Z]+\.(?:md|cff))`", text):
+        there = (ROOT / name, ROOT / "tensionlab" / name)
+        assert any(each.exists() for each in there) or name.startswith("out/") or "dual_ascent" in name, name
+
+
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md"])
+def test_the_way_in_is_short(name: str) -> None:
+    assert len((ROOT / name).read_text()) <= 6000
+
+
+def test_every_page_of_docs_is_reached_from_the_readme() -> None:
+    for path in sorted((ROOT / "docs").glob("*.md")):
+        assert f"docs/{path.name}" in README, path.name
