@@ -16,7 +16,7 @@ from tensionlab.benchmark.random_rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Nearest, Problem, Status
 from tensionlab.solvers.linear import times
 from tensionlab.solvers.newton import Newton
-from tensionlab.verification import measure
+from tensionlab.verification import verify
 
 SHAPES = ((3, 3), (3, 4), (3, 5), (3, 8), (3, 12), (6, 6), (6, 7), (6, 8), (6, 12))
 BATCH = 20_000
@@ -177,7 +177,7 @@ def _problem(rng: np.random.Generator, draw: Draw, wrench: Floats, policy: Neare
 
 def _check(problem: Problem, within_reach: NDArray[np.bool_]) -> tuple[NDArray[np.int8], Floats, Integers]:
     """Which statuses, distances to the promised tensions and iterations; within_reach: by construction, (B,)."""
-    found = measure(problem, Newton().solve(problem), (len(problem),))
+    found = verify(problem, Newton().solve(problem))
     exact = found.status == Status.EXACT
     distance = distance_bound(problem, found.tensions, found.separation)
     # EXACT may be a hair out of reach: then it promises the wrench within tolerance, and the tensions that are

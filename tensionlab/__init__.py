@@ -1,7 +1,7 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
 from tensionlab import datasets, workspace
-from tensionlab.allocation import Allocator, allocate
+from tensionlab.allocation import Allocation, Allocator, allocate
 from tensionlab.errors import (
     DataError,
     InputError,
@@ -34,7 +34,6 @@ from tensionlab.solvers.puncture import Puncture
 from tensionlab.solvers.quadratic import QuadraticProgram
 from tensionlab.solvers.slack_norm import SlackNorm
 from tensionlab.solvers.spidar import Spidar
-from tensionlab.verification import Allocation
 from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"

@@ -1,21 +1,20 @@
-"""The interface: which tensions render this wrench, and what is proved about them?
+"""Interface of the allocation: `allocate`, `Allocator`, and their result, `Allocation`.
 
-`allocate` checks and broadcasts its input, lets the chosen solver choose, and then measures the answer
-itself (`tensionlab.verification`).
+Input is checked and broadcast, the chosen solver chooses, and its answer is verified (`tensionlab.verification`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from tensionlab import _native
 from tensionlab.arrays import (
-    LARGEST,
     Floats,
+    Integers,
     Limits,
     check,
     check_size,
@@ -27,11 +26,21 @@ from tensionlab.arrays import (
     spread,
     tension_limits,
 )
-from tensionlab.errors import ShapeError
-from tensionlab.solvers import SOLVERS, make
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Nearest, Problem, Solver, Status, refusal
-from tensionlab.solvers.newton import Newton
-from tensionlab.verification import Allocation, exact, exact_single, measure
+from tensionlab.errors import InputError, ShapeError, Unreachable
+from tensionlab.solvers import SOLVERS, fused, make
+from tensionlab.solvers.base import (
+    POLICIES,
+    RANK_TOLERANCE,
+    TOLERANCE,
+    Nearest,
+    Problem,
+    SingleSolver,
+    Solver,
+    Status,
+    Verified,
+    refusal,
+)
+from tensionlab.verification import verify
 
 __all__ = [
     "POLICIES",
@@ -47,14 +56,100 @@ __all__ = [
 
 
 @dataclass(frozen=True)
+class Allocation:
+    """Tensions that were chosen, and what is proved about them.
+
+    Leading axes are those that structure, wrench, limits and reference broadcast to.
+
+    Attributes
+    ----------
+    tensions : (..., m) array
+        In N, always inside the limits; NaN where the status is FAILED.
+    wrench : (..., n) array
+        Rendered by those tensions: ``structure @ tensions``.
+    residual : (...,) array
+        ``sqrt(sum(weights * (desired - wrench)**2))``. EXACT is verified without the weights.
+    status : (...,) array of `Status`
+        Verified, never the backend's claim. EXACT promises tensions inside their limits and an error of the
+        wrench w of at most ``1e-6 max(1, |w|)``: a wrench that is infeasible by less is EXACT too, whatever
+        the policy if that is force or direction. The tensions are then those of a wrench so near, and no
+        closer to the reference than theirs may be; by how much another wrench so near would change them is the
+        error over the least singular value of the free cables' columns of W. A feasible wrench is rendered
+        to rounding: 1e-12 of what the cables pull with, at most.
+    scale : (...,) array
+        1 where EXACT; the largest s with ``W t = s w`` for the direction policy; NaN elsewhere, and where no s
+        from 0 to 1 keeps the direction. Where w is within 0.00001 rad of a face of what can be rendered, or the
+        rig is flat there, ``s w`` counts as rendered within ``1e-6 max(1, |w|)`` of it (nine tenths of that
+        towards s = 0): s then falls gradually as w leaves the face.
+    iterations : (...,) array
+        As the solver counts them.
+    separation : (..., n) array
+        Where NEAREST, a direction d that certifies the wrench infeasible: ``d·w`` exceeds the largest
+        ``d·W t`` of all tensions inside the limits. Zeros elsewhere.
+    failures : mapping
+        Reason by flat index, where FAILED.
+    """
+
+    tensions: Floats
+    wrench: Floats
+    residual: Floats
+    status: NDArray[np.int8]
+    scale: Floats
+    iterations: Integers
+    separation: Floats
+    failures: Mapping[int, str] = field(default_factory=dict)
+
+    def counts(self) -> dict[Status, int]:
+        """Return how many answers have each status."""
+        return {status: int(np.count_nonzero(self.status == status)) for status in Status}
+
+    def __str__(self) -> str:
+        counts = ", ".join(f"{count} {status.name}" for status, count in self.counts().items() if count)
+        if self.status.ndim:
+            largest = f"; largest residual {np.nanmax(self.residual):.3g}" if self.status.size else ""
+            return f"Allocation of {self.status.size} wrenches: {counts or 'none'}{largest}"
+        with np.printoptions(precision=6, suppress=True):
+            return (
+                f"{Status(int(self.status)).name}: tensions {self.tensions} N render the wrench {self.wrench}, "
+                f"residual {self.residual:.3g}"
+            )
+
+    def raise_for_status(self) -> Allocation:
+        """Return the allocation if every wrench is rendered exactly, or raise.
+
+        Raises
+        ------
+        Unreachable
+            If any status is not EXACT. The error carries this allocation.
+        """
+        flawed = np.flatnonzero(self.status != Status.EXACT)
+        if not flawed.size:
+            return self
+        worst = int(flawed[np.argmax(np.nan_to_num(self.residual.ravel()[flawed], nan=np.inf))])
+        counts = ", ".join(
+            f"{count} {status.name}"
+            for status, count in self.counts().items()
+            if count and status is not Status.EXACT
+        )
+        index = ", ".join(str(int(i)) for i in np.unravel_index(worst, self.status.shape))
+        where = f" at index [{index}]" if index else ""
+        reason = self.failures.get(worst)
+        raise Unreachable(
+            f"{flawed.size} of {self.status.size} wrenches are not rendered exactly ({counts}); "
+            f"the largest error is {self.residual.ravel()[worst]:.6g}{where}" + (f": {reason}" if reason else ""),
+            self,
+        )
+
+
+@dataclass(frozen=True)
 class _Prepared:
-    """What an allocator knows about problems of one size: m cables and n wrench components."""
+    """Constant part of all problems of one size, m cables and n wrench components."""
 
     lower: Floats
     upper: Floats
     reference: Floats
     weights: Floats
-    single: _native.Single | None
+    single: SingleSolver | None
 
 
 class Allocator:
@@ -80,6 +175,7 @@ class Allocator:
             )
         self.solver: Solver = make(solver) if isinstance(solver, str) else solver
         self.nearest = _policy(self.solver, nearest)
+        self._fused = fused(self.solver)
         self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)
         self.weights = _weights(wrench_weights)
@@ -93,25 +189,24 @@ class Allocator:
                 return self.lower
             if reference == "middle":
                 return frozen((self.lower + self.upper) / 2)
-            raise ValueError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
+            raise InputError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
         return frozen(finite("reference", reference, 0))
 
     def __call__(self, structure: ArrayLike, wrench: ArrayLike) -> Allocation:
         """Choose tensions for these structure matrices (..., n, m) and wrenches (..., n)."""
         if type(structure) is np.ndarray and type(wrench) is np.ndarray and structure.ndim == 2:
             single = (self._prepared.get(structure.shape) or self._prepare(*structure.shape)).single
-            found = None if single is None else exact_single(single, structure, wrench)
-            if found is not None:
-                return found
+            allocation = None if single is None else _solve_single(single, structure, wrench)
+            if allocation is not None:
+                return allocation
         matrices, vectors = numbers("structure", structure, 2), numbers("wrench", wrench, 1)
         problem, shape = self._problem(matrices, vectors)
-        if isinstance(self.solver, Newton):
-            found = exact(problem, shape, LARGEST)
-            if found is not None:
-                return found
-        check("structure", matrices)
-        check("wrench", vectors)
-        return measure(problem, self.solver.solve(problem), shape)
+        verified = self._fused.solve_verified(problem) if self._fused else None
+        if verified is None:
+            check("structure", matrices)
+            check("wrench", vectors)
+            verified = verify(problem, self.solver.solve(problem))
+        return _shaped(verified, shape)
 
     def _problem(self, structure: Floats, wrench: Floats) -> tuple[Problem, tuple[int, ...]]:
         n, m = structure.shape[-2:]
@@ -142,16 +237,15 @@ class Allocator:
         check_size(n, m)
         if reason := refusal(self.solver, n, m):
             able = ", ".join(name for name in SOLVERS if not refusal(make(name), n, m))
-            raise ValueError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
+            raise InputError(f"{type(self.solver).__name__} serves no such problem: {reason}; these do: {able}")
 
         lower = spread("lower", self.lower, m, "cables")
         upper = spread("upper", self.upper, m, "cables")
         reference = spread("reference", self.reference, m, "cables")
         weights = spread("wrench_weights", self.weights, n, "rows")
         single = None
-        if isinstance(self.solver, Newton) and lower.ndim == upper.ndim == reference.ndim == 1:
-            policy = POLICIES.index(self.nearest or "force")
-            single = _native.Single(lower, upper, reference, weights, policy, LARGEST, TOLERANCE, RANK_TOLERANCE)
+        if self._fused and lower.ndim == upper.ndim == reference.ndim == 1:
+            single = self._fused.prepare(lower, upper, reference, weights, self.nearest)
         # Threads may share an allocator: what one has prepared is never changed, only found or not.
         prepared = self._prepared[n, m] = _Prepared(lower, upper, reference, weights, single)
         return prepared
@@ -166,7 +260,7 @@ def allocate(
     nearest: Nearest | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> Allocation:
-    """Which cable tensions inside their limits render the wrench, and closest to the reference?
+    """Return cable tensions inside their limits that render the wrench, and what is proved about them.
 
     Parameters
     ----------
@@ -181,7 +275,7 @@ def allocate(
     reference : (..., m) array, "lower", "middle" or None
         Tensions to stay close to; None is zero, which gives the least sum of squares.
     nearest : {"force", "tension", "direction"} or None
-        What to render where the wrench is out of reach: the closest wrench; the tensions closest to
+        What to render where the wrench is infeasible: the closest wrench; the tensions closest to
         equilibrium, in the metric ``(W W')^+``; or the longest wrench in the desired direction, and the
         closest wrench where none of that direction can be rendered. None: the solver's own.
     wrench_weights : (n,) array or None
@@ -197,14 +291,54 @@ def allocate(
         If an array has NaN, infinity or the wrong shape, or a lower limit exceeds an upper one.
     UnknownSolver
         If no solver has that name.
-    ValueError
+    InputError
         If the solver cannot honour the policy, or serves no problems of this size.
     """
     return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
 
 
+_STATUSES = tuple(np.int8(status) for status in sorted(Status))
+
+
+def _solve_single(solve: SingleSolver, structure: Floats, wrench: object) -> Allocation | None:
+    """Solve one prepared problem; None if the arguments are not two plain arrays of the right shapes."""
+    n, m = structure.shape
+    numbers = np.empty(m + 2 * n + 2)
+    found = solve(structure, wrench, numbers)
+    if found is None:
+        return None
+    allocation = object.__new__(Allocation)
+    # All at once: one by one, as the initialiser of a frozen class sets them, takes longer than solving.
+    vars(allocation).update(
+        tensions=numbers[:m],
+        wrench=numbers[m : m + n],
+        residual=numbers[-2],
+        status=_STATUSES[found[0]],
+        scale=numbers[-1],
+        iterations=np.int64(found[1]),
+        separation=numbers[m + n : -2],
+        failures={},
+    )
+    return allocation
+
+
+def _shaped(verified: Verified, shape: tuple[int, ...]) -> Allocation:
+    """Return an allocation with the given leading axes; where there are none, numbers are NumPy scalars."""
+    tensions, wrench, residual, status, scale, iterations, separation, failures = verified
+    return Allocation(
+        tensions=tensions.reshape(*shape, tensions.shape[1]),
+        wrench=wrench.reshape(*shape, wrench.shape[1]),
+        residual=residual.reshape(shape)[()],
+        status=status.reshape(shape)[()],
+        scale=scale.reshape(shape)[()],
+        iterations=iterations.reshape(shape)[()],
+        separation=separation.reshape(*shape, separation.shape[1]),
+        failures=failures,
+    )
+
+
 def _weights(weights: ArrayLike | None) -> Floats:
-    """Wrench weights, positive; one that stands for all where none are given."""
+    """Return positive wrench weights; one that stands for all where none are given."""
     if weights is None:
         return frozen(np.ones(1))
     values = finite("wrench_weights", weights, 1)
@@ -224,7 +358,7 @@ def _policy(solver: Solver, nearest: Nearest | None) -> Nearest | None:
     if nearest in solver.policies:
         return nearest
     honoured = ", ".join(repr(policy) for policy in solver.policies)
-    raise ValueError(
+    raise InputError(
         f"{name} cannot honour nearest={nearest!r}; "
         + (f"it honours {honoured}" if honoured else "it promises no best substitute, so leave nearest out")
     )

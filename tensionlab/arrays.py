@@ -14,7 +14,7 @@ from tensionlab.errors import ShapeError
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-LARGEST = 1e100
+MAX_MAGNITUDE = 1e100
 """Entries of this size or more are refused: their squares would overflow."""
 
 
@@ -118,10 +118,12 @@ def numbers(name: str, array: ArrayLike, axes: int) -> Floats:
 
 def check(name: str, values: Floats) -> None:
     """Refuse NaN, infinity and numbers whose squares would overflow."""
-    if not _native.all_within(values, LARGEST):
-        index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < LARGEST))[0])
+    if not _native.all_within(values, MAX_MAGNITUDE):
+        index = tuple(int(i) for i in np.argwhere(~(np.abs(values) < MAX_MAGNITUDE))[0])
         where = f"{name}[{', '.join(map(str, index))}]" if index else name
-        raise ShapeError(f"{where} is {values[index]}; every entry must be a finite number, below {LARGEST:g}")
+        raise ShapeError(
+            f"{where} is {values[index]}; every entry must be a finite number, below {MAX_MAGNITUDE:g}"
+        )
 
 
 def check_size(n: int, m: int) -> None:

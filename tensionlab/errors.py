@@ -27,11 +27,7 @@
 from __future__ import annotations
 
 from enum import IntEnum, IntFlag
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from tensionlab.verification import Allocation
-
+from typing import Any
 
 MAX_MESSAGE_CHARACTERS = 300
 """Of what is said about one thing that went wrong, on a terminal or to a client."""
@@ -90,11 +86,11 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
 
     Attributes
     ----------
-    allocation : Allocation
+    allocation : tensionlab.Allocation
         The complete result, so that nothing is lost.
     """
 
-    def __init__(self, message: str, allocation: Allocation) -> None:
+    def __init__(self, message: str, allocation: Any) -> None:
         super().__init__(message, allocation)
         self.allocation = allocation
 

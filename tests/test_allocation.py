@@ -12,7 +12,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
-from tensionlab.solvers.base import Answer, Nearest, Problem
+from tensionlab.solvers.base import Answer, Nearest, Problem, Verified
 
 PLANAR = np.array([[1.0, -0.6, -0.6], [0.0, 0.8, -0.8]])
 LIMITS = ([1.0, 1.0, 1.0], [10.0, 10.0, 10.0])
@@ -291,6 +291,18 @@ def test_a_liar_is_not_believed(policy: Nearest, claim: tuple[float, float]) -> 
     # Out of reach, but these tensions are not the best: nor is that NEAREST.
     lazy = tl.allocate(PLANAR, FAR, LIMITS, Stranger((5.0, 1.0, 9.0), claim), nearest=policy)
     assert lazy.status == tl.Status.ITERATION_LIMIT
+
+
+def test_only_built_in_solvers_may_verify_their_own_answers() -> None:
+    class Boaster(Stranger):
+        def solve_verified(self, problem: Problem) -> Verified:
+            raise AssertionError("never called")
+
+        prepare = solve_verified
+
+    for wrench in (REACHABLE, np.stack([REACHABLE, FAR])):
+        found = tl.allocate(PLANAR, wrench, LIMITS, Boaster((5.0, 1.0, 9.0)))
+        assert np.all(found.status == tl.Status.ITERATION_LIMIT)
 
 
 def test_tensions_outside_the_limits_are_clipped_before_they_are_measured() -> None:

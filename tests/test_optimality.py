@@ -12,7 +12,7 @@ from hypothesis import given, settings
 
 import tensionlab as tl
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
-from tensionlab.verification import measure
+from tensionlab.verification import verify
 from tests.support.oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
 from tests.support.problems import Case, cases, one, random_case, random_cases
 
@@ -229,7 +229,7 @@ def test_a_wrench_far_out_of_reach_excuses_no_poor_answer() -> None:
     given = Problem(
         batch.structure, 1e8 * batch.wrench, batch.lower, batch.upper, 0 * batch.lower, np.ones(3), "force"
     )
-    judged_lazy = measure(given, answer, (20,))
+    judged_lazy = verify(given, answer)
     worse = judged_lazy.residual > found.residual + 1e-3
     assert worse.sum() > 10
     assert np.all(judged_lazy.status[worse] == tl.Status.ITERATION_LIMIT)

@@ -6,7 +6,7 @@ import pytest
 import tensionlab as tl
 from tensionlab import _native
 from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
-from tensionlab.verification import measure
+from tensionlab.verification import verify
 
 LOWER, UPPER = 0.5, 6.0
 
@@ -85,7 +85,7 @@ def test_finds_what_its_statement_finds(n, m, nearest, proposed, blur):
         rng = np.random.default_rng(0)
         tensions = answer.tensions + blur * rng.normal(size=answer.tensions.shape)
         proposal = answer.separation if proposed else np.zeros((60, n))
-        found = measure(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()), (60,))
+        found = verify(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()))
         for row in range(60):
             status, residual, scale = statement(
                 problem.structure[row], problem.wrench[row], weights, nearest, tensions[row], proposal[row]
@@ -101,7 +101,7 @@ def test_the_compiled_judge_grazes_where_the_others_do():
 
 def test_tensions_outside_their_limits_are_clipped_before_they_are_measured():
     problem = problems(3, 4, 1, "force", 1.0, np.ones(3))
-    found = measure(problem, Answer(np.array([[-50.0, 3.0, 50.0, 3.0]]), np.zeros(1, dtype=np.int64)), (1,))
+    found = verify(problem, Answer(np.array([[-50.0, 3.0, 50.0, 3.0]]), np.zeros(1, dtype=np.int64)))
     np.testing.assert_array_equal(found.tensions, [[LOWER, 3.0, UPPER, 3.0]])
     np.testing.assert_allclose(found.wrench[0], problem.structure[0] @ found.tensions[0])
 
@@ -110,7 +110,7 @@ def test_a_solver_keeps_its_own_arrays():
     problem = problems(3, 4, 2, "force", 1.0, np.ones(3))
     mine = np.full((2, 4), -1.0)
     mine.flags.writeable = False  # as the arrays of a problem are
-    found = measure(problem, Answer(mine, np.zeros(2, dtype=np.int64)), (2,))
+    found = verify(problem, Answer(mine, np.zeros(2, dtype=np.int64)))
     assert (mine == -1.0).all()
     assert (found.tensions == LOWER).all()
 
@@ -129,7 +129,7 @@ def test_one_pass_over_a_batch_one_call_a_problem_and_solver_then_judge_agree(n,
     weights = np.linspace(1.0, 2.0, n)
     problem = problems(n, m, 700, nearest, stretch, weights)  # more than the compiled loop takes at a time
     limits = LOWER, UPPER
-    apart = measure(problem, tl.Newton().solve(problem), (700,))
+    apart = verify(problem, tl.Newton().solve(problem))
     whole = tl.allocate(problem.structure, problem.wrench, limits, nearest=nearest, wrench_weights=weights)
     allocator = tl.Allocator(limits, nearest=nearest, wrench_weights=weights)
     for name in ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation"):

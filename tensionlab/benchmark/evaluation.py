@@ -24,7 +24,7 @@ from tensionlab.benchmark.problem_sets import Group, ProblemSet
 from tensionlab.benchmark.rows import Evidence, Path, Row, empty_evidence, summarise
 from tensionlab.errors import TensionlabError
 from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Status
-from tensionlab.verification import measure
+from tensionlab.verification import verify
 
 BLOCK = 20
 """Problems that a contestant answers before it is the next one's turn."""
@@ -195,7 +195,7 @@ def _judge(
     evidence.iterations[rows] = found.iterations
     if contestant.setting == "proved":
         judged = replace(problem, nearest=contestant.nearest)
-        status = measure(judged, replace(found, tensions=tensions), (len(rows),)).status
+        status = verify(judged, replace(found, tensions=tensions)).status
         evidence.proved[rows] = (status == Status.EXACT) | (status == Status.NEAREST)
     evidence.tensions.update(zip(rows.tolist(), tensions, strict=True))
 

@@ -12,7 +12,7 @@ from tensionlab.benchmark.optimality_proof import distance_bound, sides, size
 from tensionlab.solvers.base import Problem, Status
 from tensionlab.solvers.linear import times, whitener
 from tensionlab.solvers.newton import Newton
-from tensionlab.verification import measure
+from tensionlab.verification import verify
 
 Flags = NDArray[np.bool_]
 
@@ -49,7 +49,7 @@ def optimum(problem: Problem) -> Optimum:
     follow from the equations, which are solved once more: cables nearly in a plane turn an error of 1e-11 N in
     the wrench, which no status minds, into one of 1e-4 N in the tensions.
     """
-    found = measure(problem, Newton().solve(problem), (len(problem),))
+    found = verify(problem, Newton().solve(problem))
     reachable = found.status == Status.EXACT
     tensions, sensitivity = _polished(problem, found.tensions, reachable)
     wrench = times(problem.structure, tensions)

@@ -11,9 +11,9 @@ import typer
 from tensionlab.cli.common import output
 
 if TYPE_CHECKING:
+    from tensionlab.allocation import Allocation
     from tensionlab.model.rig import Rig
     from tensionlab.solvers.base import Status
-    from tensionlab.verification import Allocation
 
 WORDS = {
     "EXACT": "exact: all limits kept, the wrench rendered",

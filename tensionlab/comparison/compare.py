@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats
 from tensionlab.comparison.scores import Score, finite, score
 from tensionlab.errors import ShapeError
@@ -18,7 +18,6 @@ from tensionlab.model.rig import Rig
 from tensionlab.solvers import make
 from tensionlab.solvers.base import POLICIES, Nearest, Status
 from tensionlab.solvers.selection import lineup
-from tensionlab.verification import Allocation
 
 TIMED_CALLS = 200
 """At most so many vectors are timed one by one, evenly spread over the set."""

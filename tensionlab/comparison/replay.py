@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.allocation import Allocator
+from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.scores import Score, finite, score
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import make
 from tensionlab.solvers.base import Nearest
 from tensionlab.solvers.selection import lineup
-from tensionlab.verification import Allocation
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab.allocation import Allocation
 from tensionlab.arrays import Floats, Integers, angles
 from tensionlab.solvers.base import Nearest, Status
-from tensionlab.verification import Allocation
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import fields
-from typing import Any
+from typing import Any, cast
 
 from tensionlab.errors import UnknownSolver
 from tensionlab.solvers import plugins
 from tensionlab.solvers.analytic_centre import AnalyticCentre
-from tensionlab.solvers.base import Answer, Nearest, Problem, Solver, Status
+from tensionlab.solvers.base import Answer, FusedSolver, Nearest, Problem, Solver, Status
 from tensionlab.solvers.closed_form import ClosedForm
 from tensionlab.solvers.convex import ConvexProgram
 from tensionlab.solvers.dykstra import Dykstra
@@ -82,4 +82,13 @@ def make(name: str) -> Solver:
     return variant
 
 
-__all__ = ["SOLVERS", "Answer", "Nearest", "Problem", "Solver", "Status", "make"]
+def fused(solver: Solver) -> FusedSolver | None:
+    """Return a solver that also verifies its answers, in one pass; None where `tensionlab.verification` has to.
+
+    Only built-in solvers may: the statuses of others are never believed.
+    """
+    built_in = type(solver) in SOLVERS.values() and hasattr(solver, "solve_verified")
+    return cast(FusedSolver, solver) if built_in else None
+
+
+__all__ = ["SOLVERS", "Answer", "Nearest", "Problem", "Solver", "Status", "fused", "make"]

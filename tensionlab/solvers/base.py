@@ -9,9 +9,9 @@ another distribution brings its own, through the entry point group ``tensionlab.
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal, Protocol, get_args
+from typing import ClassVar, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,10 +114,24 @@ class Answer:
     failures: dict[int, str] = field(default_factory=dict)
 
 
+class Verified(NamedTuple):
+    """Answers for a batch of B problems with what is proved about each, as in `tensionlab.Allocation`."""
+
+    tensions: Floats
+    wrench: Floats
+    residual: Floats
+    status: NDArray[np.int8]
+    scale: Floats
+    iterations: Integers
+    separation: Floats
+    failures: Mapping[int, str]
+
+
 class Solver(Protocol):
     """One way to choose tensions.
 
-    A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it.
+    A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it. A built-in
+    one whose kernel verifies in the same pass what it chooses is a `FusedSolver`.
 
     Attributes
     ----------
@@ -136,6 +150,26 @@ class Solver(Protocol):
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
+        ...
+
+
+SingleSolver = Callable[[object, object, Floats], tuple[int, int] | None]
+"""Takes the structure matrix and the wrench of one problem, and writes tensions (m), wrench (n), separation (n),
+residual and scale into the third argument. Returns status and iterations, or None where the arguments are not two
+float64 arrays of the right shapes and finite."""
+
+
+class FusedSolver(Solver, Protocol):
+    """Built-in solver that solves and verifies in one pass; `tensionlab.solvers.fused` finds out which do."""
+
+    def solve_verified(self, problem: Problem) -> Verified | None:
+        """Choose and verify tensions; None if an entry of a structure matrix or a wrench is not finite."""
+        ...
+
+    def prepare(
+        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, nearest: Nearest | None
+    ) -> SingleSolver:
+        """Return the same for single problems that have these limits, (m,), reference, weights and policy."""
         ...
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from tensionlab import _native
-from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem
+from tensionlab.arrays import MAX_MAGNITUDE, Floats
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem, Verified
 
 
 @dataclass(frozen=True)
@@ -47,3 +48,26 @@ class Newton:
             TOLERANCE,
         )
         return Answer(tensions, iterations, separation)
+
+    def solve_verified(self, problem: Problem) -> Verified | None:
+        """Choose and verify tensions in one pass over the batch (native/bind_allocate.cpp)."""
+        found = _native.allocate(
+            problem.structure,
+            problem.wrench,
+            problem.lower,
+            problem.upper,
+            problem.reference,
+            problem.weights,
+            POLICIES.index(problem.nearest or "force"),
+            MAX_MAGNITUDE,
+            TOLERANCE,
+            RANK_TOLERANCE,
+        )
+        return None if found is None else Verified(*found, {})
+
+    def prepare(
+        self, lower: Floats, upper: Floats, reference: Floats, weights: Floats, nearest: Nearest | None
+    ) -> _native.Single:
+        """Return what solves and verifies one problem with these limits, reference, weights and policy."""
+        policy = POLICIES.index(nearest or "force")
+        return _native.Single(lower, upper, reference, weights, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)

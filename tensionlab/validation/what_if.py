@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import tensionlab.validation.trials as table
-from tensionlab.allocation import allocate
+from tensionlab.allocation import Allocation, allocate
 from tensionlab.arrays import Floats
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
@@ -35,7 +35,6 @@ from tensionlab.validation.protocol import BASIS, Protocol
 from tensionlab.validation.quasi_static import settled, wandering
 from tensionlab.validation.statistics import WITHIN, deviations
 from tensionlab.validation.trials import Trial
-from tensionlab.verification import Allocation
 
 LIKE = PRESETS["paper-like"]
 ALONE = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks import stress
-from tensionlab.solvers.base import POLICIES
-from tensionlab.verification import Allocation, measure
+from tensionlab.solvers.base import POLICIES, Verified
+from tensionlab.verification import verify
 
 
 def test_the_exact_solver_is_never_wrong_and_never_without_proof():
@@ -23,13 +23,13 @@ def test_the_exact_solver_is_never_wrong_and_never_without_proof():
 
 
 def test_an_answer_that_is_off_by_little_is_found_out(monkeypatch: pytest.MonkeyPatch):
-    def spoilt(problem, answer, shape) -> Allocation:
+    def spoilt(problem, answer) -> Verified:
         # Along the null space: the wrench is the same, the tensions are not the closest.
         null = np.linalg.svd(problem.structure)[2][:, -1]
         answer.tensions[...] = np.clip(answer.tensions + 1e-5 * null, problem.lower, problem.upper)
-        return measure(problem, answer, shape)
+        return verify(problem, answer)
 
-    monkeypatch.setattr(stress, "measure", spoilt)
+    monkeypatch.setattr(stress, "verify", spoilt)
     monkeypatch.setattr(stress, "SHAPES", ((3, 8),))
     tallies = stress.stress(20_000)
     assert tallies["within reach", "force"].wrong > 0.5 * tallies["within reach", "force"].problems

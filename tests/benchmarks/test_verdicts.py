@@ -8,7 +8,7 @@ from benchmarks.exact_check import flaw
 from benchmarks.hostile_problems import GEOMETRIES, SHAPES, hostile_problems
 from tensionlab.solvers.base import POLICIES, Status
 from tensionlab.solvers.newton import Newton
-from tensionlab.verification import measure
+from tensionlab.verification import verify
 
 
 def test_every_verdict_is_right_and_none_takes_long():
@@ -41,7 +41,7 @@ def test_problems_are_of_every_kind_and_many_can_be_rendered_in_exact_arithmetic
     problem, inside, kinds = hostile_problems(np.random.default_rng(0), 3, 4, 400)
     assert set(kinds) == set(GEOMETRIES)
     assert ((problem.lower <= inside) & (inside <= problem.upper)).all()
-    found = measure(problem, Newton().solve(problem), (400,))
+    found = verify(problem, Newton().solve(problem))
     proved = [
         flaw(problem.structure[i], problem.wrench[i], (problem.lower[i], problem.upper[i]), "force",
              (Status.NEAREST, found.tensions[i], found.separation[i], np.nan), inside[i])
@@ -53,7 +53,7 @@ def test_problems_are_of_every_kind_and_many_can_be_rendered_in_exact_arithmetic
 @pytest.mark.parametrize("policy", POLICIES)
 def test_a_verdict_that_is_off_by_little_is_found_out(policy):
     problem, _, _ = hostile_problems(np.random.default_rng(5), 3, 4, 300, policy)
-    found = measure(problem, Newton().solve(problem), (300,))
+    found = verify(problem, Newton().solve(problem))
     caught = dict.fromkeys(("limits", "exact", "direction", "nearer"), 0)
     for i in range(300):
         W, w, limits = problem.structure[i], problem.wrench[i], (problem.lower[i], problem.upper[i])
