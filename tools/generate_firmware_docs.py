@@ -16,7 +16,7 @@ from typing import get_type_hints
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol import codes
-from tensionlab.hardware.protocol.descriptions import EVENTS, MEANINGS, PARAMETER_MEANINGS
+from tensionlab.hardware.protocol.descriptions import DESCRIPTIONS, EVENTS, PARAMETER_DESCRIPTIONS
 from tensionlab.hardware.protocol.frames import CHECKSUM, DELIMITER, checksum, crc16
 from tensionlab.hardware.protocol.messages import MESSAGES, Message, SetTension
 from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, TRANSITIONS
@@ -65,7 +65,7 @@ def described(message: type[Message]) -> str:
 def words(kind: type[IntEnum | IntFlag]) -> str:
     """Which numbers stand for which words?"""
     names = [member.name or "" for member in kind]
-    rows = zip([f"`{member.value}`" for member in kind], names, explained(MEANINGS[kind], names), strict=True)
+    rows = zip([f"`{member.value}`" for member in kind], names, explained(DESCRIPTIONS[kind], names), strict=True)
     return table(("Number", "Name", "Meaning"), rows)
 
 
@@ -99,7 +99,9 @@ def parameters() -> str:
     """What can be set on a module?"""
     rows = [
         (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.standard:g}", meaning)
-        for (name, row), meaning in zip(PARAMETERS.items(), explained(PARAMETER_MEANINGS, PARAMETERS), strict=True)
+        for (name, row), meaning in zip(
+            PARAMETERS.items(), explained(PARAMETER_DESCRIPTIONS, PARAMETERS), strict=True
+        )
     ]
     return table(("", "Parameter", "Unit", "Least", "Most", "Standard", "What it is"), rows)
 

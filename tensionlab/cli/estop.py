@@ -19,9 +19,9 @@ def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) 
     This is software. Whatever it says, the cut of the motor supply is what protects.
     """
     from tensionlab.hardware.client.emergency_stop import emergency_stop
-    from tensionlab.hardware.client.locks import claimed
+    from tensionlab.hardware.client.locks import locked_links
 
-    links = {url: url for url in claimed()} if not words and modules is None else targets(words, modules)
+    links = {url: url for url in locked_links()} if not words and modules is None else targets(words, modules)
     outcomes = emergency_stop(links) if links else {}
     if json:
         output.print_json(

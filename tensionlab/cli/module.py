@@ -162,15 +162,15 @@ def clear(words: Words = None, modules: ModulesFile = None, json: Json = False) 
 def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
     """Have all carry out a command, and show in which state that left them."""
     from tensionlab.errors import ModuleFault
-    from tensionlab.hardware.client.group import PATIENT_TRIES
-    from tensionlab.hardware.protocol.codes import BEYOND_STOP
+    from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
+    from tensionlab.hardware.protocol.codes import LATCHED_STATES
     from tensionlab.hardware.protocol.messages import Stop
 
     def tell(client: ModuleClient) -> State | None:
         try:
-            client.tell(command, PATIENT_TRIES)
+            client.command(command, PATIENT_TIMEOUTS_S)
         except ModuleFault:  # its driver is off already
-            if not (isinstance(command, Stop) and client.state in BEYOND_STOP):
+            if not (isinstance(command, Stop) and client.state in LATCHED_STATES):
                 raise
         return client.state
 
@@ -190,7 +190,7 @@ def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
         )
     else:
         for name, state in states.items():
-            off = ": driver off; `tensionlab module clear` leads out of it" if state in BEYOND_STOP else ""
+            off = ": driver off; `tensionlab module clear` leads out of it" if state in LATCHED_STATES else ""
             typer.echo(f"{name}: {'done' if state is None else state.name.lower()}{off}")
     complain(failed)
 

@@ -33,7 +33,7 @@ Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they o
 def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
     from tensionlab.hardware.client.parameter_file import parameters, plain
-    from tensionlab.hardware.protocol.descriptions import PARAMETER_MEANINGS
+    from tensionlab.hardware.protocol.descriptions import PARAMETER_DESCRIPTIONS
     from tensionlab.hardware.simulation.simulated_module import PARAMETERS
 
     wanted = [word for word in words or () if word in PARAMETERS]
@@ -57,7 +57,7 @@ def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) ->
             grid.add_column("what it is")
         for row in rows:
             values = (plain(found[row].value) for found in answers.values())
-            about = [PARAMETER_MEANINGS[row]] if len(answers) == 1 else []
+            about = [PARAMETER_DESCRIPTIONS[row]] if len(answers) == 1 else []
             grid.add_row(row, *values, PARAMETERS[row].unit, *about)
         output.console().print(grid)
     complain(failed)

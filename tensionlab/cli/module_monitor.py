@@ -101,7 +101,7 @@ def _picture(clients: dict[str, ModuleClient], failed: dict[str, HardwareError])
     from rich.text import Text
 
     from tensionlab.hardware.protocol.codes import Fault, Limit
-    from tensionlab.hardware.protocol.descriptions import MEANINGS
+    from tensionlab.hardware.protocol.descriptions import DESCRIPTIONS
 
     grid = output.table(gap=1)
     grid.add_column("module", overflow="fold")
@@ -138,8 +138,8 @@ def _picture(clients: dict[str, ModuleClient], failed: dict[str, HardwareError])
                 f"{1e3 * (client.link.clock() - heard.time):.0f}",
                 f"{client.bad_frames + said.bad_frames}/{said.lost_frames}",
             )
-    lines = [f"{limit.name.lower()}: {MEANINGS[Limit][limit.name]}" for limit in sorted(shown - {Limit.NONE})]
-    lines += [f"{fault.name.lower()}: {MEANINGS[Fault][fault.name]}" for fault in faults if fault.name]
+    lines = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(shown - {Limit.NONE})]
+    lines += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
     return Group(grid, Text("\n".join(lines).replace("`", ""), style="dim"))
 
 

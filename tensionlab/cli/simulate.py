@@ -115,7 +115,7 @@ def simulate(
     from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
     from tensionlab.hardware.simulation.recording import Recording
     from tensionlab.hardware.simulation.serve import ServedModule, serve
-    from tensionlab.hardware.simulation.world import GIVE
+    from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
     from tensionlab.validation.sensor_server import ServedSensor
 
     if not 0.0 < speed <= 1000.0:
@@ -176,7 +176,7 @@ def simulate(
         for each in (signal.SIGINT, signal.SIGTERM):
             signal.signal(each, lambda number, _: ended.append(number))
         typer.echo(text)
-        serve(served, speed, lambda: bool(ended), watchers, math.inf if person is None else GIVE)
+        serve(served, speed, lambda: bool(ended), watchers, math.inf if person is None else COMPLIANT_STEP_S)
 
 
 def _scenario(name: str, rig: Path | None) -> Scenario:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.hardware.protocol.codes import BEYOND_STOP, Limit
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
 from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, legend_beside, new_figure
 from tensionlab.solvers.base import Status
 
@@ -166,7 +166,7 @@ def severity(run: Run) -> NDArray[np.int64]:
     worst = np.zeros(run.limits.shape, dtype=np.int64)
     for level, (_, _, limits) in enumerate(HELD):
         worst[np.isin(run.limits, [int(limit) for limit in limits])] = level
-    broken = np.isin(run.states, [int(state) for state in BEYOND_STOP]) | (run.faults != 0) | ~run.active
+    broken = np.isin(run.states, [int(state) for state in LATCHED_STATES]) | (run.faults != 0) | ~run.active
     worst[broken] = len(HELD)
     return worst
 

@@ -107,7 +107,7 @@ class Person:
         """Let the script begin now, unless it has."""
         self._start = min(self._start, self._time)
 
-    def feel(self, tensions: Floats) -> None:
+    def apply_tensions(self, tensions: Floats) -> None:
         """Take what the cables pull with from now on, (m,) in N."""
         self._tensions = tensions
 

@@ -14,7 +14,7 @@ from tensionlab.demand import Pose
 from tensionlab.haptics.bridge.client_state import HAND
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-from tensionlab.hardware.simulation.world import GIVE
+from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
 from tensionlab.model.pose import frame_of
 from tensionlab.scenarios import Person, PersonPlan, Scenario, Script, Waypoint
 
@@ -61,8 +61,10 @@ class ServedPerson:
         samples = [module.sample for module in modules]
         now = samples[0].seconds
         self._follow([sample.state in UP for sample in samples], now)
-        self._person.feel(np.array([sample.tension for sample in samples]))
-        pose = self._person(now + GIVE - self._since)  # where the cables are to be after the modules' next step
+        self._person.apply_tensions(np.array([sample.tension for sample in samples]))
+        pose = self._person(
+            now + COMPLIANT_STEP_S - self._since
+        )  # where the cables are to be after the modules' next step
         self._lengths = self._rig.lengths(*pose)
         due = int(now * TRACKED)
         if self._track is not None and due > self._tracked:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule, Trace
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule, Trace
 from tensionlab.model.rig import Rig
 from tensionlab.validation.alignment import UPRIGHT
 from tensionlab.validation.drift_noise import RATE, Wander
 from tensionlab.validation.error_model import Errors, true_rig
 
-STRIDE = round(1.0 / RATE / STEP)
+STRIDE = round(1.0 / RATE / STEP_S)
 """Steps of the firmware from one sample to the next."""
 
 

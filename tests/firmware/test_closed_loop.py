@@ -5,7 +5,7 @@ import pytest
 
 from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import ConfigureTelemetry, Stop
-from tensionlab.hardware.simulation.simulated_module import STEP, Trace
+from tensionlab.hardware.simulation.simulated_module import STEP_S, Trace
 from tests.support.modules import Host
 
 HOLD = 186.0  # N, published: what the brake holds
@@ -72,7 +72,7 @@ def test_a_step_from_the_taut_minimum_to_3_newton_settles_in_50_ms():
     host.hold(0.5, 0.3)
     host.pull(3.0)
     trace = host.module.trace(0.24)
-    after = np.arange(1, len(trace.tension) + 1) * STEP
+    after = np.arange(1, len(trace.tension) + 1) * STEP_S
     assert np.abs(trace.tension[after > 0.05] / 3.0 - 1.0).max() < 0.05
     assert trace.tension[after < 0.01].max() < 1.5, "and not faster than the slew"
 
@@ -81,19 +81,19 @@ def test_6_newton_are_pulled_for_a_while_and_3_for_ever():
     host = calibrated()
     trace = joined(host.hold(6.0, 100.0))
     full = trace.commanded >= 5.999
-    assert full[round(0.2 / STEP)]
-    seconds = full.sum() * STEP
+    assert full[round(0.2 / STEP_S)]
+    seconds = full.sum() * STEP_S
     assert 2.0 < seconds < 10.0
-    derated = trace.commanded[-round(10.0 / STEP) :]
+    derated = trace.commanded[-round(10.0 / STEP_S) :]
     assert derated.max() < 3.2
     assert derated.min() > 2.9
     assert trace.limit[-1] == Limit.THERMAL
     # It sinks smoothly, and the winding never has to stand more than its budget: the mean square over its time
     # constant stays below the continuous current's.
-    assert np.diff(trace.commanded[round(0.2 / STEP) :]).min() > -1e-3
+    assert np.diff(trace.commanded[round(0.2 / STEP_S) :]).min() > -1e-3
     warmth = 0.0
     for square in trace.current[::40] ** 2:
-        warmth += (square - warmth) * 40 * STEP / 20.0
+        warmth += (square - warmth) * 40 * STEP_S / 20.0
         assert warmth < 1.05
     # Rested, it has some of its strength back.
     host.hold(0.5, 30.0)
@@ -189,7 +189,7 @@ def test_the_brake_keeps_its_dwell_however_fast_it_is_asked(dwell):
         host.pull(0.5, brake=step % 2 == 0)
         flips.append(host.module.trace(0.01))
     down = joined(flips).pawl_down
-    changes = np.flatnonzero(np.diff(down)) * STEP
+    changes = np.flatnonzero(np.diff(down)) * STEP_S
     assert len(changes) > 3
     assert np.diff(changes).min() > 0.9 * dwell
 

@@ -28,7 +28,7 @@ from tensionlab.hardware.protocol.messages import (
     Stop,
     Telemetry,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP_S, SimulatedModule
 from tests.support.modules import SESSION, Host, host_in
 
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
@@ -64,7 +64,7 @@ def test_a_module_is_armed_only_when_idle_calibrated_and_free_of_faults():
 def test_before_its_first_step_a_module_cannot_be_armed():
     module = SimulatedModule()
     module.receive(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0).frame(1).pack() + Arm(SESSION).frame(2).pack())
-    module.advance(STEP)
+    module.advance(STEP_S)
     assert module.sample.state == State.IDLE
 
 

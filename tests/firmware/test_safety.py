@@ -20,13 +20,13 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     Stop,
 )
-from tensionlab.hardware.simulation.simulated_module import PARTS, STEP, Sample, SimulatedModule, Trace
+from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, Sample, SimulatedModule, Trace
 from tests.support.modules import SESSION, Host, host_in
 
 LOWER, UPPER, SLEW, PEAK, RELEASE = 0.5, 6.0, 60.0, 2.2, 2.0
 TINY = 1e-5  # of single precision
 STAGE = 2.0  # s: the second stage of a timeout
-SETTLED = UPPER / SLEW + 2 * STEP  # s: the ramp down
+SETTLED = UPPER / SLEW + 2 * STEP_S  # s: the ramp down
 
 
 def check_steps(before: Sample, trace: Trace) -> None:
@@ -79,7 +79,7 @@ class Watch:
         late = trace.seconds - self.expires
         most = RELEASE if self.braked else LOWER
         assert (trace.commanded[late > SETTLED] <= most + TINY).all()
-        assert not trace.driver_on[late > STAGE + LOWER / SLEW + RELEASE / SLEW + 3 * STEP].any()
+        assert not trace.driver_on[late > STAGE + LOWER / SLEW + RELEASE / SLEW + 3 * STEP_S].any()
 
 
 FLOATS = st.floats(width=32)
@@ -104,7 +104,7 @@ ACTIONS = st.one_of(
     st.tuples(st.just("close"), st.none()),
     st.tuples(st.just("move"), st.floats(0.96, 1.04)),
 )
-WAITS = st.sampled_from([0.0, STEP, 0.003, 0.02, 0.1, 0.3, 2.5])
+WAITS = st.sampled_from([0.0, STEP_S, 0.003, 0.02, 0.1, 0.3, 2.5])
 
 
 @settings(max_examples=400)
@@ -159,10 +159,10 @@ def test_without_set_points_a_module_is_taut_and_then_off(tension, ttl_ms):
     trace = host.module.trace(5.0)
     after = trace.seconds - since
     assert (trace.state[after <= life] == State.RUNNING).all()
-    assert (trace.state[after > life + 1.5 * STEP] == State.TIMEOUT).all(), "and it latches"
+    assert (trace.state[after > life + 1.5 * STEP_S] == State.TIMEOUT).all(), "and it latches"
     ramp = life + (max(tension, LOWER) - LOWER) / SLEW
-    np.testing.assert_allclose(trace.commanded[(after > ramp + 2 * STEP) & (after < life + STAGE)], LOWER)
-    off = after > life + STAGE + LOWER / SLEW + 3 * STEP
+    np.testing.assert_allclose(trace.commanded[(after > ramp + 2 * STEP_S) & (after < life + STAGE)], LOWER)
+    off = after > life + STAGE + LOWER / SLEW + 3 * STEP_S
     assert not trace.driver_on[off].any()
     assert off.sum() > 3900
     assert host.code(SetTension(SESSION, 1.0)) == Code.BAD_STATE
@@ -173,7 +173,7 @@ def test_a_link_that_closes_is_a_timeout_at_once():
     host.module.close_link()
     trace = host.module.trace(0.1)
     assert (trace.state == State.TIMEOUT).all()
-    assert trace.commanded[round(2.5 / SLEW / STEP) + 1] == pytest.approx(LOWER)
+    assert trace.commanded[round(2.5 / SLEW / STEP_S) + 1] == pytest.approx(LOWER)
 
 
 @pytest.mark.parametrize("slew", [10.0, 300.0])
@@ -186,8 +186,8 @@ def test_at_any_slew_the_ramp_ends_before_the_driver_goes_off(slew):
     trace = host.module.trace(3.0)
     steps = np.abs(np.diff(trace.commanded))
     assert trace.commanded[0] == pytest.approx(12.0)
-    assert steps.max() <= slew * STEP + TINY
-    assert trace.commanded[round(2.2 / STEP)] == pytest.approx(0.1)
+    assert steps.max() <= slew * STEP_S + TINY
+    assert trace.commanded[round(2.2 / STEP_S)] == pytest.approx(0.1)
     assert not trace.driver_on[-1]
 
 

@@ -4,7 +4,7 @@ import pytest
 
 
 @pytest.fixture
-def claims_folder(tmp_path, monkeypatch):
+def locks_folder(tmp_path, monkeypatch):
     """Claims of this test are nobody else's; they lie there."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

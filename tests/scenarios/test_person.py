@@ -28,7 +28,7 @@ def test_a_steady_force_moves_it_by_force_over_stiffness(rig):
     person, force = still(rig), np.array([0.5, 0.0, -1.0])
     person.begin()
     for time in np.arange(0.001, 2.0, 0.001):
-        person.feel(tensions_of(rig, person, force))
+        person.apply_tensions(tensions_of(rig, person, force))
         person(time)
     assert person.pose.position - rig.home == pytest.approx(force / 200.0, abs=1e-6)
     assert person.felt.force[-1] == pytest.approx(force, abs=1e-9)
@@ -38,7 +38,7 @@ def test_a_push_begins_with_force_over_mass(rig):
     person, force = still(rig, mass=2.0), np.array([0.0, 1.0, 0.0])
     person.begin()
     for time in np.arange(0.001, 0.0105, 0.001):
-        person.feel(tensions_of(rig, person, force))
+        person.apply_tensions(tensions_of(rig, person, force))
         person(time)
     assert (person.pose.position - rig.home)[1] == pytest.approx(0.5 * 0.5 * 0.01**2, rel=0.12)
 
@@ -50,7 +50,7 @@ def test_it_swings_with_its_own_frequency_and_loses_energy(rig):
     force = np.array([0.0, 1.0, 0.0])
     for time in np.arange(0.001, 10.0, 0.001):
         pulls = tensions_of(rig, person, force) if time < 4.0 else np.zeros(rig.m)
-        person.feel(pulls)
+        person.apply_tensions(pulls)
         person(time)
     felt = person.felt
     swing = (felt.position - rig.home)[felt.time > 4.0, 1]
@@ -76,7 +76,7 @@ def test_it_stands_still_until_it_begins_and_its_script_begins_then():
     step = Script((Waypoint(0.0, (0.0, 0.0, 0.0)), Waypoint(1.0, (0.1, 0.0, 0.0))))
     bodies = dict.fromkeys(rig.frames, step)
     person = Person(PersonPlan(1.0, 200.0, 20.0, Script((start,), Sway((0.01, 0.0, 0.0))), bodies), rig)
-    person.feel(np.full(rig.m, 6.0))
+    person.apply_tensions(np.full(rig.m, 6.0))
     person(5.0)
     assert person.pose.position == pytest.approx(rig.home)
     assert len(person.felt.time) == 0

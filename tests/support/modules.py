@@ -13,7 +13,7 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     read,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP_S, SimulatedModule
 
 SESSION = 77
 
@@ -26,7 +26,7 @@ class Host:
         self.decoder = Decoder()
         self.sequence = 0
         self.session = session
-        self.module.advance(STEP)  # before its first step, the firmware knows nothing
+        self.module.advance(STEP_S)  # before its first step, the firmware knows nothing
 
     def say(self, message: Message, sequence: int | None = None) -> list[Message]:
         """Send a message; what the module has said up to now, without any time passing."""

@@ -19,7 +19,7 @@ README = (FIRMWARE / "README.md").read_text(encoding="utf-8")
 def test_everything_is_explained():
     with pytest.raises(HardwareError, match="explain, or drop, one, two"):
         documents.explained({"one": "", "three": ""}, ["two", "three"])
-    assert list(documents.PARAMETER_MEANINGS) == list(PARAMETERS)
+    assert list(documents.PARAMETER_DESCRIPTIONS) == list(PARAMETERS)
     assert len(documents.EVENTS) == len(TRANSITIONS)
 
 

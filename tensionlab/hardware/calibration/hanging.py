@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.calibration.gain import GRAVITY
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 class HangingMass(SimulatedModule):
@@ -32,15 +32,15 @@ class HangingMass(SimulatedModule):
         self.mass = mass
         self._floor = self._place = floor
         self._speed = 0.0
-        self.advance(STEP)  # before its first step, a module knows nothing
+        self.advance(STEP_S)  # before its first step, a module knows nothing
 
     def advance(self, seconds: float, distance: float | None = None) -> None:
         """Let time pass, rounded to steps of the firmware."""
         if distance is not None:
             raise HardwareError("a hanging mass moves the cable's far end by itself; give no distance")
-        for _ in range(round(seconds / STEP)):
-            self._speed += (GRAVITY - self.sample.tension / self.mass) * STEP
-            self._place += self._speed * STEP
+        for _ in range(round(seconds / STEP_S)):
+            self._speed += (GRAVITY - self.sample.tension / self.mass) * STEP_S
+            self._place += self._speed * STEP_S
             if self._place >= self._floor:
                 self._place, self._speed = self._floor, 0.0
-            super().advance(STEP, self._place)
+            super().advance(STEP_S, self._place)

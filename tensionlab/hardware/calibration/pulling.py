@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, ModuleFault
-from tensionlab.hardware.client.connection import Heard
+from tensionlab.hardware.client.connection import Received
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Limit, State
@@ -45,7 +45,7 @@ class Puller:
         self.info = info
         self.heard: list[Telemetry] = []
 
-    def take(self, heard: Heard[Message]) -> None:
+    def take(self, heard: Received[Message]) -> None:
         """Keep what the module says."""
         if isinstance(heard.message, Telemetry):
             self.heard.append(heard.message)

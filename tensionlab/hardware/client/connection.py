@@ -26,7 +26,7 @@ from tensionlab.hardware.protocol.messages import (
     read,
 )
 
-TRIES = (0.2, 0.3, 0.45)
+ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
 """How long each try waits for an answer, in s."""
 RESTARTED_US = 1_000_000
 """A clock of a module that has gone back by so much, in us, has started anew."""
@@ -38,11 +38,11 @@ ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)
 """What makes no sense among these is an error of who waits for it."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
-Said_co = TypeVar("Said_co", bound=Message, covariant=True)
+MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
 
 
 @dataclass(frozen=True)
-class Heard(Generic[Said_co]):
+class Received(Generic[MessageType_co]):
     """What a module has said without being asked, and when.
 
     Attributes
@@ -52,11 +52,11 @@ class Heard(Generic[Said_co]):
         When it came, by the clock of the link, in s.
     """
 
-    message: Said_co
+    message: MessageType_co
     time: float
 
 
-class Conversation:
+class Connection:
     """Talk with one module: any command, its answer, and what the module says by itself.
 
     A thread reads the link; with a simulated module in this process there is none, and what the module says is
@@ -71,7 +71,7 @@ class Conversation:
 
     Attributes
     ----------
-    telemetry : Heard or None
+    telemetry : Received or None
         The latest, and when it came.
     stale_frames : int
         Telemetry that was no newer than what was there: repeated, or overtaken on its way. It is left alone.
@@ -88,11 +88,11 @@ class Conversation:
     def __init__(self, name: str, link: Link | str) -> None:
         self.name = name
         self.link = open_link(link) if isinstance(link, str) else link
-        self.telemetry: Heard[Telemetry] | None = None
+        self.telemetry: Received[Telemetry] | None = None
         self.stale_frames = self.repeated = 0
         self.state: State | None = None
         self.faults = Fault(0)
-        self.on_message: Callable[[Heard[Message]], None] | None = None
+        self.on_message: Callable[[Received[Message]], None] | None = None
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
         self._set_point = self._armed = random.randrange(256)
@@ -115,7 +115,7 @@ class Conversation:
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=1.0)
 
-    def tell(self, command: Message, tries: tuple[float, ...] = TRIES) -> None:
+    def command(self, command: Message, tries: tuple[float, ...] = ANSWER_TIMEOUTS_S) -> None:
         """Have a command carried out.
 
         Raises
@@ -127,13 +127,15 @@ class Conversation:
         ProtocolError
             The module speaks another protocol, or its answer makes no sense.
         """
-        self.ask(command, Acknowledge, tries)
+        self.request(command, Acknowledge, tries)
 
-    def ask(self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = TRIES) -> AnswerType:
-        """What does the module answer? Errors as those of `tell`. A repeated command has the same number."""
+    def request(
+        self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = ANSWER_TIMEOUTS_S
+    ) -> AnswerType:
+        """What does the module answer? Errors as those of `command`. A repeated command has the same number."""
         sequence: int | None = None
         for timeout in tries:
-            sequence = self.post(command, sequence)
+            sequence = self.send(command, sequence)
             end = self.link.clock() + timeout
             while (found := self.answer(command, sequence, answer)) is None:
                 left = end - self.link.clock()
@@ -143,7 +145,7 @@ class Conversation:
                 return found
         raise self.unanswered(command, len(tries))
 
-    def post(self, command: Message, sequence: int | None = None) -> int:
+    def send(self, command: Message, sequence: int | None = None) -> int:
         """Send a command without waiting; returns its number. Sent again, it keeps the number it had."""
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, Arm) else self._next()
@@ -160,7 +162,7 @@ class Conversation:
         return sequence
 
     def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:
-        """Return what has come in answer to a command, None if nothing yet; errors as those of `tell`."""
+        """Return what has come in answer to a command, None if nothing yet; errors as those of `command`."""
         if self._broken is not None:
             raise self._broken
         with self._news:
@@ -283,11 +285,11 @@ class Conversation:
                     self.repeated += 1
                     continue
                 self.repeated = 0
-                self.telemetry = Heard(message, now)
+                self.telemetry = Received(message, now)
             if isinstance(message, Telemetry | Event):
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:
-                self.on_message(Heard(message, now))
+                self.on_message(Received(message, now))
 
 
 def is_newer(message: Telemetry, before: Telemetry) -> bool:

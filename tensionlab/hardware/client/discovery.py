@@ -19,7 +19,7 @@ BRIDGES = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif
 """Makers of the chips by which an ESP32 hangs on USB."""
 NAME = "tensionlab-"
 """What the Bluetooth name of a module begins with; its serial number follows."""
-TRIES = (0.3, 0.5, 1.0)
+TIMEOUTS_S = (0.3, 0.5, 1.0)
 """How long each try waits for an answer, in s: a board that was reset by the opening needs a second."""
 AT_ONCE = 8
 """Ports that are asked at the same time."""
@@ -87,7 +87,7 @@ def ask(url: str, about: str = "") -> Found:
         return Found(url, about, problem=f"in use by {taken}", in_use=True)
     try:
         with ModuleClient(url, url) as client:
-            return Found(url, about, client.ask(Hello(), Info, TRIES))
+            return Found(url, about, client.request(Hello(), Info, TIMEOUTS_S))
     except LinkTimeout:
         return Found(url, about, problem="no answer")
     except HardwareError as error:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.hardware.client.group import PATIENT_TRIES
+from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL, Holder, holder
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
@@ -60,7 +60,7 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
         while True:
             try:
                 with ModuleClient(name, links[name]) as client:
-                    client.tell(EmergencyStop(), PATIENT_TRIES)
+                    client.command(EmergencyStop(), PATIENT_TIMEOUTS_S)
                     return Outcome(who)
             except HardwareError as error:
                 now = holder(links[name]) if isinstance(error, LinkError) else None

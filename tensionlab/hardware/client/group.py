@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
-from tensionlab.hardware.client.connection import TRIES, AnswerType
+from tensionlab.hardware.client.connection import ANSWER_TIMEOUTS_S, AnswerType
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import BEYOND_STOP, State
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
 from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
@@ -27,7 +27,7 @@ from tensionlab.hardware.protocol.messages import (
 from tensionlab.hardware.simulation.simulated_module import PARAMETERS
 from tensionlab.model.rig import Rig
 
-PATIENT_TRIES = (*TRIES, *(TRIES[-1],) * 5)
+PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
 """How long each try waits for an answer, in s. They are more than the protocol's: a bad link is no reason to give
 up before a run, and less so at its end."""
 BREATH = 2e-3
@@ -70,7 +70,7 @@ class ModuleGroup:
         HardwareError
             Naming the module: it is in use, has a fault, is not calibrated, or has other limits than the rig.
         """
-        self.infos = tuple(client.met(info) for client, info in self._all(Hello(), Info))
+        self.infos = tuple(client.check_info(info) for client, info in self._all(Hello(), Info))
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
             if info.state in (State.ARMED, State.RUNNING):
                 raise LinkError(f'module "{client.name}" at {client.link.url} is in use: somebody has it armed')
@@ -146,7 +146,9 @@ class ModuleGroup:
     def _let_go(self, command: Message) -> dict[str, HardwareError]:
         _, failed = self._together(dict.fromkeys(self.clients, command), Acknowledge, {})
         there = {
-            client for client in failed if isinstance(failed[client], ModuleFault) and client.state in BEYOND_STOP
+            client
+            for client in failed
+            if isinstance(failed[client], ModuleFault) and client.state in LATCHED_STATES
         }
         return {client.name: error for client, error in failed.items() if client not in there}
 
@@ -177,10 +179,10 @@ class ModuleGroup:
         waiting: dict[ModuleClient, int] = {}
         left = set(commands)
         alive = 0.0
-        for timeout in PATIENT_TRIES:
+        for timeout in PATIENT_TIMEOUTS_S:
             for client in left:
                 with _kept(failed, client):
-                    waiting[client] = client.post(commands[client], waiting.get(client))
+                    waiting[client] = client.send(commands[client], waiting.get(client))
             end = time.monotonic() + timeout
             while (left := {client for client in waiting if client not in failed}) and time.monotonic() < end:
                 for client in left:
@@ -197,7 +199,7 @@ class ModuleGroup:
                 if waiting:
                     self._breathe()
         for client in left:
-            failed[client] = client.unanswered(commands[client], len(PATIENT_TRIES))
+            failed[client] = client.unanswered(commands[client], len(PATIENT_TIMEOUTS_S))
         return answers, failed
 
     def _breathe(self) -> None:

@@ -73,7 +73,7 @@ def measure(client: ModuleClient, count: int, told: Callable[[int], bool]) -> Tr
     while done < count:
         began = client.link.clock()
         try:
-            pong = client.ask(Ping(done), Pong, (PATIENCE,))
+            pong = client.request(Ping(done), Pong, (PATIENCE,))
             now = client.link.clock()
             times.append(now - began)
             offsets.append(1e-6 * pong.time_us - (began + now) / 2)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tensionlab.errors import LinkError, MissingDependency
-from tensionlab.hardware.client.locks import Claim
+from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 
@@ -119,25 +119,25 @@ def open_link(url: str) -> Link:
     if url == "sim:":
         return SimulatedLink(SimulatedModule())
     kind = BluetoothLink if url.startswith("bt://") else SerialLink
-    claim = Claim(url)
+    lock = LinkLock(url)
     try:
-        return kind(url, claim)
+        return kind(url, lock)
     except BaseException:
-        claim.release()
+        lock.release()
         raise
 
 
 class SerialLink:
-    """A serial port, or TCP in its place, through pyserial; the claim ends with it."""
+    """A serial port, or TCP in its place, through pyserial; the lock ends with it."""
 
     lockstep = False
 
-    def __init__(self, url: str, claim: Claim) -> None:
+    def __init__(self, url: str, lock: LinkLock) -> None:
         try:
             import serial
         except ImportError as missing:
             raise MissingDependency(NEEDS_PYSERIAL) from missing
-        self.url, self._claim = url, claim
+        self.url, self._lock = url, lock
         # A port that is closed while another thread reads it is none of pyserial's own errors.
         self._broken = (serial.SerialException, TypeError, AttributeError)
         try:
@@ -189,16 +189,16 @@ class SerialLink:
         self._port.close()
         if inner is not None:
             inner.close()  # which pyserial forgets if the far end has gone
-        self._claim.release()
+        self._lock.release()
 
 
 class BluetoothLink:
-    """Bluetooth Classic: an RFCOMM socket, where this Python has them; the claim ends with it."""
+    """Bluetooth Classic: an RFCOMM socket, where this Python has them; the lock ends with it."""
 
     lockstep = False
 
-    def __init__(self, url: str, claim: Claim) -> None:
-        self.url, self._claim = url, claim
+    def __init__(self, url: str, lock: LinkLock) -> None:
+        self.url, self._lock = url, lock
         match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
         if match is None:
             raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")
@@ -243,4 +243,4 @@ class BluetoothLink:
     def close(self) -> None:
         """Let go of the module."""
         self._socket.close()
-        self._claim.release()
+        self._lock.release()

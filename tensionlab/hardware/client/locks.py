@@ -55,7 +55,7 @@ class Holder:
         return f"process {self.pid} ({self.program})"
 
 
-class Claim:
+class LinkLock:
     """The right of this process to a link, until it is released or the process ends.
 
     Parameters
@@ -100,7 +100,7 @@ def holder(url: str) -> Holder | None:
     return None
 
 
-def claimed() -> dict[str, Holder]:
+def locked_links() -> dict[str, Holder]:
     """Which links do processes of this user have now, and which process has each?"""
     found = {}
     for note in sorted(_folder().glob("*.json")):
@@ -156,7 +156,7 @@ def _folder() -> Path:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError as error:
-        raise LinkError(f"{folder}: no folder for claims of modules: {error.strerror}; make it possible") from None
+        raise LinkError(f"{folder}: no folder for locks of modules: {error.strerror}; make it possible") from None
     if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o077):
         raise LinkError(f"{folder}: must be yours and closed to others (mode 0700); remove it, or correct that")
     return folder

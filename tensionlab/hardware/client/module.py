@@ -8,9 +8,9 @@ from types import TracebackType
 from typing import Self
 
 from tensionlab.errors import HardwareError, ModuleFault, ProtocolError
-from tensionlab.hardware.client.connection import Conversation
+from tensionlab.hardware.client.connection import Connection
 from tensionlab.hardware.client.links import Link
-from tensionlab.hardware.protocol.codes import BEYOND_STOP, LET_GO, Calibration, Fault
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, RELEASED_STATES, Calibration, Fault
 from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
@@ -31,11 +31,11 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.simulation.simulated_module import PARAMETERS, single
 
-SAVE_TRIES = (2.0, 2.0, 2.0)
+SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 """How long each try waits for an answer, in s, to what takes a module long."""
 
 
-class ModuleClient(Conversation):
+class ModuleClient(Connection):
     """Have one module do what there is a command for.
 
     Parameters
@@ -48,7 +48,7 @@ class ModuleClient(Conversation):
     Attributes
     ----------
     session : int
-        Of the last `arm`; set-points carry it. What the module has said of itself is with the `Conversation`.
+        Of the last `arm`; set-points carry it. What the module has said of itself is with the `Connection`.
     """
 
     def __init__(self, name: str, link: Link | str) -> None:
@@ -71,17 +71,17 @@ class ModuleClient(Conversation):
     # Questions and commands: each waits for its answer.
 
     def hello(self) -> Info:
-        """Ask the module what it is; errors as those of `tell`."""
-        return self.met(self.ask(Hello(), Info))
+        """Ask the module what it is; errors as those of `command`."""
+        return self.check_info(self.request(Hello(), Info))
 
-    def met(self, info: Info) -> Info:
+    def check_info(self, info: Info) -> Info:
         """Take note of what the module said of itself."""
         self.state = info.state
         return info
 
     def require_cleared(self, info: Info) -> None:
         """Refuse a module that is in fault or emergency stop, by a `ModuleFault` that says what to do."""
-        if info.state in BEYOND_STOP:
+        if info.state in LATCHED_STATES:
             raise ModuleFault(
                 f'module "{self.name}" is in {info.state.name}: find out why, then '
                 f"`tensionlab module clear {self.link.url}`",
@@ -92,13 +92,13 @@ class ModuleClient(Conversation):
     def ping(self) -> tuple[float, int]:
         """How long does a message take there and back, in s, and what does the module's clock show, in us?"""
         began = self.link.clock()
-        pong = self.ask(Ping(random.getrandbits(64)), Pong)
+        pong = self.request(Ping(random.getrandbits(64)), Pong)
         return self.link.clock() - began, pong.time_us
 
     def arm(self) -> None:
         """Let the module pull with the taut minimum, and wait for set-points of a new session."""
         self.begin_session()
-        self.tell(Arm(self.session))
+        self.command(Arm(self.session))
 
     def begin_session(self) -> None:
         """Make up the session that the next `Arm` begins. A module takes each only once."""
@@ -106,28 +106,28 @@ class ModuleClient(Conversation):
 
     def stop(self) -> None:
         """Have the module let go and be idle. From a fault or an emergency stop it takes `clear`."""
-        self.tell(Stop())
+        self.command(Stop())
 
     def estop(self) -> None:
         """Have the module let go at once, and stay so until `clear`."""
-        self.tell(EmergencyStop())
+        self.command(EmergencyStop())
 
     def clear(self) -> None:
         """Have the module leave fault or emergency stop."""
-        self.tell(Clear())
+        self.command(Clear())
         self.faults = Fault(0)
 
     def telemetry_every(self, period_ms: int) -> None:
         """Have the module send telemetry every so many ms; 0: never."""
-        self.tell(ConfigureTelemetry(period_ms))
+        self.command(ConfigureTelemetry(period_ms))
 
     def calibrate(self, what: Calibration, value: float = 0.0) -> None:
         """Have the module take over something measured, or find its motor's zero."""
-        self.tell(Calibrate(what, value), SAVE_TRIES)
+        self.command(Calibrate(what, value), SAVE_TIMEOUTS_S)
 
     def parameter(self, name: str) -> float:
         """Which value has a parameter?"""
-        return self.ask(GetParameter(PARAMETERS[known(name)].index), ParameterValue).value
+        return self.request(GetParameter(PARAMETERS[known(name)].index), ParameterValue).value
 
     def set_parameter(self, name: str, value: float) -> None:
         """Change a parameter until the next start, or for good with `save`."""
@@ -136,11 +136,11 @@ class ModuleClient(Conversation):
             raise ProtocolError(
                 f'module "{self.name}": {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}'
             )
-        self.tell(SetParameter(row.index, value))
+        self.command(SetParameter(row.index, value))
 
     def save(self) -> None:
         """Have the module store its parameters."""
-        self.tell(Save(), SAVE_TRIES)
+        self.command(Save(), SAVE_TIMEOUTS_S)
 
     # Set-points: nobody answers, and the next one comes soon.
 
@@ -165,7 +165,7 @@ class ModuleClient(Conversation):
         """
         if self._broken is not None:
             raise self._broken
-        if self.state in LET_GO:
+        if self.state in RELEASED_STATES:
             faults = f": {self.faults.name or int(self.faults)}" if self.faults else ""
             raise ModuleFault(
                 f'module "{self.name}" has let go ({self.state.name}{faults})',

@@ -26,7 +26,7 @@ import numpy as np
 from tensionlab.errors import HardwareError
 from tensionlab.files.reading import brief, parse_toml
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.descriptions import PARAMETER_MEANINGS
+from tensionlab.hardware.protocol.descriptions import PARAMETER_DESCRIPTIONS
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
 from tensionlab.hardware.simulation.simulated_module import PARAMETERS, single
 
@@ -63,7 +63,7 @@ def dump(client: ModuleClient) -> str:
     ]
     for name, found in parameters(client).items():
         bounds = "" if name in CHOICES else f", {found.lower:g} to {found.upper:g}"
-        comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_MEANINGS[name]}"
+        comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_DESCRIPTIONS[name]}"
         lines.append(f"{name} = {plain(found.value)}".ljust(COLUMN) + comment)
     return "\n".join([*lines, ""])
 
@@ -162,7 +162,7 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
     done: list[str] = []
     for each in changes:
         try:
-            client.tell(SetParameter(PARAMETERS[each.name].index, each.after))
+            client.command(SetParameter(PARAMETERS[each.name].index, each.after))
             read_back = client.parameter(each.name)
         except HardwareError as error:
             raise HardwareError(
@@ -178,7 +178,7 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
 
 def parameters(client: ModuleClient) -> dict[str, ParameterValue]:
     """Which values and bounds has a module?"""
-    return {name: client.ask(GetParameter(row.index), ParameterValue) for name, row in PARAMETERS.items()}
+    return {name: client.request(GetParameter(row.index), ParameterValue) for name, row in PARAMETERS.items()}
 
 
 def firmware(info: Info) -> str:

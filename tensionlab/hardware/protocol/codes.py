@@ -41,9 +41,9 @@ class State(IntEnum):
     ESTOP = 5
 
 
-BEYOND_STOP = frozenset((State.FAULT, State.ESTOP))
+LATCHED_STATES = frozenset((State.FAULT, State.ESTOP))
 """States in which a module has its driver off, and takes no STOP."""
-LET_GO = BEYOND_STOP | {State.TIMEOUT}
+RELEASED_STATES = LATCHED_STATES | {State.TIMEOUT}
 """States in which a module follows no set-points any more, without having been told to stop."""
 
 

@@ -9,7 +9,7 @@ from tensionlab.hardware.protocol.codes import BrakeState, Calibration, Code, Fa
 EVENTS = ("arm", "set-point", "stop", "estop", "clear", "expire", "fault")
 """The supervisor's events, in the order of the firmware's table."""
 
-MEANINGS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
+DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
     Code: {
         "OK": "done",
         "UNKNOWN_TYPE": "no such command in this firmware",
@@ -73,7 +73,7 @@ MEANINGS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
 }
 """What each code, state, limit, fault and so on means."""
 
-PARAMETER_MEANINGS = {
+PARAMETER_DESCRIPTIONS = {
     "tension_lower": "the taut minimum: what an armed module pulls with at least",
     "tension_upper": "what it pulls with at most",
     "slew": "how fast the tension changes at most",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
-from tensionlab.hardware.client.connection import Heard
+from tensionlab.hardware.client.connection import Received
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
@@ -52,7 +52,7 @@ class Roll:
     ) -> None:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
         self._clients, self._ttl, self._on_loss, self._on_lost = group.clients, ttl, on_loss, on_lost
-        self._heard: list[Heard[Telemetry] | None] = [None] * len(group.clients)
+        self._heard: list[Received[Telemetry] | None] = [None] * len(group.clients)
         self._loops = LoopChecks([client.name for client in group.clients], ttl)
         self._stall = Stall(ttl)
 
@@ -127,7 +127,7 @@ class Roll:
         if self._on_loss == "stop":
             raise error
         with suppress(HardwareError):
-            self._clients[index].post(Stop())
+            self._clients[index].send(Stop())
         if not self.active.any():
             raise HardwareError(f"no module is left; the last one: {error}")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout
-from tensionlab.hardware.protocol.codes import BEYOND_STOP, State
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
 
 RELAX_S = 2.0
 """A module that timed out keeps its cable taut for so long, in s, before it lets it go."""
@@ -85,7 +85,7 @@ class ReleasedModules:
             Why it dropped out.
         """
         slew, taut = self._slews[index], float(self._lower[index])
-        if state in BEYOND_STOP:
+        if state in LATCHED_STATES:
             release = NOTHING  # its driver is off
         elif isinstance(error, LinkTimeout) and now - heard > self._ttl:
             # Nobody knows what still reaches it. What it follows lives on from then, and then it times out.

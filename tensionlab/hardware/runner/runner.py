@@ -351,7 +351,7 @@ class Runner:
         def interrupt(why: str) -> None:
             for client in self.modules.clients:
                 with suppress(HardwareError):
-                    client.post(Stop())
+                    client.send(Stop())
             interrupts.throw(Hung(why))
 
         with Watchdog(interrupt, self._abandon) as self._watchdog:

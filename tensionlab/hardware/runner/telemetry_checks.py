@@ -8,7 +8,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import LinkTimeout, ModuleFault
-from tensionlab.hardware.client.connection import CLOCK_WRAP, Heard
+from tensionlab.hardware.client.connection import CLOCK_WRAP, Received
 from tensionlab.hardware.protocol.codes import Code, Fault
 from tensionlab.hardware.protocol.messages import Telemetry
 
@@ -27,14 +27,14 @@ MAX_ACCELERATION = 100.0
 """Of a cable, in m/s²: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
 
 
-def require_plausible(name: str, before: Heard[Telemetry] | None, heard: Heard[Telemetry]) -> None:
+def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:
     """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, what it is, and the value.
 
     Parameters
     ----------
     name : str
         Of the module.
-    before, heard : Heard of Telemetry
+    before, heard : Received of Telemetry
         Two that came one after the other, of a module that follows set-points.
     """
     now = heard.message

@@ -8,7 +8,7 @@ import threading
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.simulation.channel import Channel, Conditions
-from tensionlab.hardware.simulation.simulated_module import STEP
+from tensionlab.hardware.simulation.simulated_module import STEP_S
 
 GRAIN = 1e-3
 """How late bytes may be beyond their delay, in s; with a simulated module, a step of its firmware."""
@@ -37,7 +37,7 @@ class FaultyLink:
         conditions = Conditions() if conditions is None else conditions
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
-        self._grain = STEP if inner.lockstep else GRAIN
+        self._grain = STEP_S if inner.lockstep else GRAIN
         self._turn = threading.Lock()  # one thread receives, others send
         self._cut = False
         self._frozen = False

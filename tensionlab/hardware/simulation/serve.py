@@ -15,7 +15,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.files import writing
 from tensionlab.hardware.simulation.channel import Channel, Conditions
 from tensionlab.hardware.simulation.ports import Port
-from tensionlab.hardware.simulation.simulated_module import PARTS, STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
 
 TICK, IDLE_TICK = 1e-3, 20e-3
 """How often time passes in a module that has a client, and in one that has none, in s."""
@@ -122,9 +122,9 @@ class ServedModule:
     def _advance(self, now: float) -> None:
         while self._faults and self._faults[-1].seconds <= now:
             self.module.damage(self._faults.pop().part)
-        steps = int(now / STEP) - self._steps
+        steps = int(now / STEP_S) - self._steps
         self._steps += steps
-        self.module.advance(steps * STEP, None if self._far_end is None else self._far_end())
+        self.module.advance(steps * STEP_S, None if self._far_end is None else self._far_end())
         if self._settings_file is not None and self.module.settings != self._settings:
             self._settings = self.module.settings
             writing.write_bytes(self._settings_file, self._settings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tensionlab.errors import LinkError
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 class SimulatedLink:
@@ -24,9 +24,9 @@ class SimulatedLink:
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes, a step of the firmware at a time."""
         self._require_open()
-        steps = int(timeout / STEP + 1e-6)
+        steps = int(timeout / STEP_S + 1e-6)
         while not (content := self.module.transmit()) and steps > 0:
-            self.module.advance(STEP)
+            self.module.advance(STEP_S)
             steps -= 1
         return content
 

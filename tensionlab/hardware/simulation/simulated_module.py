@@ -42,7 +42,7 @@ PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
 """The simulated hardware's parameters, by name."""
 PARTS = tuple(_native.plant_parts())
 """What can break."""
-STEP = 1e-6 * _native.step_microseconds()
+STEP_S = 1e-6 * _native.step_microseconds()
 """Time from one step of the firmware to the next, in s."""
 TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
 """The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
@@ -243,7 +243,7 @@ class SimulatedModule:
         if distance is not None:
             _require_distance(distance)
             self._distance = distance
-        return round(seconds / STEP), self._distance
+        return round(seconds / STEP_S), self._distance
 
 
 def _require_distance(distance: float) -> None:

@@ -8,7 +8,7 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Calibration, Code
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge, Calibrate, Message, SetParameter, read
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, STEP_S, SimulatedModule
 from tensionlab.model.module import Module
 
 
@@ -55,7 +55,7 @@ def simulated_module(
     built = plant_of(module)
     made = built | ({} if plant is None else dict(plant))
     simulated = SimulatedModule(serial_number, plant=made, distance=length, seed=seed, settings=settings)
-    simulated.advance(STEP)  # before its first step, a module knows nothing
+    simulated.advance(STEP_S)  # before its first step, a module knows nothing
     commands: list[Message] = [Calibrate(Calibration.LENGTH, length)]
     if not simulated.loaded:
         taut = PARAMETERS["tension_lower"]

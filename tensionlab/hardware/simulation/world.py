@@ -20,22 +20,22 @@ from tensionlab.hardware.simulation.simulated_module import Trace
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tensionlab.model.rig import Rig
 
-MOVE = 5e-3
+MOTION_STEP_S = 5e-3
 """Time, in s, over which the cables' far ends move evenly; in between, the pose is asked for."""
-GIVE = 1e-3
+COMPLIANT_STEP_S = 1e-3
 """The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz."""
 Motion = Callable[[float], Pose]
 """Where is what the cables hold, at a time in s?"""
 
 
 @runtime_checkable
-class GivesWay(Protocol):
+class CompliantMotion(Protocol):
     """A motion that the cables change."""
 
     def __call__(self, time: float) -> Pose:
         """Where is it, at a time that does not go back?"""
 
-    def feel(self, tensions: Floats) -> None:
+    def apply_tensions(self, tensions: Floats) -> None:
         """Take what the cables pull with from now on, (m,) in N."""
 
 
@@ -46,7 +46,7 @@ class World:
     ----------
     rig : Rig
     motion : callable, optional
-        Where the platform is at each time, at the rig's home if left out. One that `GivesWay` feels the cables.
+        Where the platform is at each time, at the rig's home if left out. A `CompliantMotion` gives way.
     seed : int
         Of the sensors' noise.
     plants : mapping of str to mapping, optional
@@ -74,8 +74,8 @@ class World:
     ) -> None:
         self._rig = rig
         self._motion = motion if motion is not None else lambda time: Pose(rig.home, frames=rig.at_rest)
-        self._given = motion if isinstance(motion, GivesWay) else None
-        self._piece = math.inf if motion is None else MOVE if self._given is None else GIVE
+        self._given = motion if isinstance(motion, CompliantMotion) else None
+        self._piece = math.inf if motion is None else MOTION_STEP_S if self._given is None else COMPLIANT_STEP_S
         self.time = 0.0
         self.pose = self._motion(0.0)
         self.watch: Callable[[Sequence[Trace]], None] | None = None
@@ -94,7 +94,7 @@ class World:
             step = min(left, self._piece)
             self.time += step
             if self._given is not None:
-                self._given.feel(self.tensions)
+                self._given.apply_tensions(self.tensions)
             self.pose = self._motion(self.time)
             moved = list(zip(self.modules, self._lengths(), strict=True))
             if self.watch is None:

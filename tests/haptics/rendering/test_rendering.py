@@ -44,7 +44,7 @@ class Hand:
         self.position, self.velocity, self.pull = np.array(start), np.zeros(3), np.zeros(3)
         self.push, self.mass, self.damping, self.time, self.path = push, mass, damping, 0.0, []
 
-    def feel(self, tensions):
+    def apply_tensions(self, tensions):
         self.pull = RIG.structure_matrix(self.position) @ tensions
 
     def __call__(self, time):

@@ -16,7 +16,7 @@ from tensionlab.hardware.calibration.staircase import (
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 AHEAD = 12.34  # s, the sensor's clock
 GAIN, FRICTION = 2.6, 0.08
@@ -28,7 +28,7 @@ class Bench(SimulatedModule):
     def __init__(self):
         super().__init__(plant={"torque_constant": GAIN * 0.0195, "dry_friction": FRICTION, "cogging": 0.01})
         self.readings, self._random, self._next = [], np.random.default_rng(0), 0.0
-        self.advance(STEP)
+        self.advance(STEP_S)
 
     def advance(self, seconds, distance=None):
         super().advance(seconds, distance)

@@ -39,7 +39,7 @@ while True:
         client.set_tension(2.0)
     time.sleep(0.05)
 """
-pytestmark = pytest.mark.usefixtures("claims_folder")
+pytestmark = pytest.mark.usefixtures("locks_folder")
 
 
 @pytest.fixture(scope="module")

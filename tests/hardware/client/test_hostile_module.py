@@ -70,7 +70,7 @@ def test_an_answer_that_makes_no_sense_is_told_at_once(kind, payload, message):
 
 @pytest.mark.parametrize("kind", [Type.PONG, Type.PARAMETER, Type.ACKNOWLEDGE])
 def test_an_answer_to_something_else_is_none(kind, monkeypatch):
-    monkeypatch.setattr(group, "PATIENT_TRIES", (0.05,))
+    monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.05,))
     payload = {Type.PONG: bytes(12), Type.PARAMETER: bytes(13), Type.ACKNOWLEDGE: bytes([Type.HELLO, 0, 0])}[kind]
     liar = client(lambda frame: Frame(kind, frame.sequence, payload).pack())
     with pytest.raises(LinkTimeout, match="did not answer Hello"):

@@ -8,13 +8,13 @@ from tensionlab.hardware.client.identify import PULSES, STRENGTH, identify
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 @pytest.fixture
 def client():
     simulated = SimulatedModule()
-    simulated.advance(STEP)
+    simulated.advance(STEP_S)
     with ModuleClient("one", SimulatedLink(simulated)) as found:
         yield found
 
@@ -41,7 +41,7 @@ def test_three_pulses_of_half_a_newton_and_then_nothing(calibrated):
     strong = pulled > 0.75
     assert np.count_nonzero(np.diff(strong.astype(int)) == 1) == PULSES
     assert calibrated.state is State.IDLE
-    assert pulled.size * STEP < 3.0
+    assert pulled.size * STEP_S < 3.0
 
 
 def test_it_is_stopped_if_it_is_interrupted(calibrated):

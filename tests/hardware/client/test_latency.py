@@ -9,12 +9,12 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 def client(conditions, seed=1, start_us=0):
     module = SimulatedModule(start_us=start_us)
-    module.advance(STEP)
+    module.advance(STEP_S)
     return ModuleClient("one", FaultyLink(SimulatedLink(module), conditions, seed=seed))
 
 

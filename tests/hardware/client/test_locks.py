@@ -11,13 +11,13 @@ import pytest
 
 from benchmarks.processes import simulated
 from tensionlab.errors import LinkError
-from tensionlab.hardware.client import locks as claims
+from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.links import open_link
-from tensionlab.hardware.client.locks import Claim, holder, normalised
+from tensionlab.hardware.client.locks import LinkLock, holder, normalised
 from tests.support.scripts import running
 
 HOLD = "import sys, time; from tensionlab.hardware.client.links import *; {}; print(flush=True); time.sleep(60)"
-pytestmark = pytest.mark.usefixtures("claims_folder")
+pytestmark = pytest.mark.usefixtures("locks_folder")
 
 
 def another_process(statement):
@@ -26,56 +26,56 @@ def another_process(statement):
 
 
 def test_a_second_claim_names_the_process_that_has_the_module():
-    with another_process("claim = Claim('COM5')") as process:
+    with another_process("lock = LinkLock('COM5')") as process:
         with pytest.raises(LinkError, match=rf"com5 is in use by process {process.pid} \(-c a word\); end that"):
-            Claim("com5")
+            LinkLock("com5")
         assert holder("COM5").pid == process.pid
 
 
-def test_a_killed_process_leaves_no_claim():
-    with another_process("claim = Claim('COM5')") as process:
+def test_a_killed_process_leaves_no_lock():
+    with another_process("lock = LinkLock('COM5')") as process:
         process.send_signal(signal.SIGKILL)
         process.wait()
         assert holder("COM5") is None
-        Claim("COM5").release()
+        LinkLock("COM5").release()
 
 
 def test_who_hangs_still_has_its_modules():
-    with another_process("claim = Claim('COM5')") as process:
+    with another_process("lock = LinkLock('COM5')") as process:
         process.send_signal(signal.SIGSTOP)
         assert holder("COM5").pid == process.pid
 
 
-def test_a_claim_ends_with_its_release_and_no_note_stays(claims_folder):
-    first = Claim("COM5")
+def test_a_lock_ends_with_its_release_and_no_note_stays(locks_folder):
+    first = LinkLock("COM5")
     with pytest.raises(LinkError, match=f"in use by process {os.getpid()} "):
-        Claim("COM5")
+        LinkLock("COM5")
     first.release()
     first.release()
-    Claim("COM5").release()
+    LinkLock("COM5").release()
     assert holder("COM5") is None
-    assert [path.suffix for path in claims_folder.iterdir()] == [".lock"]
-    assert claims_folder.stat().st_mode & 0o777 == 0o700
+    assert [path.suffix for path in locks_folder.iterdir()] == [".lock"]
+    assert locks_folder.stat().st_mode & 0o777 == 0o700
 
 
-def test_any_thread_may_release_a_claim():
-    claim = Claim("COM5")
-    lock = claim._lock  # lest it ends by itself
-    thread = threading.Thread(target=claim.release)
+def test_any_thread_may_release_a_lock():
+    lock = LinkLock("COM5")
+    inner = lock._lock  # lest it ends by itself
+    thread = threading.Thread(target=lock.release)
     thread.start()
     thread.join()
-    Claim("COM5").release()
-    assert not lock.is_locked
+    LinkLock("COM5").release()
+    assert not inner.is_locked
 
 
 def test_who_is_just_letting_go_is_waited_for():
     with another_process(
-        "claim = Claim('COM5'); time.sleep(0); print(flush=True); time.sleep(0.1); claim.release()"
+        "lock = LinkLock('COM5'); time.sleep(0); print(flush=True); time.sleep(0.1); lock.release()"
     ):
-        Claim("COM5").release()
+        LinkLock("COM5").release()
 
 
-def test_an_open_link_is_claimed_and_a_closed_one_is_free():
+def test_an_open_link_is_locked_and_a_closed_one_is_free():
     with simulated() as (links, _):
         url = links["module"]
         with another_process(f"link = open_link({url.replace('127.0.0.1', 'localhost')!r})") as process:
@@ -97,7 +97,7 @@ def test_simulated_modules_of_this_process_are_as_many_as_one_likes():
         link.close()
 
 
-def test_names_of_one_module_are_one_claim(tmp_path):
+def test_names_of_one_module_are_one_lock(tmp_path):
     port = tmp_path / "ttyUSB0"
     port.touch()
     (tmp_path / "by-id").symlink_to(port)
@@ -121,14 +121,14 @@ def test_names_of_one_module_are_one_claim(tmp_path):
     assert len({normalised(url) for url in [*others, *(one for one, _ in same)]}) == len(others) + len(same) - 1
 
 
-def test_a_folder_that_others_can_write_to_is_refused(claims_folder):
-    claims_folder.mkdir(mode=0o777)
-    Path(claims_folder).chmod(0o777)
+def test_a_folder_that_others_can_write_to_is_refused(locks_folder):
+    locks_folder.mkdir(mode=0o777)
+    Path(locks_folder).chmod(0o777)
     with pytest.raises(LinkError, match=r"mode 0700"):
-        Claim("COM5")
+        LinkLock("COM5")
 
 
 def test_a_long_command_line_is_cut(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["/usr/lib/python3/site-packages/tensionlab/__main__.py", "run", "x" * 200])
-    assert claims._program().startswith("tensionlab run xxx")
-    assert len(claims._program()) == claims.LONGEST
+    assert locks._program().startswith("tensionlab run xxx")
+    assert len(locks._program()) == locks.LONGEST

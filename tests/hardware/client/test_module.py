@@ -5,13 +5,13 @@ from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 @pytest.fixture
 def client():
     simulated = SimulatedModule()
-    simulated.advance(STEP)
+    simulated.advance(STEP_S)
     with ModuleClient("one", SimulatedLink(simulated)) as found:
         found.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
         yield found

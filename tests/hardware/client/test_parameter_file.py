@@ -12,13 +12,13 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.parameter_file import change, dump, restore
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP, SimulatedModule, single
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP_S, SimulatedModule, single
 
 
 @pytest.fixture
 def client():
     simulated = SimulatedModule(serial_number=7)
-    simulated.advance(STEP)
+    simulated.advance(STEP_S)
     with ModuleClient("one", SimulatedLink(simulated)) as found:
         yield found
 
@@ -153,13 +153,13 @@ def test_a_module_that_is_not_idle_is_left_alone(client):
 
 
 def test_what_was_changed_before_a_link_broke_is_named(client, monkeypatch):
-    tell = client.tell
+    real = client.command
 
     def break_off(command, *rest):
         if getattr(command, "value", 0.0) == 123.0:
             raise LinkTimeout("silence")
-        tell(command, *rest)
+        real(command, *rest)
 
-    monkeypatch.setattr(client, "tell", break_off)
+    monkeypatch.setattr(client, "command", break_off)
     with pytest.raises(HardwareError, match="silence; until then it took over ttl, and stored nothing"):
         change(client, {"ttl": 100, "slew": 123}, "words")

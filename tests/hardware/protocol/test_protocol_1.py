@@ -12,7 +12,7 @@ from tensionlab.hardware.protocol.frames import Decoder, Frame
 from tensionlab.hardware.protocol.messages import Hello, Info, OtherProtocolError
 from tensionlab.hardware.protocol.protocol_1 import Listener
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
 from tests.support.modules import Host, host_in
 from tests.support.protocol_1 import LinkTo1, pack, unpack
@@ -111,7 +111,7 @@ def test_a_module_takes_nothing_but_hello_from_a_host_of_protocol_1(kind):
 
 def test_questions_in_both_protocols_count_as_no_damage_to_a_module_of_this_one(monkeypatch):
     client = ModuleClient("one", SimulatedLink(SimulatedModule()))
-    client.link.module.advance(STEP)
+    client.link.module.advance(STEP_S)
     transmit = client.link.module.transmit
     monkeypatch.setattr(client.link.module, "transmit", lambda: b"")
     with pytest.raises(LinkTimeout):
@@ -146,7 +146,7 @@ def test_what_is_said_names_both_protocols_and_what_to_do():
     assert str(OtherProtocolError(7)).startswith("speaks protocol 7, this tensionlab 2: install the tensionlab")
 
 
-def test_an_emergency_stop_of_many_says_which_speaks_protocol_1(monkeypatch, claims_folder):
+def test_an_emergency_stop_of_many_says_which_speaks_protocol_1(monkeypatch, locks_folder):
     links = {"sim:": LinkTo1(host_in(State.RUNNING).module)}
     monkeypatch.setattr("tensionlab.hardware.client.connection.open_link", links.__getitem__)
     monkeypatch.setattr("tensionlab.hardware.client.emergency_stop.holder", lambda url: None)

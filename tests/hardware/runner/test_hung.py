@@ -74,7 +74,7 @@ group.close()
 print(runner.statistics.ended, flush=True)
 sys.exit(3)
 """
-pytestmark = [pytest.mark.usefixtures("claims_folder")]
+pytestmark = [pytest.mark.usefixtures("locks_folder")]
 
 
 @pytest.fixture(scope="module")

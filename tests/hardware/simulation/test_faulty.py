@@ -13,12 +13,12 @@ from tensionlab.hardware.protocol.messages import Hello
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 def lockstep(conditions=None, seed=0):
     module = SimulatedModule()
-    module.advance(STEP)
+    module.advance(STEP_S)
     return FaultyLink(SimulatedLink(module), conditions, seed=seed)
 
 
@@ -160,7 +160,7 @@ def test_what_is_on_its_way_into_a_freeze_never_comes():
 
 def test_time_passes_for_who_waits_at_a_frozen_link():
     with ModuleClient("one", lockstep()) as client:
-        client.post(Hello())  # the module has an answer ready
+        client.send(Hello())  # the module has an answer ready
         client.link.freeze()
         before = client.link.clock()
         assert client.link.receive(0.1) == b""

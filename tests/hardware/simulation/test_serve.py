@@ -28,7 +28,7 @@ from tensionlab.hardware.simulation.serve import (
     read_settings,
     serve,
 )
-from tensionlab.hardware.simulation.simulated_module import STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
 class FakePort:
@@ -71,7 +71,7 @@ def test_an_answer_takes_the_latency_both_ways():
     served.serve(1.2001)
     [pong] = port.got
     assert isinstance(pong, Pong)
-    assert pong.time_us == pytest.approx(1.1e6, abs=1e6 * STEP)
+    assert pong.time_us == pytest.approx(1.1e6, abs=1e6 * STEP_S)
 
 
 def test_what_was_meant_for_a_client_that_went_is_not_for_the_next_one():
@@ -189,5 +189,5 @@ def test_after_a_stall_time_passes_in_pieces_for_those_who_watch():
             ended.append(True)
 
     serve([served], 1.0, lambda: bool(ended), [watch], 1e-3)
-    assert np.diff(times).max() <= 1e-3 + STEP + 1e-9
+    assert np.diff(times).max() <= 1e-3 + STEP_S + 1e-9
     assert len(times) >= 80

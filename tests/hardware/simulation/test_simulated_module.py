@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PARTS, PLANT, STEP, SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PARTS, PLANT, STEP_S, SimulatedModule
 
 
 def test_the_tables_come_from_the_firmware():
@@ -18,8 +18,8 @@ def test_the_tables_come_from_the_firmware():
 def test_a_trace_has_a_row_for_each_step_and_ends_at_the_sample():
     module = SimulatedModule(distance=0.8)
     trace = module.trace(0.01, 0.81)
-    assert len(trace.seconds) == round(0.01 / STEP) == 40
-    np.testing.assert_allclose(np.diff(trace.seconds), STEP)
+    assert len(trace.seconds) == round(0.01 / STEP_S) == 40
+    np.testing.assert_allclose(np.diff(trace.seconds), STEP_S)
     np.testing.assert_allclose(np.diff(trace.distance), 0.01 / 40)
     last = module.sample
     for name in ("seconds", "distance", "length", "tension", "commanded", "current", "state", "driver_on"):
