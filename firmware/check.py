@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import json
 import re
-import runpy
 import shutil
 import struct
 import subprocess
@@ -20,7 +19,7 @@ from pathlib import Path
 
 FIRMWARE = Path(__file__).parent
 CORE = sorted((FIRMWARE / "core").glob("*.cpp"))
-FUZZ, HUB = FIRMWARE / "fuzz", FIRMWARE / "hub"
+FUZZ = FIRMWARE / "fuzz"
 FIGURES = FIRMWARE / "figures.json"
 MOST_TEXT, MOST_BSS = 16 * 1024, 2 * 1024  # bytes
 ALLOWED = {"memcpy", "memset"}  # what the core may ask of a library: so there is no heap
@@ -29,8 +28,7 @@ STRICT = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 CORTEX = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 CONTENTS = 7  # of frames of each length whose bits are flipped
 SANITIZERS = "address,undefined,float-divide-by-zero,float-cast-overflow"
-# Of a newlib and a picolibc for other processors: headers only.
-NEWLIB = Path("/usr/include/newlib/c++")
+# Of a picolibc for other processors: headers only.
 PICOLIBC = Path("/usr/lib/xtensa-lx106-elf/include")
 
 Figures = dict[str, object]
@@ -107,34 +105,24 @@ def around_a_bug(code: str) -> str:
 
 
 def esp32(folder: Path) -> Figures:
-    """Code for the ESP32's processor: how many instructions, and which helpers it calls. The hub's solver, too."""
-    target = ["--target=xtensa", *BARE, "-w", "-emit-llvm", "-S"]
-    version = max(path.name for path in NEWLIB.iterdir()) if NEWLIB.is_dir() else ""
-    newlib = [
-        word for path in (NEWLIB / version, NEWLIB / version / "arm-none-eabi") for word in ("-isystem", path)
-    ]
-    figures: Figures = {}
-    parts = {"core": (CORE, ["-Os"])}
-    if version:
-        parts["hub"] = ([HUB / "allocate.cpp"], ["-O2", "-fno-math-errno", *newlib])
-    for name, (sources, flags) in parts.items():
-        assembly = ""
-        for source in sources:
-            code, result = folder / f"{source.stem}.ll", folder / f"{source.stem}.s"
-            run("clang++-22", *target, *flags, "-isystem", PICOLIBC, source, "-o", code)
-            code.write_text(around_a_bug(code.read_text()))
-            run("llc-22", "-march=xtensa", "-mcpu=esp32", "-O2", "-filetype=asm", code, "-o", result)
-            assembly += result.read_text()
-        own = set(re.findall(r"^([\w$]+):", assembly, re.M))
-        words = set(re.findall(r"^\s+\.literal\s+\S+,\s*([A-Za-z_]\w*)", assembly, re.M))
-        called = sorted(word for word in words - own if not word.startswith((".L", "_ZN10tensionlab")))
-        doubles = [word for word in called if re.search(r"df[23]|df2|sfdf|sidf|dfsi", word)]
-        heap = [word for word in called if re.match(r"malloc|free|_Zn|_Zd|__cxa", word)]
-        if doubles or heap:
-            raise UnfitError(f"the code of the {name} for the ESP32 calls {', '.join(doubles + heap)}")
-        instructions = len(re.findall(r"^\t[a-z]\w*(?:\.\w+)*(?:\t|$)", assembly, re.M))
-        figures |= {f"{name}_instructions": instructions, f"{name}_calls": called}
-    return figures
+    """Compile the core for the ESP32's processor: how many instructions, and which helpers it calls."""
+    assembly = ""
+    for source in CORE:
+        code, result = folder / f"{source.stem}.ll", folder / f"{source.stem}.s"
+        target = ["--target=xtensa", *BARE, "-w", "-emit-llvm", "-S", "-Os", "-isystem", PICOLIBC]
+        run("clang++-22", *target, source, "-o", code)
+        code.write_text(around_a_bug(code.read_text()))
+        run("llc-22", "-march=xtensa", "-mcpu=esp32", "-O2", "-filetype=asm", code, "-o", result)
+        assembly += result.read_text()
+    own = set(re.findall(r"^([\w$]+):", assembly, re.M))
+    words = set(re.findall(r"^\s+\.literal\s+\S+,\s*([A-Za-z_]\w*)", assembly, re.M))
+    called = sorted(word for word in words - own if not word.startswith((".L", "_ZN10tensionlab")))
+    doubles = [word for word in called if re.search(r"df[23]|df2|sfdf|sidf|dfsi", word)]
+    heap = [word for word in called if re.match(r"malloc|free|_Zn|_Zd|__cxa", word)]
+    if doubles or heap:
+        raise UnfitError(f"the code of the core for the ESP32 calls {', '.join(doubles + heap)}")
+    instructions = len(re.findall(r"^\t[a-z]\w*(?:\.\w+)*(?:\t|$)", assembly, re.M))
+    return {"core_instructions": instructions, "core_calls": called}
 
 
 def flips(folder: Path) -> Figures:
@@ -166,11 +154,6 @@ def libfuzzer(folder: Path, seconds: int) -> Figures:
     return {"seconds": seconds}
 
 
-def hub(folder: Path) -> Figures:
-    """Size, answers and cycles of the exact solver on a Cortex-M4F."""
-    return runpy.run_path(str(HUB / "cycles.py"))["measure"](folder)
-
-
 def main() -> int:
     """Run all checks whose tools are there; 1 if one fails."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -180,7 +163,6 @@ def main() -> int:
     options = parser.parse_args()
     checks: dict[str, tuple[Callable[[Path], Figures], tuple[object, ...]]] = {
         "arm": (arm, ("arm-none-eabi-g++",)),
-        "hub": (hub, ("arm-none-eabi-g++", "qemu-arm", NEWLIB)),
         "esp32": (esp32, ("clang++-22", "llc-22", PICOLIBC)),
         "flips": (flips, ("c++",)),
         "fuzzing": (lambda folder: fuzz(folder, options.chunks), ("c++",)),

@@ -143,7 +143,7 @@ def drawing() -> str:
 def figures() -> str:
     """What did `firmware/check.py --write` measure?"""
     measured = json.loads((FOLDER / "figures.json").read_text())
-    arm, hub, esp32, flips = (measured[name] for name in ("arm", "hub", "esp32", "flips"))
+    arm, esp32, flips = (measured[name] for name in ("arm", "esp32", "flips"))
     rows = (
         ("Core, Cortex-M4F, -Os: text", f"{arm['text_bytes']} bytes; below 16384 is required"),
         (
@@ -153,14 +153,6 @@ def figures() -> str:
         ("Core: asks of libraries", f"{', '.join(arm['asks_for'])}: no heap, nothing in double precision"),
         ("Core: deepest stack frame", f"{arm['deepest_frame_bytes']} bytes"),
         ("Core, ESP32", f"{esp32['core_instructions']} instructions; calls {', '.join(esp32['core_calls'])}"),
-        ("Exact solver, Cortex-M4F, -O2: text", f"{hub['text_bytes']} bytes"),
-        ("Exact solver: deepest stack frame", f"{hub['deepest_frame_bytes']} bytes"),
-        ("Exact solver: a wrench within reach", cycles(hub, "reachable")),
-        ("Exact solver: a wrench out of reach", cycles(hub, "out_of_reach")),
-        (
-            "Exact solver, ESP32",
-            f"{esp32['hub_instructions']} instructions; calls {', '.join(esp32['hub_calls'])}",
-        ),
         (
             "One and two bits flipped, frames of all lengths",
             f"{flips['flips']:,} flips, {flips['passed']} passed; in protocol 1, {flips['passed_protocol_1']} did",
@@ -168,12 +160,6 @@ def figures() -> str:
         ("Fuzzing under sanitizers", f"{measured['fuzzing']['chunks']:,} chunks of bytes, no finding"),
     )
     return table(("What", "Measured"), rows)
-
-
-def cycles(hub: Mapping[str, int], kind: str) -> str:
-    """How long does an allocation take?"""
-    median, most = hub[f"cycles_{kind}"], hub[f"cycles_{kind}_most"]
-    return f"{median} cycles, at most {most}: {median / 240:.0f} and {most / 240:.0f} us at 240 MHz"
 
 
 def sections() -> dict[str, dict[str, str]]:

@@ -55,7 +55,7 @@ def test_what_the_readme_talks_is_understood(capsys):
 
 
 def test_the_files_that_the_readme_names_are_there():
-    named = re.findall(r"`((?:core|esp32|plant|stubs|fuzz|hub)/[\w./]*|platformio\.ini)`", README)
+    named = re.findall(r"`((?:core|esp32|plant|stubs|fuzz)/[\w./]*|platformio\.ini)`", README)
     assert len(named) > 5
     for name in named:
         assert (FIRMWARE / name).exists(), name
