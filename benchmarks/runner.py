@@ -16,9 +16,8 @@ import numpy as np
 from benchmarks.processes import simulated
 from tensionlab.demand import Demand, RigState
 from tensionlab.hardware.client.group import ModuleGroup, connect
-from tensionlab.hardware.runner.clock import Clock, WorldClock
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.settings import Clock, RunSettings, WorldClock
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig

@@ -27,10 +27,9 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Fault
 from tensionlab.hardware.protocol.frames import Decoder, Frame
 from tensionlab.hardware.protocol.messages import SetTension, Telemetry, read
-from tensionlab.hardware.runner.clock import WorldClock
+from tensionlab.hardware.runner.observation import TELEMETRY_UNITS
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.telemetry_checks import NUMBERS
+from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
@@ -169,7 +168,7 @@ class TamperedLink:
         elif self._kind == "fault bits":
             said = replace(said, faults=Fault.CURRENT)
         elif self._kind == "not a number":
-            object.__setattr__(said, self._draw.choice(list(NUMBERS)), float("nan"))
+            object.__setattr__(said, self._draw.choice(list(TELEMETRY_UNITS)), float("nan"))
         else:
             return frame.pack()
         values = [getattr(said, name) for name in said._kinds]

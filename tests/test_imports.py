@@ -53,7 +53,7 @@ DOORS = {
     "pythonosc": {"haptics/bridge/osc_tracker.py"},
     "mcap": {"hardware/log/mcap_file.py"},
     "zstandard": {"hardware/log/mcap_file.py"},
-    "xarray": {"workspace/sweep/dataset.py", "workspace/sweep/store.py", "hardware/log/dataset.py"},
+    "xarray": {"workspace/sweep/dataset.py", "workspace/sweep/store.py", "hardware/log/reader.py"},
     "zarr": {"workspace/sweep/store.py"},
     "distributed": {"workspace/sweep/executors.py"},
     "matplotlib": {"plots"},

@@ -29,7 +29,7 @@ def lengths(path: RigFile, modules: Modules, json: Json = False) -> None:
     Modules forget it when they restart, and perhaps when they save.
     """
     from tensionlab.hardware.calibration.lengths import zero_lengths
-    from tensionlab.hardware.runner.clock import RealClock
+    from tensionlab.hardware.runner.settings import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
@@ -75,7 +75,7 @@ def record(
     """
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.calibration.tables import table_text
-    from tensionlab.hardware.runner.clock import RealClock
+    from tensionlab.hardware.runner.settings import RealClock
     from tensionlab.model.files import load_rig
 
     rig = load_rig(path)

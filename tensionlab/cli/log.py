@@ -75,7 +75,7 @@ def export(
 ) -> None:
     """Write a run as NetCDF, with names, units and dimensions, or as a Parquet table with a row for each cycle."""
     from tensionlab import records
-    from tensionlab.hardware.log.dataset import flat_columns, write_netcdf
+    from tensionlab.hardware.log.reader import flat_columns, write_netcdf
 
     run = _read(path)
     if to.suffix.lower() == ".nc":

@@ -6,11 +6,10 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
-from tensionlab.hardware.runner.clock import RealClock, WorldClock
-from tensionlab.hardware.runner.cycle import Cycle
 from tensionlab.hardware.runner.program import Program, load_program
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.settings import RealClock, RunSettings, WorldClock
+from tensionlab.hardware.runner.statistics import Cycle
 from tensionlab.hardware.simulation.world import World
 
 __all__ = [

@@ -16,9 +16,8 @@ from tensionlab.haptics.effects import ModuleLimits
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
-from tensionlab.hardware.runner.clock import Clock, WorldClock
 from tensionlab.hardware.runner.runner import Runner, Tracker
-from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.settings import Clock, RunSettings, WorldClock
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.world import World

@@ -9,7 +9,7 @@ from typing import Any
 
 from tensionlab.files.writing import make_folder
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.runner.clock import RealClock
+from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 from tensionlab.validation.error_model import PRESETS, draw, require_point

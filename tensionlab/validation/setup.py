@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.runner.clock import WorldClock
+from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
 from tensionlab.validation.error_model import Errors, require_point, true_plants, true_rig

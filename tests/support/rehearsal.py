@@ -9,9 +9,8 @@ from tensionlab.demand import Demand
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.runner.clock import WorldClock
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 from tensionlab.hardware.simulation.world import World

@@ -12,9 +12,8 @@ from tensionlab.demand import Demand, Impedance, Pose, RigState
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import Info
-from tensionlab.hardware.runner.cycle import Cycle
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.statistics import Cycle, Statistics
 from tensionlab.solvers.base import Status
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"

@@ -14,8 +14,7 @@ from tensionlab.cli.common import output
 if TYPE_CHECKING:
     from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.hardware.log.writer import RunLog
-    from tensionlab.hardware.runner.clock import Clock
-    from tensionlab.hardware.runner.settings import RunSettings
+    from tensionlab.hardware.runner.settings import Clock, RunSettings
     from tensionlab.hardware.simulation.world import Motion
     from tensionlab.model.rig import Rig
 
@@ -69,7 +68,7 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
         As `load_modules` and `connect` do.
     """
     from tensionlab.hardware.client.group import connect
-    from tensionlab.hardware.runner.clock import RealClock, WorldClock
+    from tensionlab.hardware.runner.settings import RealClock, WorldClock
     from tensionlab.hardware.simulation.world import World
 
     if modules is None:

@@ -15,7 +15,7 @@ from tensionlab.hardware.calibration.pulling import stopping
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.protocol.messages import Telemetry
-from tensionlab.hardware.runner.clock import Clock
+from tensionlab.hardware.runner.settings import Clock
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 

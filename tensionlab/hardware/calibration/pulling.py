@@ -12,7 +12,7 @@ from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Limit, State
 from tensionlab.hardware.protocol.messages import Info, Message, Telemetry
-from tensionlab.hardware.runner.interrupts import ENDING, Interrupted, Interrupts
+from tensionlab.hardware.runner.watchdog import ENDING, Interrupted, Interrupts
 
 PERIOD = 0.02
 """From one set-point to the next, in s."""

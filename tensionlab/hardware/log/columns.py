@@ -16,7 +16,7 @@ from tensionlab.allocation import Status
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
-from tensionlab.hardware.runner.cycle import Cycle
+from tensionlab.hardware.runner.statistics import Cycle
 from tensionlab.model.rig import Rig
 
 IMPEDANCE = tuple(each.name for each in fields(Impedance))

@@ -18,9 +18,8 @@ from tensionlab.errors import LogError, WriteError
 from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.protocol.messages import Info
-from tensionlab.hardware.runner.cycle import Cycle
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.statistics import Cycle, Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 

@@ -1,4 +1,4 @@
-"""What stands between a solver and the modules: no unproved answer, none outside the limits, no leap."""
+"""Checks between a solver and the modules: verified answers, tension limits, slew limit, derating."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status
 from tensionlab.arrays import Floats
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, ModuleFault
+from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.model.limits import TensionLimits
 
 PROVED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
@@ -97,3 +98,92 @@ def approach(before: Floats, wanted: Floats, most: float) -> Floats:
     change = wanted - before
     largest = float(np.abs(change).max(initial=0.0))
     return wanted if largest <= most else before + change * (most / largest)
+
+
+MARGIN = 0.98
+"""Share of what the winding stands that the host uses: currents are measured with some noise."""
+HASTE = 8.0
+"""How much of what is left of the winding's budget adds to the square of the current that the host asks for. The
+firmware stops at 10 (`firmware/core/thermal.hpp`); with less, the host is before it, late telemetry or not."""
+STEP_N = 0.05
+"""Limits change by whole steps, in N, which nobody feels; solvers are prepared for each set of limits."""
+WORTH_NOTING_N = 0.5
+"""A limit that changes by so much is an event, in N."""
+
+
+class Derating:
+    """Upper tension limits of all modules, by the spent share of each winding's budget.
+
+    From cold to spent a limit sinks from the rig's own to what the winding stands for ever, without a jump.
+
+    Parameters
+    ----------
+    limits : TensionLimits
+        Of all m modules, in N.
+    continuous : (m,) array
+        Tension that each winding stands for ever, in N.
+    names : list of str
+        Of the modules.
+
+    Attributes
+    ----------
+    limits : TensionLimits
+        As they are now.
+    lowest : dict of str to float
+        Of modules whose limit was below the rig's, the lowest that it has been, in N.
+    """
+
+    def __init__(self, limits: TensionLimits, continuous: Floats, names: list[str]) -> None:
+        self._own, self._continuous, self._names = limits, np.asarray(continuous, dtype=np.float64), names
+        self._noted = limits.upper.copy()
+        self._thermal = np.zeros(len(names))
+        # Spent shares from which on limits are lower; infinite: modules have not told yet.
+        self._warm = 1.0 - ((limits.upper / (MARGIN * self._continuous)) ** 2 - 1.0) / HASTE
+        self.limits = limits
+        self.lowest: dict[str, float] = {}
+
+    def update(self, thermal: Floats) -> list[tuple[int, str]]:
+        """Set the limits by the spent shares (m,) of the budgets, 0 to 1; NaN where nothing new is known.
+
+        Returns
+        -------
+        list of (int, str)
+            Modules whose limit has changed by as much as is worth noting, and what to say of each.
+        """
+        if self.limits is self._own and not (thermal >= self._warm).any():
+            return []
+        self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
+        left = 1.0 - self._thermal
+        stands = MARGIN * self._continuous * np.sqrt(1.0 + HASTE * left)
+        upper = np.minimum(STEP_N * np.floor(stands / STEP_N), self._own.upper)
+        upper = np.maximum(upper, self._own.lower)
+        if (upper == self.limits.upper).all():
+            return []
+        self.limits = TensionLimits(self._own.lower, upper)
+        changed = []
+        for index in np.flatnonzero(upper < self._own.upper):
+            name = self._names[index]
+            self.lowest[name] = min(float(upper[index]), self.lowest.get(name, np.inf))
+        whole = (upper == self._own.upper) & (self._noted < self._own.upper)
+        for index in np.flatnonzero((np.abs(upper - self._noted) >= WORTH_NOTING_N) | whole):
+            self._noted[index] = upper[index]
+            changed.append((int(index), derated(upper[index], self._own.upper[index])))
+        return changed
+
+    def require_taut(self, index: int, thermal: float) -> None:
+        """Refuse, by a `ModuleFault`, a module whose hot winding does not stand even its lower limit for ever."""
+        stands, lower = float(self._continuous[index]), float(self._own.lower[index])
+        if thermal >= 1.0 and stands < lower:
+            raise ModuleFault(
+                f'module "{self._names[index]}" is too hot: its winding stands {stands:.2f} N for ever, less than '
+                f"its lower limit of {lower:g} N; lower the rig's limit, or let it cool",
+                self._names[index],
+                Limit.THERMAL,
+            )
+
+
+def derated(upper: float, own: float) -> str:
+    """Say what a limit is now, in N."""
+    if upper >= own:
+        return f"pulls with up to {own:g} N again: its winding has cooled"
+    return f"pulls with up to {upper:.2f} N in place of {own:g} N, to keep its winding from getting too hot"

@@ -23,13 +23,14 @@ from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
+from pydantic import Field
 
 from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, RigState
 from tensionlab.errors import HardwareError, RigError
-from tensionlab.files.reading import read_toml
-from tensionlab.hardware.runner.demand_check import require_demand
+from tensionlab.files.reading import brief, read_toml
 from tensionlab.model.rig import Rig
+from tensionlab.model.schema import Table
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +97,6 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     HardwareError
         Naming the file and the key: what is wrong and what to do.
     """
-    from tensionlab.hardware.runner.program_file import ProgramFile
     from tensionlab.model.schema import check
 
     document = read_toml(path, "a program (*.toml)", HardwareError)
@@ -113,3 +113,58 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
         require_demand(Demand(step.wrench, brakes=step.brakes), rig, here)
         steps.append(step)
     return Program(file.name, tuple(steps), file.repeat)
+
+
+class StepTable(Table):
+    """One ``[[steps]]`` entry."""
+
+    seconds: float = Field(description="how long it takes in s, a number")
+    wrench: list[float] = Field(description="what to render, a list of N, and of N·m after the forces")
+    ramp: bool = Field(False, description="true or false: whether to go there evenly")
+    brakes: list[str] = Field([], description="names of modules whose brake is on, a list")
+
+
+class ProgramFile(Table):
+    """A whole file."""
+
+    name: str = Field(min_length=1, description="a name in quotes")
+    repeat: bool = Field(False, description="true or false: whether to begin again at the end")
+    steps: list[StepTable] = Field(min_length=1, description="at least one [[steps]] table")
+
+
+def require_demand(demand: object, rig: Rig, here: str) -> Demand:
+    """Refuse what no rig, or not this one, can be asked for.
+
+    Parameters
+    ----------
+    demand : object
+        What a demand source returned.
+    rig : Rig
+    here : str
+        What to call it in a message.
+
+    Raises
+    ------
+    HardwareError
+        Saying what is wrong with it.
+    """
+    if not isinstance(demand, Demand):
+        raise HardwareError(f"{here} is {demand!r}; return a Demand")
+    if demand.wrench is not None:
+        wrench = np.asarray(demand.wrench)
+        if wrench.shape != (rig.n,):
+            raise HardwareError(f"{here}: wrench is {brief(wrench.tolist())}; this rig takes {rig.n} components")
+        if not np.isfinite(wrench).all():
+            raise HardwareError(f"{here}: wrench is {brief(wrench.tolist())}; all of it must be finite")
+    if demand.impedances or demand.brakes:
+        modules = {module.name: module for module in rig.modules}
+        for name in (*demand.impedances, *demand.brakes):
+            if name not in modules:
+                raise HardwareError(f'{here}: no module "{name}"; there are {", ".join(modules)}')
+        for name, spring in demand.impedances.items():
+            if not np.isfinite(list(vars(spring).values())).all():
+                raise HardwareError(f'{here}: module "{name}": {spring}; all of it must be finite')
+        for name in demand.brakes:
+            if modules[name].brake is None:
+                raise HardwareError(f'{here}: module "{name}" has no brake')
+    return demand

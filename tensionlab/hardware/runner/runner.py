@@ -20,21 +20,14 @@ from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.messages import Stop
-from tensionlab.hardware.runner.clock import Clock, RealClock
-from tensionlab.hardware.runner.cycle import Cycle
-from tensionlab.hardware.runner.demand_check import require_demand
-from tensionlab.hardware.runner.derating import Derating
-from tensionlab.hardware.runner.guard import EXACT_SOLVER, GuardedAllocator, approach, require_within
-from tensionlab.hardware.runner.interrupts import ENDING, Hung, Interrupted, Interrupts
-from tensionlab.hardware.runner.module_monitor import Roll
-from tensionlab.hardware.runner.observation import Observation, observe
-from tensionlab.hardware.runner.pose_tracker import PoseTracker, at_one_time, velocity
-from tensionlab.hardware.runner.released import ReleasedModules
-from tensionlab.hardware.runner.set_point_delays import SetPointDelays
-from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.settling import reel_in
-from tensionlab.hardware.runner.statistics import Statistics
-from tensionlab.hardware.runner.watchdog import Watchdog
+from tensionlab.hardware.runner.guard import EXACT_SOLVER, Derating, GuardedAllocator, approach, require_within
+from tensionlab.hardware.runner.module_monitor import ReleasedModules, Roll
+from tensionlab.hardware.runner.observation import Observation, SetPointDelays, observe
+from tensionlab.hardware.runner.pose_tracker import PoseTracker, at_one_time, reel_in, velocity
+from tensionlab.hardware.runner.program import require_demand
+from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
+from tensionlab.hardware.runner.statistics import Cycle, Statistics
+from tensionlab.hardware.runner.watchdog import ENDING, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:

@@ -1,13 +1,18 @@
-"""How a run goes: how often, and what it does when something is wrong."""
+"""Settings of a run, and the clocks that it may go by."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
 
 from tensionlab.allocation import Nearest
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.runner.module_monitor import ON_LOSS, OnLoss
+from tensionlab.hardware.simulation.world import World
 
+OnLoss = Literal["stop", "continue"]
+ON_LOSS: tuple[OnLoss, ...] = get_args(OnLoss)
+"""What to do when a module drops out: end the run, or go on with the others."""
 SHORTEST_TTL, LONGEST_TTL = 0.05, 2.0
 """What modules take, in s."""
 DUE_IN_TTL = 2
@@ -66,3 +71,63 @@ class RunSettings:
     def telemetry_ms(self) -> int:
         """Period of the telemetry, in ms: that of the cycles, where modules go along."""
         return max(SHORTEST_TELEMETRY, round(1e3 / self.rate))
+
+
+class Clock(Protocol):
+    """Time of a run, in s, from any start; it only goes forward.
+
+    Attributes
+    ----------
+    real_time : bool
+        Whether it goes on while a cycle lasts; optional, False if left out.
+    """
+
+    def now(self) -> float:
+        """What time is it?"""
+
+    def wait_until(self, when: float) -> None:
+        """Come back at that time, or at once if it has been."""
+
+
+class RealClock:
+    """The system's own monotonic time, which nobody sets."""
+
+    real_time = True
+
+    def now(self) -> float:
+        """What time is it?"""
+        return time.monotonic()
+
+    def wait_until(self, when: float) -> None:
+        """Sleep."""
+        left = when - time.monotonic()
+        if left > 0.0:
+            time.sleep(left)
+
+
+class WorldClock:
+    """The time of simulated modules, which passes while somebody waits.
+
+    Parameters
+    ----------
+    world : World
+        Whose time it is.
+    paced : bool
+        Whether it is real time.
+    """
+
+    def __init__(self, world: World, *, paced: bool = False) -> None:
+        self._world = world
+        self._paced = self.real_time = paced
+        self._start = time.monotonic() - world.time
+
+    def now(self) -> float:
+        """What time is it?"""
+        return time.monotonic() - self._start if self._paced else self._world.time
+
+    def wait_until(self, when: float) -> None:
+        """Let it pass in the modules."""
+        if self._paced:
+            time.sleep(max(when - self.now(), 0.0))
+            when = self.now()
+        self._world.advance(max(when - self._world.time, 0.0))

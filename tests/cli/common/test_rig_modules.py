@@ -9,7 +9,7 @@ import typer
 from benchmarks.processes import simulated
 from tensionlab.cli.common.rig_modules import module_links, reach_modules
 from tensionlab.demand import Pose
-from tensionlab.hardware.runner.clock import RealClock
+from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import load_rig
 
 PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"

@@ -24,8 +24,8 @@ from tensionlab.haptics.effects import (
 )
 from tensionlab.haptics.effects.on_module import felt as felt_of
 from tensionlab.haptics.rendering.rendering import UNKNOWN, Renderer
-from tensionlab.hardware.runner.clock import WorldClock
 from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.world import World
 

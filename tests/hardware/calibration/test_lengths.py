@@ -13,7 +13,7 @@ from tensionlab.hardware.calibration.lengths import columns, load_lengths, recor
 from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.runner.clock import WorldClock
+from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 
