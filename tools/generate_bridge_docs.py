@@ -19,10 +19,9 @@ from tensionlab.haptics.bridge.messages import IN, KINDS, LARGEST, OUT, PROTOCOL
 from tensionlab.haptics.bridge.osc_packet import MAX_DEPTH, MAX_MESSAGES
 from tensionlab.haptics.bridge.server import COMMAND, EVENTS, MAX_CLIENTS, PATIENCE
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
-from tensionlab.haptics.effects.compose import FADE
-from tensionlab.haptics.effects.compose import PATIENCE as SILENCE
-from tensionlab.haptics.effects.effect import LEAP
+from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S
 from tensionlab.haptics.effects.parameters import MAX_COUNT, Many, Vector, bounds
+from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 
 HEAD = f"""# The bridge
 
@@ -36,13 +35,13 @@ from the code: `python -m tools.generate_bridge_docs` writes it.
 - Every message is one JSON object, {LARGEST // 1024} KiB at most. The first one to every client is a `welcome`.
   Units are SI; axes are those of the rig (its file says which one is up; Unity's are left-handed: turn one round).
 - The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind. One that
-  would have to be faster than {LEAP:g} m/s has been put elsewhere, and is at rest there.
+  would have to be faster than {MAX_HAND_SPEED_M_S:g} m/s has been put elsewhere, and is at rest there.
 - What is stiff or vibrates runs on the modules whose cables lie within 45 degrees of it. The rest is the host's,
   no stiffer than `ceiling` in the state; a `stiff` event names an effect that asks for more.
 - `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects take
   the place of the scenario's that have their names. Others are felt all the time.
-- {SILENCE:g} s after the latest frame the force begins to fade, and {SILENCE + FADE:g} s after it there is none,
-  until frames come again. Then it comes back in {FADE:g} s.
+- {FADE_DELAY_S:g} s after the latest frame the force begins to fade, and {FADE_DELAY_S + FADE_S:g} s after it
+  there is none, until frames come again. Then it comes back in {FADE_S:g} s.
 - A refusal has a reason, and changes nothing. What is refused: wrong types and dimensions, what lies outside
   the ranges below, names that nobody knows, and what is too much: more than {MESSAGES_PER_S:g} messages a second
   (beyond {MESSAGES_AT_ONCE:g} at once), {1e-3 * BYTES_PER_S:g} kB a second (beyond {1e-3 * BYTES_AT_ONCE:g} kB),

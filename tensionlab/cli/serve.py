@@ -88,7 +88,7 @@ def serve(
     from tensionlab.haptics.bridge.osc import OscDoor
     from tensionlab.haptics.bridge.server import Bridge
     from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
-    from tensionlab.haptics.effects.compose import FADE, PATIENCE
+    from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
     from tensionlab.hardware import Runner
     from tensionlab.hardware.protocol.codes import BrakeState, Limit
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
@@ -105,7 +105,7 @@ def serve(
         scenario=None if played_one is None else played_one.name,
         bodies=[HAND, *loaded.frames],
         rate=settings.rate,
-        timeout=PATIENCE + FADE,
+        timeout=FADE_DELAY_S + FADE_S,
     )
     limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
     news = News(loaded, limits, brakes, lambda: mailbox.count)

@@ -10,7 +10,7 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import ScenarioError
 from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
 from tensionlab.haptics.effects import Plane
-from tensionlab.haptics.effects.effect import along, length_of
+from tensionlab.haptics.effects.effect import norm, normalized
 from tensionlab.haptics.effects.parameters import Length, PositiveForce, require_parameters
 
 
@@ -48,8 +48,8 @@ class Hold:
         if self.plane is not None:
             return Wall(self.plane.n, float(self.plane.height(position)), self.force)
         assert self.reach is not None
-        inward = -along(position) if position.any() else np.eye(position.size)[0]
-        return Wall(inward, self.reach - float(length_of(position)), self.force)
+        inward = -normalized(position) if position.any() else np.eye(position.size)[0]
+        return Wall(inward, self.reach - float(norm(position)), self.force)
 
     def late_by(self, delay: float) -> Timing:
         """When must brakes lock over a loop that is so late, in s?"""

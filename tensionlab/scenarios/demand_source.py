@@ -13,8 +13,8 @@ from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import Catch, Decision, decide
-from tensionlab.haptics.effects.effect import LEAP, Effect, Motion, relative
-from tensionlab.haptics.rendering.rendering import Renderer
+from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect, Motion, relative
+from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.brake_target import Hold
 from tensionlab.scenarios.scenario import Scenario
@@ -146,7 +146,7 @@ class ScenarioDemand:
 
 def _speed(here: Floats, there: Floats | None, step: float) -> Floats:
     speed = np.zeros_like(here) if there is None else (here - there) / step
-    return speed if float(np.linalg.norm(speed)) <= LEAP else np.zeros_like(here)
+    return speed if float(np.linalg.norm(speed)) <= MAX_HAND_SPEED_M_S else np.zeros_like(here)
 
 
 def _origin(pose: Pose, frame: str) -> Floats:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
 from tensionlab.arrays import Floats
-from tensionlab.haptics.effects.on_module import ALIGNED
+from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 
@@ -77,7 +77,7 @@ def told_by(run: Run) -> Floats:
 def _near(told: Floats, meant: Floats) -> NDArray[np.bool_]:
     """Where is the angle between two forces (K, n) at most 45 degrees?"""
     sizes = np.linalg.norm(told, axis=1) * np.linalg.norm(meant, axis=1)
-    return np.asarray((np.einsum("kn,kn->k", told, meant) >= ALIGNED * sizes) & (sizes > 0.0))
+    return np.asarray((np.einsum("kn,kn->k", told, meant) >= MIN_COSINE * sizes) & (sizes > 0.0))
 
 
 def _late(run: Run, told: Floats, meant: Floats) -> NDArray[np.bool_]:

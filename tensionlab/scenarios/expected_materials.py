@@ -7,7 +7,7 @@ import numpy as np
 from tensionlab.arrays import Floats, angles
 from tensionlab.haptics.effects import Magnet, Shape, Sphere, Texture, Vibration, Water
 from tensionlab.haptics.effects.effect import Motion
-from tensionlab.haptics.rendering.rendering import HAND_DAMPING, REMEMBERED
+from tensionlab.haptics.rendering.renderer import DELAY_CYCLES, HAND_DAMPING
 from tensionlab.haptics.rendering.stability import capped, stiffness_cap
 from tensionlab.scenarios.expected_values import Row, Touch, about, effect, pitch, rms, touch
 from tensionlab.scenarios.play import Played
@@ -112,7 +112,7 @@ def ceiling(played: Played, time: Floats) -> Floats:
     """How stiff could the host be at times, in N/m? By how late it had found the loop to be until then."""
     run, rate = played.run, played.scenario.rate
     late = np.nanmax(run.delays, axis=1, initial=0.0)
-    worst = np.array([late[max(cycle + 1 - REMEMBERED, 0) : cycle + 1].max() for cycle in range(len(run))])
+    worst = np.array([late[max(cycle + 1 - DELAY_CYCLES, 0) : cycle + 1].max() for cycle in range(len(run))])
     caps = {each: stiffness_cap(each, 1.0 / rate, HAND_DAMPING) for each in np.unique(worst)}
     cycles = np.searchsorted(run.time, time, side="right") - 1
     return np.array([caps[worst[max(cycle, 0)]] for cycle in cycles])

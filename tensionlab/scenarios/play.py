@@ -12,7 +12,7 @@ from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import Mailbox
 from tensionlab.haptics.bridge.source import BridgedDemand
-from tensionlab.haptics.effects import ModuleLimits
+from tensionlab.haptics.rendering.assignment import ModuleLimits
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from hypothesis import strategies as st
 
-from tensionlab.haptics.effects import Motion
+from tensionlab.haptics.effects import Effect, Memory, Motion, Rendered
+from tensionlab.haptics.rendering.filtering import StageMemory, Stages
 
 
 def at(*position, velocity=(0.0, 0.0, 0.0), **more):
@@ -22,6 +25,28 @@ def follow(effect, positions, step, velocities=None):
     for k, (position, velocity) in enumerate(zip(positions, velocities, strict=True)):
         forces[k], memory, _ = effect.render(Motion(position, velocity, k * step, step), memory)
     return forces
+
+
+class StagedMemory(NamedTuple):
+    """Memory of an effect and of the stages that its force passes."""
+
+    effect: Memory
+    stages: StageMemory
+
+
+class Staged(NamedTuple):
+    """Effect whose force passes the stages, as in the renderer."""
+
+    effect: Effect
+    stages: Stages = Stages()
+
+    def render(self, motion, memory=None):
+        """Return the force after the stages."""
+        inner, before = memory or (None, None)
+        smooth = self.stages.smooth(motion, before)
+        done = self.effect.render(smooth, inner)
+        force, stages = self.stages.filter(done.force, smooth, done.bypass_slew, before)
+        return Rendered(force, StagedMemory(done.memory, stages), done.bypass_slew)
 
 
 def given(forces, positions):

@@ -15,7 +15,7 @@ from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import Body, Frame
 from tensionlab.haptics.effects.described import effect_of, prepare
-from tensionlab.haptics.effects.effect import LEAP, Effect
+from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
 from tensionlab.model.rig import Rig
 
 SHORTEST = 1e-3
@@ -216,7 +216,7 @@ class Mailbox:
         if apart > LONGEST or share >= 1.0 + ONWARD or there.shape != here.shape:
             return still
         velocity = (here - there) / apart
-        if float(np.linalg.norm(velocity)) > LEAP:
+        if float(np.linalg.norm(velocity)) > MAX_HAND_SPEED_M_S:
             return still
         return BodyMotion(there + share * (here - there), velocity, _turn(body), age)
 

@@ -10,7 +10,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, RigState
 from tensionlab.haptics.bridge.messages import Event, State
-from tensionlab.haptics.rendering.rendering import Renderer
+from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 
 SILENT = 1e-3

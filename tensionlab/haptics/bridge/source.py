@@ -14,10 +14,10 @@ import numpy as np
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
 from tensionlab.haptics.bridge.client_state import HAND, Mailbox
-from tensionlab.haptics.effects.compose import way_in
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
-from tensionlab.haptics.effects.on_module import EffectFailed
-from tensionlab.haptics.rendering.rendering import Renderer
+from tensionlab.haptics.rendering.assignment import EffectFailed
+from tensionlab.haptics.rendering.filtering import fade_in
+from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 
 
@@ -67,14 +67,14 @@ class BridgedDemand:
         note: Callable[[str, str], None] | None = None,
     ) -> None:
         self._mailbox, self._inner, self._told, self._note = mailbox, inner, told, note
-        self._way, self._latest = 0.0, 0.0
+        self._fade, self._latest = 0.0, 0.0
 
     def __call__(self, state: RigState) -> Demand:
         """What to render now?"""
         age = self._mailbox.age(time.monotonic())
-        self._way = float(way_in(age, state.time - self._latest, self._way))
+        self._fade = float(fade_in(age, state.time - self._latest, self._fade))
         self._latest = state.time
-        share = float(smoothstep(self._way))
+        share = float(smoothstep(self._fade))
         demand = self._rendered(state, share)
         if self._told is not None:
             self._told(state, demand, share, self._inner.renderer)

@@ -1,25 +1,21 @@
-"""What force to ask for: pure functions of how the hand moves.
+"""Haptic effects: pure functions from how the hand moves to the force on it.
 
-contact: wall, magnet. texture: rough surfaces. shape: solids from distance fields. friction. ambient: viscous,
-spring, water, vibration. tools: weight, recoil, bow. compose: sums and ramps. on_module: what a module renders by
-itself.
+contact: walls, magnets, friction, textures. shape: solids from distance fields. ambient: viscous damping, springs,
+water, vibrations. tools: weight, recoil, bow. effect: what all of them are.
 """
 
 from tensionlab.haptics.effects.ambient import Spring, Vibration, Viscous, Water
-from tensionlab.haptics.effects.compose import Ramp, Sum, WhileFresh
-from tensionlab.haptics.effects.contact import Magnet, Plane, Wall
-from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered, relative
-from tensionlab.haptics.effects.fields import Box, Distance, Field, HalfSpace, Sphere
-from tensionlab.haptics.effects.friction import Friction
-from tensionlab.haptics.effects.on_module import (
+from tensionlab.haptics.effects.contact import Friction, Magnet, Plane, Ripples, Texture, Wall
+from tensionlab.haptics.effects.effect import (
     AxisImpedance,
-    ModuleLimits,
-    OnModule,
-    along_cable,
-    divide,
+    Effect,
+    Memory,
+    Motion,
+    Rendered,
+    SplitEffect,
+    relative,
 )
-from tensionlab.haptics.effects.shape import Shape, VirtualCoupling
-from tensionlab.haptics.effects.texture import Ripples, Texture
+from tensionlab.haptics.effects.shape import Box, Distance, Field, HalfSpace, Shape, Sphere, VirtualCoupling
 from tensionlab.haptics.effects.tools import Bow, Recoil, Weight
 
 EFFECTS = {
@@ -53,18 +49,15 @@ __all__ = [
     "HalfSpace",
     "Magnet",
     "Memory",
-    "ModuleLimits",
     "Motion",
-    "OnModule",
     "Plane",
-    "Ramp",
     "Recoil",
     "Rendered",
     "Ripples",
     "Shape",
     "Sphere",
+    "SplitEffect",
     "Spring",
-    "Sum",
     "Texture",
     "Vibration",
     "VirtualCoupling",
@@ -72,8 +65,5 @@ __all__ = [
     "Wall",
     "Water",
     "Weight",
-    "WhileFresh",
-    "along_cable",
-    "divide",
     "relative",
 ]

@@ -1,4 +1,4 @@
-"""What does the space around the hand feel like: something viscous, water, a spring, a vibration?"""
+"""Effects of the space around the hand: viscous damping, springs, water, vibrations."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
-from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, length_of, smoothstep
-from tensionlab.haptics.effects.on_module import AxisImpedance
+from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
 from tensionlab.haptics.effects.parameters import (
     Damping,
     Direction,
@@ -27,7 +26,7 @@ from tensionlab.haptics.effects.parameters import (
 
 @dataclass(frozen=True)
 class Viscous:
-    """What does something viscous feel like? ``F = -b v``. Continuous; passive.
+    """Viscous damping: ``F = -b v``. Continuous; passive.
 
     Parameters
     ----------
@@ -41,13 +40,13 @@ class Viscous:
         require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Brake the hand."""
+        """Return the drag."""
         return Rendered(-self.damping * motion.velocity)
 
 
 @dataclass(frozen=True)
 class Spring:
-    """What does a spring to a point feel like? ``F = K (centre - p) - B v``. Continuous; passive.
+    """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive.
 
     Parameters
     ----------
@@ -67,33 +66,33 @@ class Spring:
         require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Draw the hand to the centre."""
+        """Return the pull to the centre."""
         stretch = np.asarray(self.centre) - motion.position
         return Rendered(self.stiffness * stretch - self.damping * motion.velocity)
 
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """All of it, along the way to the centre. At the centre there is no way, and nothing to pull."""
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """Return all of it, towards the centre; None at the centre, where there is no direction."""
         stretch = np.asarray(self.centre) - motion.position
-        size = float(length_of(stretch))
+        size = float(norm(stretch))
         if size == 0.0:
             return None
         return AxisImpedance(stretch / size, size, self.stiffness, self.damping)
 
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """The damping across."""
-        axis = along(np.asarray(self.centre) - motion.position)
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return the damping across."""
+        axis = normalized(np.asarray(self.centre) - motion.position)
         across = motion.velocity - (motion.velocity @ axis) * axis
         return Rendered(-self.damping * across)
 
 
 @dataclass(frozen=True)
 class Water:
-    """What does water feel like? Drag, and a lift.
+    """Water: drag, and a lift.
 
     ``F = s (-b v - c |v| v + F_b up)``, where s goes from 0 at the surface to 1 at a depth of ``mixing``, as a
     smoothstep. Pushed by F_0, the hand comes to the speed ``(sqrt(b² + 4 c F_0) - b) / (2 c)``. Continuous.
-    Passive: the lift only depends on the depth. The quadratic drag is Newton's, the linear one keeps it felt in
-    a slow hand.
+    Passive: the lift only depends on the depth. The quadratic drag is Newton's, the linear one is for a slow
+    hand.
 
     Parameters
     ----------
@@ -119,20 +118,20 @@ class Water:
         require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Brake the hand, and lift it."""
+        """Return drag and lift."""
         share = smoothstep(-self.surface.height(motion.position) / self.mixing)
-        drag = self.linear + self.quadratic * length_of(motion.velocity)
+        drag = self.linear + self.quadratic * norm(motion.velocity)
         force = self.lift * self.surface.n - drag[..., None] * motion.velocity
         return Rendered(share[..., None] * force)
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """What does a vibration feel like? ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
+    """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
 
     It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
     slack. A host would need more than ten steps a period. A module changes its tension no faster than its slew, 60
-    N/s as it comes and up to 300: beyond ``A = slew/(2 pi f)``, 0.24 N at 40 Hz, less is felt.
+    N/s as it comes and up to 300: beyond ``A = slew/(2 pi f)``, 0.24 N at 40 Hz, less is rendered.
 
     Parameters
     ----------
@@ -152,19 +151,19 @@ class Vibration:
         require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Push and pull."""
+        """Return the push or pull at the motion's time."""
         phase = 2.0 * math.pi * self.frequency * np.asarray(motion.time)
         force = (self.amplitude * np.sin(phase))[..., None] * self._axis
         return Rendered(np.broadcast_to(force, np.broadcast_shapes(force.shape, motion.position.shape)))
 
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """All of it."""
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance:
+        """Return all of it."""
         return AxisImpedance(self._axis, amplitude=self.amplitude, frequency=self.frequency)
 
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Nothing."""
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return no force."""
         return Rendered(np.zeros_like(motion.position))
 
     @cached_property
     def _axis(self) -> Floats:
-        return along(np.asarray(self.axis, dtype=np.float64))
+        return normalized(np.asarray(self.axis, dtype=np.float64))

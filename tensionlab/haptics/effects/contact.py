@@ -1,4 +1,4 @@
-"""What does a flat surface feel like: a wall, or a magnet?
+"""Effects of flat surfaces: walls, magnets, dry friction and textures.
 
 A plane has a point and a normal n that points out of it, towards the free side. The height of a hand above it is
 ``h = n·(p - point)``, its penetration ``d = -h``.
@@ -6,18 +6,24 @@ A plane has a point and a normal n that points out of it, towards the free side.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, dot
-from tensionlab.haptics.effects.on_module import AxisImpedance
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
 from tensionlab.haptics.effects.parameters import (
     Damping,
     Direction,
+    Force,
+    FrictionCoefficient,
     Length,
+    LengthOrNone,
     Point,
     PositiveForce,
     PositiveStiffness,
@@ -31,7 +37,7 @@ UP = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Plane:
-    """Where is a flat surface, and which way is out of it?
+    """Flat surface.
 
     Parameters
     ----------
@@ -50,16 +56,16 @@ class Plane:
     @cached_property
     def n(self) -> Floats:
         """The unit normal (d,)."""
-        return along(np.asarray(self.normal, dtype=np.float64))
+        return normalized(np.asarray(self.normal, dtype=np.float64))
 
     def height(self, position: Floats) -> Floats:
-        """How far above it is a position (..., d), in m? Negative inside."""
+        """Return how far above it positions (..., d) are, in m; negative inside."""
         return dot(position - np.asarray(self.point), self.n)
 
 
 @dataclass(frozen=True)
 class Wall:
-    """What does a wall feel like? A spring and a damper that only push.
+    """Flat wall: a spring and a damper that only push.
 
     ``F = n max(0, K d - B n·v)`` where the penetration d > 0, else 0. Continuous in the position for a hand at
     rest; one that comes in at the speed s meets a step of ``B s``. Passive. All of it runs on a module: over a
@@ -83,28 +89,28 @@ class Wall:
         require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Push, in contact."""
+        """Return the push, in contact."""
         return Rendered(self.push(motion)[..., None] * self.plane.n)
 
     def push(self, motion: Motion) -> Floats:
-        """How hard does it push along its normal, in N?"""
+        """Return the size of the push along the normal, in N."""
         depth = -self.plane.height(motion.position)
         push = self.stiffness * depth - self.damping * dot(motion.velocity, self.plane.n)
         return np.where(depth > 0.0, np.maximum(push, 0.0), 0.0)
 
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """All of it, along the normal; the module's damper does not act on the way out."""
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance:
+        """Return all of it, along the normal; the module's damper does not act on the way out."""
         depth = -float(self.plane.height(motion.position))
         return AxisImpedance(self.plane.n, depth, self.stiffness, self.damping)
 
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Nothing."""
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return no force."""
         return Rendered(np.zeros_like(motion.position))
 
 
 @dataclass(frozen=True)
 class Magnet:
-    """What does a magnetic surface feel like? It draws the hand near, and holds it at the surface.
+    """Magnetic surface, which draws the hand near and holds it there.
 
     At the distance h: towards the surface, ``K h`` for ``h < h_1``, else ``F_1 (h_max - h)/(h_max - h_1)``, and
     nothing beyond h_max, with ``h_1 = F_max/K`` and ``F_1 = F_max``; where K is too small for that (capped, say),
@@ -136,34 +142,224 @@ class Magnet:
 
     @property
     def peak(self) -> float:
-        """At which distance does it pull most, in m?"""
+        """Distance at which it pulls most, in m."""
         return min(self.max_force / self.stiffness, self.reach / 2)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Pull towards the surface, and damp."""
+        """Return the pull towards the surface, and the damping."""
         height = self.plane.height(motion.position)
         spring = self.stiffness * np.minimum(height, self.peak)
         pull = spring * self._fade(height)
         damping = self.damping * self._fade(height)
         return Rendered(-pull[..., None] * self.plane.n - damping[..., None] * motion.velocity)
 
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """The spring, along the normal, from the side where the hand is; further away, the pull as it is now."""
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """Return the spring along the normal, from the hand's side; further away, the pull as it is now."""
         height = float(self.plane.height(motion.position))
         if height >= self.reach:
             return None
         if height < self.peak:
             axis = self.plane.n * (-1.0 if height > 0.0 else 1.0)
             return AxisImpedance(axis, abs(height), self.stiffness, self.damping)
-        return AxisImpedance(
-            -self.plane.n, feed_forward=self.stiffness * self.peak * float(self._fade(np.asarray(height)))
-        )
+        pull = self.stiffness * self.peak * float(self._fade(np.asarray(height)))
+        return AxisImpedance(-self.plane.n, feed_forward=pull)
 
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """The damping beyond the spring."""
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return the damping beyond the spring."""
         height = self.plane.height(motion.position)
         damping = np.where(height < self.peak, 0.0, self.damping * self._fade(height))
         return Rendered(-damping[..., None] * motion.velocity)
 
     def _fade(self, height: Floats) -> Floats:
         return np.clip((self.reach - height) / (self.reach - self.peak), 0.0, 1.0)
+
+
+class Bristle(NamedTuple):
+    """Memory of friction.
+
+    Attributes
+    ----------
+    position : (..., d) array
+        Of the step before, in m.
+    stretch : (..., d) array
+        z, the bristle's, in m.
+    sliding : (...) array of bool
+    """
+
+    position: Floats
+    stretch: Floats
+    sliding: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Dry friction: a bristle that holds the hand, and gives way when pulled too hard.
+
+    The implicit return mapping (Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto 2006, "Admittance and impedance
+    representations of friction based on implicit Euler integration"), for the way dp since the step before, of
+    length T: ``z* = z + dp``, ``f* = s0 z* + s1 (z* - z)/T``; if ``|f*| > F_c`` it slides, ``f = F_c f*/|f*|``
+    and ``z = (f + s1 z/T)/(s0 + s1/T)``, else it sticks, ``f = f*`` and ``z = z*``. The force on the hand is -f.
+    F_c is ``mu_s F_n`` while it sticks and ``mu_d F_n`` while it slides. Passive, exactly so with the force at the
+    end of each step: ``f·dp >= s0/2 |z|²`` after, less that before. Jumps when it comes loose, by
+    ``(mu_s - mu_d) F_n``.
+
+    Parameters
+    ----------
+    load : float
+        F_n in N, where nothing else presses; 1 is a default of this project.
+    static, dynamic : float
+        mu_s and mu_d; 0.5 and 0.35 are defaults of this project.
+    stiffness, damping : float
+        s0 in N/m and s1 in N s/m; 400 and 2 are defaults of this project.
+    """
+
+    load: Force = 1.0
+    static: FrictionCoefficient = 0.5
+    dynamic: FrictionCoefficient = 0.35
+    stiffness: PositiveStiffness = 400.0
+    damping: Damping = 2.0
+
+    def __post_init__(self) -> None:
+        require_parameters(self)
+        if self.dynamic > self.static:
+            raise EffectError(
+                f"Friction: dynamic is {self.dynamic}, above static, {self.static}; give dynamic <= static"
+            )
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return the friction under its own load, in all directions."""
+        return self.rub(motion, np.full(motion.position.shape[:-1], self.load), None, memory)
+
+    def rub(self, motion: Motion, load: Floats, normal: Floats | None, memory: Memory = None) -> Rendered:
+        """Return the friction under a load, along a surface.
+
+        Parameters
+        ----------
+        motion : Motion
+        load : (...) array
+            F_n in N.
+        normal : (..., d) array or None
+            Unit normal of the surface; None: every direction rubs.
+        memory : Bristle or None
+        """
+        if not isinstance(memory, Bristle):
+            still = np.zeros(motion.position.shape[:-1], dtype=np.bool_)
+            memory = Bristle(motion.position, np.zeros_like(motion.position), still)
+        moved = _tangential(motion.position - memory.position, normal)
+        before = _tangential(memory.stretch, normal)
+        rate = self.damping / motion.step
+        trial = self.stiffness * (before + moved) + rate * moved
+        size = norm(trial)
+        limit = np.where(memory.sliding, self.dynamic, self.static) * load
+        sliding = size > limit
+        # Once it gives way it resists with mu_d at once, not from the next step on.
+        share = np.where(sliding, self.dynamic * load / np.where(size > 0.0, size, 1.0), 1.0)
+        force = share[..., None] * trial
+        slid = (force + rate * before) / (self.stiffness + rate)
+        stretch = np.where(sliding[..., None], slid, before + moved)
+        return Rendered(-force, Bristle(motion.position, stretch, sliding))
+
+
+def _tangential(vector: Floats, normal: Floats | None) -> Floats:
+    return vector if normal is None else vector - dot(vector, normal)[..., None] * normal
+
+
+@dataclass(frozen=True)
+class Ripples:
+    """Even ripples across a surface under a load: the slope of their sides.
+
+    With x the way along the direction and F_n the load, ``-F_n (2 pi A/l) cos(2 pi x/l)`` for ripples of height A
+    and period l. It fades where they pass by faster than the loop can render: by a share from 1 at ``|v|/l =
+    rate/10`` to 0 at twice that, where the rate is one a step. In their valleys they hold a hand like a spring of
+    ``F_n (2 pi/l)² A``, 740 N/m for each newton with these defaults: where that is more than ``stiffness``, they
+    are so much lower. Clean textures want 5 to 10 kHz (Choi and Tan 2004, "Perceived instability of virtual haptic
+    texture").
+
+    Parameters
+    ----------
+    direction : tuple of d floats
+        Across the ripples; what of it is along the surface's normal is left out.
+    period : float
+        l in m; 4 mm is a default of this project.
+    height : float
+        A in m; 0.3 mm is a default of this project.
+    stiffness : float
+        In N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this project.
+    """
+
+    direction: Direction = (1.0, 0.0, 0.0)
+    period: Length = 0.004
+    height: LengthOrNone = 0.0003
+    stiffness: Stiffness = 10_000.0
+
+    def __post_init__(self) -> None:
+        require_parameters(self)
+
+    def across(self, normal: Floats) -> Floats:
+        """Return the unit vector across them, along a surface with this normal (d,); zero where there is none."""
+        direction = normalized(np.asarray(self.direction, dtype=np.float64))
+        across = direction - (direction @ normal) * normal
+        return normalized(across) if np.linalg.norm(across) > 1e-6 else np.zeros_like(across)
+
+    def push(self, x: Floats, speed: Floats, load: Floats, step: float) -> Floats:
+        """Return their push along x (...), passing at a speed (...) in m/s under a load (...) in N."""
+        wave = 2.0 * math.pi / self.period
+        pressed = np.minimum(load * self.height, self.stiffness / wave**2)
+        fade = np.clip(2.0 - 10.0 * np.abs(speed) / self.period * step, 0.0, 1.0)
+        return -pressed * fade * wave * np.cos(wave * x)
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Rough surface: a wall, friction on it, and ripples across.
+
+    Continuous in the position for a hand at rest. Not passive: the load may be larger on the way down a ripple
+    than on the way up. A ripple gives at most ``2 A (F_n down - F_n up)`` that way, 0.6 mJ a newton. That the wall
+    runs on a module, and the rest on the host, is a choice of this project.
+
+    Parameters
+    ----------
+    wall : Wall
+        Runs on a module.
+    friction : Friction
+        Its load is the wall's push.
+    ripples : Ripples
+        Theirs is, too.
+    """
+
+    wall: Wall = field(default_factory=Wall)
+    friction: Friction = field(default_factory=Friction)
+    ripples: Ripples = Ripples()
+
+    def __post_init__(self) -> None:
+        if len(self.ripples.direction) != len(self.wall.plane.normal):
+            raise EffectError(
+                f"Texture: ripples.direction is {self.ripples.direction}, wall.plane.normal "
+                f"{self.wall.plane.normal}; give both as many components as the rig has axes"
+            )
+        if not np.linalg.norm(self._across) > 0.5:
+            raise EffectError(
+                f"Texture: direction {self.ripples.direction} is along the wall's normal "
+                f"{self.wall.plane.normal}; give one along the surface"
+            )
+
+    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return the push, friction and ripples; the memory is the friction's."""
+        host = self.host_side(motion, memory)
+        return host._replace(force=host.force + self.wall.render(motion).force)
+
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance:
+        """Return the wall."""
+        return self.wall.module_side(motion)
+
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return friction and ripples."""
+        load = self.wall.push(motion)
+        rub = self.friction.rub(motion, load, self.wall.plane.n, memory)
+        x = dot(motion.position - np.asarray(self.wall.plane.point), self._across)
+        push = self.ripples.push(x, dot(motion.velocity, self._across), load, motion.step)
+        return rub._replace(force=rub.force + push[..., None] * self._across)
+
+    @cached_property
+    def _across(self) -> Floats:
+        return self.ripples.across(self.wall.plane.n)

@@ -14,7 +14,7 @@ from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import require_dimension
-from tensionlab.haptics.effects.tools import GRAVITY, Weight
+from tensionlab.haptics.effects.tools import GRAVITY_M_S2, Weight
 from tensionlab.model.rig import Rig
 
 
@@ -55,7 +55,7 @@ def prepare() -> None:
 
 def _gravity(where: str, rig: Rig) -> tuple[float, ...]:
     try:
-        return tuple((-GRAVITY * rig.upward).tolist())
+        return tuple((-GRAVITY_M_S2 * rig.upward).tolist())
     except RigError as error:
         raise EffectError(f"{where}: {error}; or give gravity, in m/s²") from None
 

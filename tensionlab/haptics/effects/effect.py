@@ -1,36 +1,39 @@
-"""What is an effect? A pure function from how a hand moves to the force on it.
+"""Effects as pure functions: the motion of a hand in, the force on it out.
 
-Every effect is a frozen dataclass of its parameters with one method, `render`. What it remembers from one step
-to the next (a bristle of friction, a proxy on a surface) it returns and is handed back: nothing is hidden, and
-the same motion gives the same force. All quantities are in SI units and world axes; d is the dimension of space.
+Every effect is a frozen dataclass of its parameters. What it remembers from one step to the next (a bristle of
+friction, a proxy on a surface) it returns and is handed back: nothing is hidden, and the same motion gives the
+same force. All quantities are in SI units and world axes; d is the dimension of space.
+
+A stiff or vibrating part of an effect cannot wait for a link (see `tensionlab.haptics.rendering.stability`):
+modules render it at their own rate. A `SplitEffect` says what happens along one axis there, and what is left for
+the host.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.arrays import Floats
 
-Memory = Any
-"""What an effect remembers: None before its first step, then whatever it returned. Each effect has its own."""
-LEAP = 10.0
-"""Faster than this, in m/s, nobody moves: who tracks a hand has put it elsewhere."""
+Memory = tuple[object, ...] | None
+"""What an effect remembers: a NamedTuple of its own, such as `Bristle`; None before the first step, and where
+there is nothing to remember. Given the memory of another kind of effect, an effect begins anew."""
+MAX_HAND_SPEED_M_S = 10.0
+"""Faster than this nobody moves: whoever tracks the hand has put it elsewhere."""
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How does the hand move, or whatever the cables hold?
+    """Motion of the hand, or of whatever the cables hold.
 
     Attributes
     ----------
-    position : (..., d) array
-        In m.
-    velocity : (..., d) array
-        In m/s.
+    position, velocity : (..., d) arrays
+        In m and m/s.
     time : float or (...) array
         In s, on the clock on which events (a shot, a grasp) have their times.
     step : float
@@ -47,55 +50,102 @@ class Motion:
 
 
 class Rendered(NamedTuple):
-    """Which force acts on the hand now?
+    """Force on the hand, with what an effect remembers for its next step.
 
     Attributes
     ----------
     force : (..., d) array
         In N.
-    memory
-        For the effect's next step.
-    sudden : bool or (...) array of bool
-        Whether this force is meant to leap, so that the limit on its change has to stand aside.
+    memory : Memory
+    bypass_slew : bool or (...) array of bool
+        Whether this force is meant to jump, so that the slew limit has to stand aside.
     """
 
     force: Floats
     memory: Memory = None
-    sudden: bool | NDArray[np.bool_] = False
+    bypass_slew: bool | NDArray[np.bool_] = False
 
 
 class Effect(Protocol):
-    """What every effect can do. Broadcasts over leading axes of the motion."""
+    """Effect that a host can render. Broadcasts over leading axes of the motion."""
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Which force acts on the hand, and what is to be remembered?"""
+        """Return the force on the hand, and what to remember."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class AxisImpedance:
+    """Module-side part of an effect: an impedance along an axis.
+
+    A push along the axis of ``feed_forward + stiffness max(compression, 0) + damping max(its rate, 0)
+    + amplitude sin(2 pi frequency t)`` N.
+
+    Attributes
+    ----------
+    axis : (d,) array
+        Unit vector along which it pushes the hand.
+    compression : float
+        How far the hand is in now, against the axis, in m; negative before contact.
+    stiffness, damping : float
+        In N/m and N s/m.
+    feed_forward, amplitude, frequency : float
+        In N, N and Hz.
+    """
+
+    axis: Floats
+    compression: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    feed_forward: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+
+    def push(self, velocity: Floats) -> Floats:
+        """Return that force (d,) without the vibration, in N, for a hand with a velocity (d,)."""
+        size = self.feed_forward
+        if self.compression > 0.0:
+            size += self.stiffness * self.compression + self.damping * max(-float(self.axis @ velocity), 0.0)
+        return size * self.axis
+
+
+@runtime_checkable
+class SplitEffect(Effect, Protocol):
+    """Effect with a part for a module. Both methods take one motion, not a batch."""
+
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """Return what a module has to render now; None where there is nothing."""
+        ...
+
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return what is left for the host while a module renders its part."""
         ...
 
 
 def relative(motion: Motion, to: Motion) -> Motion:
-    """How does one hand move, seen from another? For what is between the two, as a bow."""
+    """Return the motion of one hand as seen from another: for what is between the two, such as a bow."""
     return replace(motion, position=motion.position - to.position, velocity=motion.velocity - to.velocity)
 
 
 def dot(a: Floats, b: Floats) -> Floats:
-    """Inner product of vectors (..., d)."""
+    """Return the inner product of vectors (..., d)."""
     product: Floats = np.einsum("...i,...i->...", a, b)
     return product
 
 
-def length_of(vector: Floats) -> Floats:
-    """Length of vectors (..., d)."""
+def norm(vector: Floats) -> Floats:
+    """Return the length of vectors (..., d)."""
     return np.sqrt(dot(vector, vector))
 
 
-def along(vector: Floats) -> Floats:
-    """Unit vectors along vectors (..., d); zero for zero."""
-    size = length_of(vector)[..., None]
+def normalized(vector: Floats) -> Floats:
+    """Return unit vectors along vectors (..., d); zero for zero."""
+    size = norm(vector)[..., None]
     return vector / np.where(size > 0.0, size, 1.0)
 
 
 def smoothstep(share: ArrayLike) -> Floats:
-    """A smooth way from 0 to 1, level at both ends: ``3 s² - 2 s³``, with s held in [0, 1]."""
+    """Return ``3 s² - 2 s³`` with s held in [0, 1]: from 0 to 1, level at both ends."""
     s = np.clip(share, 0.0, 1.0)
     smooth: Floats = s * s * (3.0 - 2.0 * s)
     return smooth

@@ -1,32 +1,141 @@
-"""What does a solid of any shape feel like? A spring to a proxy that stays on its surface."""
+"""Solids of any shape: signed distance fields, and a spring to a proxy that stays on the surface.
+
+A field is any callable that takes positions (..., d) and returns distances (...), in m and negative inside, and
+the unit vectors (..., d) of their steepest rise. Beyond the surface a distance may be too small, never too large.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, dot, length_of
-from tensionlab.haptics.effects.fields import Field, Sphere
-from tensionlab.haptics.effects.on_module import AxisImpedance
-from tensionlab.haptics.effects.parameters import Damping, Stiffness, require_parameters
+from tensionlab.errors import EffectError
+from tensionlab.haptics.effects.contact import ORIGIN, Plane
+from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
+from tensionlab.haptics.effects.parameters import (
+    Damping,
+    Edges,
+    Length,
+    Point,
+    Range,
+    Stiffness,
+    require_parameters,
+)
 
-STEPS = 10
-"""Of the proxy at most, each time; a slow hand needs two or three. What is left of the way it goes next time."""
-NEAR = 1e-6
-"""Within so many m of the surface a proxy is on it; a step as short ends its way."""
-CLOSE = 1e-3
-"""Within so many m of the surface a proxy goes straight on, and only not in."""
+Field = Callable[[Floats], tuple[Floats, Floats]]
+MAX_PROXY_STEPS = 10
+"""Of the proxy, each time; a slow hand needs two or three. What is left of the way it goes next time."""
+ON_SURFACE_M = 1e-6
+"""Within this distance of the surface a proxy is on it; a step as short ends its way."""
+NEAR_SURFACE_M = 1e-3
+"""Within this distance of the surface a proxy goes straight on, and only not in."""
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """All that is below a plane."""
+
+    plane: Plane = field(default_factory=Plane)
+
+    def __call__(self, position: Floats) -> tuple[Floats, Floats]:
+        """Return distances and directions out."""
+        return self.plane.height(position), np.broadcast_to(self.plane.n, position.shape)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """Ball; in the plane, a disc. At its very centre, out is the last axis.
+
+    Parameters
+    ----------
+    centre : tuple of d floats
+        In m.
+    radius : float
+        In m.
+    """
+
+    centre: Point = ORIGIN
+    radius: Length = 0.10
+
+    def __post_init__(self) -> None:
+        require_parameters(self)
+
+    def __call__(self, position: Floats) -> tuple[Floats, Floats]:
+        """Return distances and directions out."""
+        arm = position - np.asarray(self.centre)
+        size = norm(arm)
+        last = np.eye(position.shape[-1])[-1]
+        return size - self.radius, np.where(size[..., None] > 0.0, normalized(arm), last)
+
+
+@dataclass(frozen=True)
+class Box:
+    """Box along the axes. Inside, out is through the nearest face; of equally near ones, the first axis's.
+
+    Parameters
+    ----------
+    centre : tuple of d floats
+        In m.
+    size : tuple of d floats
+        Its edges, in m.
+    """
+
+    centre: Point = ORIGIN
+    size: Edges = (0.2, 0.2, 0.2)
+
+    def __post_init__(self) -> None:
+        require_parameters(self)
+        if len(self.centre) != len(self.size):
+            raise EffectError(f"Box: size is {self.size}; give {len(self.centre)} edges, as its centre has axes")
+
+    def __call__(self, position: Floats) -> tuple[Floats, Floats]:
+        """Return distances and directions out."""
+        arm = position - np.asarray(self.centre)
+        beyond = np.abs(arm) - np.asarray(self.size) / 2
+        side = np.where(arm >= 0.0, 1.0, -1.0)
+        outside = np.maximum(beyond, 0.0)
+        nearest = np.argmax(beyond, axis=-1)
+        inside = beyond.max(axis=-1) <= 0.0
+        face = side * np.eye(position.shape[-1])[nearest]
+        distance = np.where(inside, beyond.max(axis=-1), norm(outside))
+        return distance, np.where(inside[..., None], face, side * normalized(outside))
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Field from a function that gives the distance alone; the direction out comes from central differences.
+
+    Parameters
+    ----------
+    of : callable
+        Takes positions (..., d), returns distances (...), in m.
+    step : float
+        Of the differences, in m.
+    """
+
+    of: Callable[[Floats], Floats]
+    step: Annotated[float, Range("m", 1e-9, 1.0)] = 1e-5
+
+    def __post_init__(self) -> None:
+        require_parameters(self)
+
+    def __call__(self, position: Floats) -> tuple[Floats, Floats]:
+        """Return distances and directions out."""
+        shifts = self.step * np.eye(position.shape[-1])
+        ahead, behind = (self.of(position[..., None, :] + sign * shifts) for sign in (1.0, -1.0))
+        return self.of(position), normalized(ahead - behind)
 
 
 @dataclass(frozen=True)
 class VirtualCoupling:
-    """What ties the hand to a proxy? A spring and a damper: ``F = K_c (proxy - p) - B_c v``.
+    """Spring and damper between the hand and a proxy: ``F = K_c (proxy - p) - B_c v``.
 
-    Whatever holds the proxy, the hand feels no more than K_c and B_c; so they alone decide whether it is stable
+    Whatever holds the proxy, the hand meets no more than K_c and B_c; so they alone decide whether it is stable
     (Colgate, Stanley and Brown 1995, "Issues in the haptic display of tool use").
 
     Parameters
@@ -44,12 +153,12 @@ class VirtualCoupling:
         require_parameters(self)
 
     def force(self, motion: Motion, proxy: Floats) -> Floats:
-        """Which force (..., d) acts on the hand, in N?"""
+        """Return the force (..., d) on the hand, in N."""
         return self.stiffness * (proxy - motion.position) - self.damping * motion.velocity
 
 
 class Proxy(NamedTuple):
-    """Where is the proxy (..., d), does it touch the surface (...), and which way is out there (..., d)?"""
+    """Place of the proxy (..., d), whether it touches the surface (...), and the direction out there (..., d)."""
 
     position: Floats
     touching: NDArray[np.bool_]
@@ -58,7 +167,7 @@ class Proxy(NamedTuple):
 
 @dataclass(frozen=True)
 class Shape:
-    """What does a solid of any shape feel like? A spring to a proxy that follows the hand but stays outside.
+    """Solid of any shape: a spring to a proxy that follows the hand but stays outside.
 
     ``F = K (proxy - p) - B v`` while the proxy touches, else 0. The proxy is a god-object (Zilles and Salisbury
     1995, "A constraint-based god-object method for haptic display"): it goes towards the hand, at most as far at a
@@ -70,8 +179,8 @@ class Shape:
     Parameters
     ----------
     field : callable
-        Signed distance field, see `tensionlab.haptics.effects.fields`. What it is of may be round or square, not
-        rough: it should be correct to a micrometre at the surface.
+        Signed distance field. What it is of may be round or square, not rough: it should be correct to a
+        micrometre at the surface.
     coupling : VirtualCoupling
         K and B. All of it runs on a module, as a wall that touches the shape at the proxy.
     """
@@ -80,13 +189,13 @@ class Shape:
     coupling: VirtualCoupling = VirtualCoupling()
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Push the hand towards the proxy; the memory is where the proxy is."""
+        """Return the push towards the proxy, which is the memory."""
         proxy = self.follow(motion.position, memory)
         force = np.where(proxy.touching[..., None], self.coupling.force(motion, proxy.position), 0.0)
-        return Rendered(force, proxy.position)
+        return Rendered(force, proxy)
 
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """A wall at the proxy; where it does not touch, at the nearest point of the surface."""
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance:
+        """Return a wall at the proxy; where it does not touch, at the nearest point of the surface."""
         proxy = self.follow(motion.position, memory)
         if proxy.touching:
             depth = float(dot(proxy.position - motion.position, proxy.normal))
@@ -94,37 +203,32 @@ class Shape:
             depth = -float(self.field(motion.position)[0])
         return AxisImpedance(proxy.normal, depth, self.coupling.stiffness, self.coupling.damping)
 
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Nothing, but the proxy goes on."""
-        return Rendered(np.zeros_like(motion.position), self.follow(motion.position, memory).position)
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return no force, but let the proxy go on."""
+        return Rendered(np.zeros_like(motion.position), self.follow(motion.position, memory))
 
-    def follow(self, position: Floats, before: Floats | None) -> Proxy:
-        """Where does the proxy go, if it was there before and the hand is here?
+    def follow(self, position: Floats, before: Memory = None) -> Proxy:
+        """Return the proxy of a hand at a position (..., d) in m.
 
-        Parameters
-        ----------
-        position : (..., d) array
-            Of the hand, in m.
-        before : (..., d) array or None
-            None: it begins where the hand is, or where the field leads out from there.
+        Without one before, it begins where the hand is, or where the field leads out from there.
         """
-        proxy = self._outside(position) if before is None else before
-        for _ in range(STEPS):
+        proxy = before.position if isinstance(before, Proxy) else self._outside(position)
+        for _ in range(MAX_PROXY_STEPS):
             distance, normal = self.field(proxy)
             way = position - proxy
             inward = np.minimum(dot(way, normal) + distance, 0.0)
             # At the surface: straight on, but not into it. Above it: no further than is surely free, which close
             # to the surface is so little that the proxy of a hand that skims it would be left behind.
-            free = way * np.minimum(1.0, distance / np.maximum(length_of(way), NEAR))[..., None]
-            step = np.where((distance <= CLOSE)[..., None], way - inward[..., None] * normal, free)
+            free = way * np.minimum(1.0, distance / np.maximum(norm(way), ON_SURFACE_M))[..., None]
+            step = np.where((distance <= NEAR_SURFACE_M)[..., None], way - inward[..., None] * normal, free)
             ahead = self._outside(proxy + step)
             # In a corner it would go to and fro: it only ever comes nearer, by more than a hair.
-            nearer = length_of(position - ahead) < length_of(way) - NEAR**2
+            nearer = norm(position - ahead) < norm(way) - ON_SURFACE_M**2
             proxy = np.where(nearer[..., None], ahead, proxy)
-            if not (nearer & (length_of(step) > NEAR)).any():
+            if not (nearer & (norm(step) > ON_SURFACE_M)).any():
                 break
         distance, normal = self.field(proxy)
-        touching = (distance <= 2 * NEAR) & (dot(position - proxy, normal) < 0.0)
+        touching = (distance <= 2 * ON_SURFACE_M) & (dot(position - proxy, normal) < 0.0)
         return Proxy(proxy, touching, normal)
 
     def _outside(self, position: Floats) -> Floats:
@@ -132,5 +236,5 @@ class Shape:
             distance, normal = self.field(position)
             if (distance >= 0.0).all():
                 break
-            position = position - np.minimum(distance, 0.0)[..., None] * along(normal)
+            position = position - np.minimum(distance, 0.0)[..., None] * normalized(normal)
         return position

@@ -1,4 +1,4 @@
-"""What do things in the hand feel like: a weight, a shot, a bow?"""
+"""Effects of things in the hand: a weight, a shot, a bow."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.files.reading import brief
-from tensionlab.haptics.effects.effect import Memory, Motion, Rendered, along, length_of, smoothstep
-from tensionlab.haptics.effects.on_module import AxisImpedance
+from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
 from tensionlab.haptics.effects.parameters import (
     Acceleration,
     Direction,
@@ -34,25 +33,23 @@ from tensionlab.haptics.effects.parameters import (
     require_parameters,
 )
 
+GRAVITY_M_S2 = 9.81
 
-class Felt(NamedTuple):
-    """What does a weight remember? The velocity of the step before, and its acceleration; (..., d) each."""
+
+class WeightMotion(NamedTuple):
+    """Memory of a weight: the velocity of the step before, and the low-passed acceleration; (..., d) each."""
 
     velocity: Floats
     acceleration: Floats
 
 
-GRAVITY = 9.81
-"""In m/s²."""
-
-
 @dataclass(frozen=True)
 class Weight:
-    """What does a mass in the hand feel like? Gravity, and its inertia: ``F = m (g - a)``.
+    """Mass in the hand: gravity, and its inertia, ``F = m (g - a)``.
 
     a is the change of the velocity, low-passed (first order), each component clipped; then the whole rises from 0
     to 1 after the grasp. Continuous for a hand whose velocity is. Gravity is passive; the inertia is not, since it
-    is felt late.
+    comes late.
 
     Parameters
     ----------
@@ -71,7 +68,7 @@ class Weight:
     """
 
     mass: Mass = 0.5
-    gravity: Gravity = (0.0, 0.0, -GRAVITY)
+    gravity: Gravity = (0.0, 0.0, -GRAVITY_M_S2)
     cutoff: Frequency = 10.0
     limit: Acceleration = 5.0
     grasped: TimeOrEver = -math.inf
@@ -81,23 +78,24 @@ class Weight:
         require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Pull down, and against the acceleration; the memory is `Felt`."""
-        felt = memory or Felt(motion.velocity, np.zeros_like(motion.velocity))
-        now = (motion.velocity - felt.velocity) / motion.step
+        """Return the pull down, and against the acceleration."""
+        if not isinstance(memory, WeightMotion):
+            memory = WeightMotion(motion.velocity, np.zeros_like(motion.velocity))
+        now = (motion.velocity - memory.velocity) / motion.step
         share = -math.expm1(-2.0 * math.pi * self.cutoff * motion.step)
-        acceleration = felt.acceleration + share * (now - felt.acceleration)
+        acceleration = memory.acceleration + share * (now - memory.acceleration)
         force = self.mass * (np.asarray(self.gravity) - np.clip(acceleration, -self.limit, self.limit))
         held = np.clip((np.asarray(motion.time) - self.grasped) / self.ramp, 0.0, 1.0)
-        return Rendered(held[..., None] * force, Felt(motion.velocity, acceleration))
+        return Rendered(held[..., None] * force, WeightMotion(motion.velocity, acceleration))
 
 
 @dataclass(frozen=True)
 class Recoil:
-    """What does a shot feel like? A kick that rises at once and fades.
+    """Shot: a kick that rises at once and fades.
 
     After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
     left of earlier shots adds to it. Its impulse is ``F_p (t_r/2 + tau)``, 0.34 N s: about a tenth of a real 9 mm
-    pistol. It rises faster than the common limit of 200 N/s, and is marked as sudden for five tau. But a module
+    pistol. It rises faster than the common limit of 200 N/s, and bypasses it for five tau. But a module
     has a limit of its own: at the 60 N/s with which it comes, 2.8 N and 0.23 N s are left of a shot; at 300 N/s,
     its most, 4.6 N and 0.31 N s. Continuous. Not passive.
 
@@ -131,36 +129,36 @@ class Recoil:
 
     @property
     def impulse(self) -> float:
-        """Which impulse has a shot, in N s?"""
+        """Impulse of a shot, in N s."""
         return self.peak * (self.rise / 2 + self.fade)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Kick."""
+        """Return the kick."""
         since = np.asarray(motion.time)[..., None] - np.asarray(self.shots)
         late = np.maximum(since - self.rise, 0.0)
         kick = self.peak * (np.clip(since / self.rise, 0.0, 1.0) * np.exp(-late / self.fade)).sum(axis=-1)
         force = kick[..., None] * self._direction
         force = np.broadcast_to(force, np.broadcast_shapes(force.shape, motion.position.shape))
-        return Rendered(force, sudden=((since >= 0.0) & (late <= 5.0 * self.fade)).any(axis=-1))
+        return Rendered(force, bypass_slew=((since >= 0.0) & (late <= 5.0 * self.fade)).any(axis=-1))
 
     @cached_property
     def _direction(self) -> Floats:
-        return along(np.asarray(self.direction, dtype=np.float64))
+        return normalized(np.asarray(self.direction, dtype=np.float64))
 
 
 @dataclass(frozen=True)
 class Bow:
-    """What does a bow feel like, to the hand that draws it? The motion is that hand's, seen from the bow's.
+    """Bow, for the hand that draws it. The motion is that hand's, seen from the bow's.
 
     Drawn by ``x = max(0, |p| - brace)``, it pulls towards the bow's hand with ``F = min(F_max, F_0 + k x)``; a
     compound bow lets off, ``F (1 - let_off s)``, where s goes as a smoothstep from 0 at ``valley x_d`` to 1 at
     x_d. Its energy is the integral of F dx. Once loosed, F goes linearly to the slack tension within ``loose``,
-    and the string hums: with ``e = exp(-t/fade)``, at least ``slack + A e`` is pulled, and
-    ``A e sin(2 pi f t)`` on top, so that the cable never goes slack. That pretension, 1.5 N at first, fades with
-    the hum: held at 1.5 N, it would never come down to the slack tension. The force is sudden from the loose on,
-    for five fades; a module falls no faster than its own limit, 5.5 N in 92 ms at 60 N/s, in 18 ms at 300 N/s.
-    Until the loose it is continuous, and passive. At the bow's hand itself it pulls nowhere. The other
-    hand feels the opposite.
+    and the string hums: with ``e = exp(-t/fade)``, at least ``slack + A e`` is pulled, and ``A e sin(2 pi f t)``
+    on top, so that the cable never goes slack. That pretension, 1.5 N at first, fades with the hum: held at 1.5 N,
+    it would never come down to the slack tension. The force bypasses the slew limit from the loose on, for five
+    fades; a module falls no faster than its own limit, 5.5 N in 92 ms at 60 N/s, in 18 ms at 300 N/s. Until the
+    loose it is continuous, and passive. At the bow's hand itself it pulls nowhere. On the other hand acts the
+    opposite.
 
     Parameters
     ----------
@@ -177,7 +175,7 @@ class Bow:
     valley : float
         Share of the draw length at which it begins to; 0.75 is a default of this project.
     loosed : float
-        When the string was let go, in s, on the motion's clock; inf: not yet.
+        When the string was released, in s, on the motion's clock; inf: not yet.
     slack : float
         Tension after that, in N; 0.5, the modules' least, is a default of this project.
     loose : float
@@ -206,18 +204,18 @@ class Bow:
             raise EffectError("Bow: valley is 1; give a share below 1, so that it lets off before it is drawn")
 
     def draw(self, motion: Motion) -> Floats:
-        """How far is it drawn, in m?"""
-        return np.maximum(length_of(motion.position) - self.brace, 0.0)
+        """Return how far it is drawn, in m."""
+        return np.maximum(norm(motion.position) - self.brace, 0.0)
 
     def pull(self, draw: Floats) -> Floats:
-        """How hard does it pull when drawn that far, in N?"""
+        """Return its pull when drawn that far, in N."""
         start = self.valley * self.draw_length
         off = smoothstep((draw - start) / (self.draw_length - start))
         pull: Floats = np.minimum(self.initial + self.stiffness * draw, self.most) * (1.0 - self.let_off * off)
         return pull
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Pull the string's hand towards the bow's."""
+        """Return the pull of the string's hand towards the bow's."""
         since = np.asarray(motion.time) - self.loosed
         gone = np.where(since >= 0.0, 1.0, 0.0)
         late = np.maximum(since, 0.0)
@@ -225,21 +223,21 @@ class Bow:
         falling = self.slack + (self.pull(self.draw(motion)) - self.slack) * held
         hum = gone * self.hum * np.exp(-late / self.fade)
         pull = np.maximum(falling, gone * (self.slack + hum)) + hum * np.sin(2.0 * math.pi * self.frequency * late)
-        sudden = (since >= 0.0) & (since <= 5.0 * self.fade)
-        return Rendered(-pull[..., None] * along(motion.position), sudden=sudden)
+        bypass = (since >= 0.0) & (since <= 5.0 * self.fade)
+        return Rendered(-pull[..., None] * normalized(motion.position), bypass_slew=bypass)
 
-    def on_module(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
-        """The spring, up to the module's own limit; once loosed, the hum. With let-off it is the host's."""
+    def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
+        """Return the spring, up to the module's own limit; once loosed, the hum. With let-off it is host-side."""
         since = float(motion.time) - self.loosed
         if not motion.position.any() or (since < 0.0 and self.let_off > 0.0):
             return None
-        axis = -along(motion.position)
+        axis = -normalized(motion.position)
         if since < 0.0:
-            drawn = float(length_of(motion.position)) - self.brace
+            drawn = float(norm(motion.position)) - self.brace
             return AxisImpedance(axis, drawn, self.stiffness, feed_forward=self.initial)
         hum = self.hum * math.exp(-since / self.fade)
         return AxisImpedance(axis, feed_forward=self.slack + hum, amplitude=hum, frequency=self.frequency)
 
-    def on_host(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Nothing but that the force may leap."""
-        return Rendered(np.zeros_like(motion.position), sudden=self.render(motion).sudden)
+    def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
+        """Return no force, but whether it may jump."""
+        return Rendered(np.zeros_like(motion.position), bypass_slew=self.render(motion).bypass_slew)

@@ -1,9 +1,4 @@
-"""What happens to every force, between an effect and the allocator?
-
-The velocity is low-passed, the effect renders, the force changes only so fast, and the passivity controller looks
-after the energy. What the rig cannot render is then scaled down by the allocator, ``nearest="direction"``,
-which also keeps the cables taut.
-"""
+"""Filters between effects and the demand: velocity low-pass, slew limit, largest force, fade-in."""
 
 from __future__ import annotations
 
@@ -15,16 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.haptics.effects.effect import Effect, Memory, Motion, Rendered, length_of
+from tensionlab.haptics.effects.effect import Motion, norm
 from tensionlab.haptics.effects.parameters import PositiveForce, Range, require_parameters
 from tensionlab.haptics.rendering.passivity import Observed, PassivityController
 
 MAX_FORCE_N = 1000.0
-"""Largest force that is asked of any rig, in N."""
+"""Largest force that is desired of any rig."""
+FADE_DELAY_S, FADE_S = 0.10, 0.15
+"""Age of a motion that changes nothing, and how long a force then takes to go: defaults of this project. The delay
+is five frames at 50 Hz; both together are the 0.25 s after which modules give up."""
 
 
-def low_passed(new: Floats, before: Floats | None, cutoff: float, step: float) -> Floats:
-    """What is left of a signal below a frequency? First order: ``y + (1 - exp(-2 pi f T)) (x - y)``.
+def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> Floats:
+    """Return a low-passed signal, first order: ``y + (1 - exp(-2 pi f T)) (x - y)``.
 
     Parameters
     ----------
@@ -40,75 +38,107 @@ def low_passed(new: Floats, before: Floats | None, cutoff: float, step: float) -
     return before - math.expm1(-2.0 * math.pi * cutoff * step) * (new - before)
 
 
-def slewed(wanted: Floats, before: Floats, most: float, sudden: bool | NDArray[np.bool_] = False) -> Floats:
-    """How far may a force go towards the wanted one?
-
-    Straight, and by no more than ``most`` N; all the way where it is meant to leap.
+def limit_slew(desired: Floats, before: Floats, change: float, bypass: bool | NDArray[np.bool_] = False) -> Floats:
+    """Return forces that go straight towards the desired ones, by no more than ``change`` N in this step.
 
     Parameters
     ----------
-    wanted, before : (..., d) arrays
+    desired, before : (..., d) arrays
         In N.
-    most : float
+    change : float
         In N.
-    sudden : bool or (...) array of bool
+    bypass : bool or (...) array of bool
+        Where the force may go all the way.
     """
-    change = wanted - before
-    size = length_of(change)
-    share = np.where(np.asarray(sudden) | (size <= most), 1.0, most / np.where(size > 0.0, size, 1.0))
-    return before + share[..., None] * change
+    way = desired - before
+    size = norm(way)
+    share = np.where(np.asarray(bypass) | (size <= change), 1.0, change / np.where(size > 0.0, size, 1.0))
+    return before + share[..., None] * way
 
 
-def at_most(force: Floats, most: float) -> Floats:
-    """Return forces (..., d) in N, those longer than ``most`` N shortened to it."""
-    return force * np.minimum(1.0, most / np.maximum(length_of(force), most))[..., None]
+def limit_force(force: Floats, limit: float) -> Floats:
+    """Return forces (..., d) in N, those longer than the limit shortened to it."""
+    return force * np.minimum(1.0, limit / np.maximum(norm(force), limit))[..., None]
 
 
-class Staged(NamedTuple):
-    """What do the stages remember? The velocity and the force of the step before, and what theirs do."""
+def fade_in(age: float | Floats, step: float, before: float | Floats | None) -> Floats:
+    """Return how far faded in is what depends on messages, from 0 to 1. The share of force is `smoothstep` of it.
+
+    It is out when nothing has come for ``FADE_DELAY_S + FADE_S``, and comes in no faster than in ``FADE_S``.
+
+    Parameters
+    ----------
+    age : float or array
+        Time since the latest message, in s; may be infinite.
+    step : float
+        Time since the step before, in s.
+    before : float or array or None
+        The fade then; None: as far in as the age allows.
+    """
+    allowed = np.clip((FADE_DELAY_S + FADE_S - np.asarray(age)) / FADE_S, 0.0, 1.0)
+    return allowed if before is None else np.minimum(allowed, before + step / FADE_S)
+
+
+class StageMemory(NamedTuple):
+    """Memory of the stages: low-passed velocity, slewed force, and the passivity observer's own."""
 
     velocity: Floats
     force: Floats
-    effect: Memory
-    observed: Observed | None
+    observed: Observed | None = None
 
 
 @dataclass(frozen=True)
 class Stages:
-    """What is to be asked for, if an effect is to be felt safely? An effect itself.
+    """Stages that every force passes.
+
+    Effects see the low-passed velocity; their force is limited, changes only so fast, and then the passivity
+    controller looks after its energy. What the rig cannot render is scaled down later, by the allocator.
 
     Parameters
     ----------
-    effect : Effect
-        With its start-up ramp and its end when input is stale: see `Ramp` and `WhileFresh`.
     controller : PassivityController or None
     cutoff : float
         Of the velocity's low-pass, in Hz; 60 is a default of this project.
     slew : float
-        Most change of the force, in N/s; 200 is a default of this project. A force that is meant to leap does, a
-        recoil say; the modules have their own limit, 60 N/s a cable as they come.
-    most : float
-        Largest force, in N. Without it, one that no rig renders would take as long to go as it took to come.
+        Largest change of the force, in N/s; 200 is a default of this project. A force that is meant to jump does,
+        a recoil say; the modules have their own limit, 60 N/s a cable as they come.
+    max_force : float
+        In N. Without it, a force that no rig renders would take as long to go as it took to come.
     """
 
-    effect: Effect
     controller: PassivityController | None = None
     cutoff: Annotated[float, Range("Hz", 0.0, 1e12, positive=True)] = 60.0
     slew: Annotated[float, Range("N/s", 0.0, 1e12, positive=True)] = 200.0
-    most: PositiveForce = MAX_FORCE_N
+    max_force: PositiveForce = MAX_FORCE_N
 
     def __post_init__(self) -> None:
         require_parameters(self)
 
-    def render(self, motion: Motion, memory: Memory = None) -> Rendered:
-        """Render the effect, look after its energy, and let the force go there; it begins with none."""
-        staged = memory or Staged(motion.velocity, np.zeros_like(motion.position), None, None)
-        velocity = low_passed(motion.velocity, staged.velocity, self.cutoff, motion.step)
-        motion = replace(motion, velocity=velocity)
-        done = self.effect.render(motion, staged.effect)
-        slow = slewed(at_most(done.force, self.most), staged.force, self.slew * motion.step, done.sudden)
-        force, observed = slow, None
-        if self.controller is not None:
-            # After the slew: the observer has to know what is really asked for, and its damper must not wait.
-            force, _, observed = self.controller.correct(slow, motion, staged.observed)
-        return Rendered(force, Staged(velocity, slow, done.memory, observed), done.sudden)
+    def smooth(self, motion: Motion, memory: StageMemory | None) -> Motion:
+        """Return the motion with its velocity low-passed, for the effects."""
+        before = None if memory is None else memory.velocity
+        return replace(motion, velocity=low_pass(motion.velocity, before, self.cutoff, motion.step))
+
+    def filter(
+        self, force: Floats, motion: Motion, bypass: bool | NDArray[np.bool_], memory: StageMemory | None
+    ) -> tuple[Floats, StageMemory]:
+        """Return the force to demand in place of that of the effects, and the memory for the next step.
+
+        Parameters
+        ----------
+        force : (..., d) array
+            Of the effects, in N.
+        motion : Motion
+            As `smooth` returned it.
+        bypass : bool or (...) array of bool
+            Whether the force is meant to jump.
+        memory : StageMemory or None
+            None: it begins with no force.
+        """
+        before = np.zeros_like(force) if memory is None else memory.force
+        slewed = limit_slew(limit_force(force, self.max_force), before, self.slew * motion.step, bypass)
+        if self.controller is None:
+            return slewed, StageMemory(motion.velocity, slewed)
+        # After the slew: the observer has to know what is really commanded, and its damper must not wait.
+        safe, _, observed = self.controller.correct(slewed, motion, None if memory is None else memory.observed)
+        return safe, StageMemory(motion.velocity, slewed, observed)

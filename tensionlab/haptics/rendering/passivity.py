@@ -1,4 +1,4 @@
-"""What keeps a loop from giving out energy that it never took? An observer, and a damper that it switches on."""
+"""Passivity of the loop: an observer of its energy, and a controller that adds damping where it is needed."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects.effect import Motion, dot
 
-SHARE = 0.8
+DAMPING_SHARE = 0.8
 """Of the damping ``m/(T/2 + t_d)``: a late damper shakes at about pi/2 of that. A default of this project."""
 
-TURNING = 0.25
+TURNING_SHARE = 0.25
 """Of what the forces on their way take while the hand goes against them: so much it may get back by turning round
 before the host knows. A default of this project: at 0 a wall of three times the bound gives too much once over 20
-and 30 ms; at 1 also a stable one is felt as damped, from 5 ms on."""
+and 30 ms; at 1 also a stable one is rendered as damped, from 5 ms on."""
 
 
-def most_damping(mass: float, delay: float, step: float) -> float:
-    """How much may a late damper damp, in N s/m? ``0.8 m/(T/2 + t_d)``.
+def max_damping(mass: float, delay: float, step: float) -> float:
+    """Return how much a late damper may damp, in N s/m: ``0.8 m/(T/2 + t_d)``.
 
     A damper that is late by tau and a mass m shake where its damping is above ``pi/2 m/tau``.
 
     Parameters
     ----------
     mass : float
-        m of the hand, in kg. The least there may be counts.
+        m of the hand, in kg: the lightest there may be.
     delay, step : float
         t_d, there and back, and T, for which a force is held; in s.
     """
     if not (mass > 0.0 and delay >= 0.0 and step > 0.0):
         raise EffectError(
-            f"most damping: mass {mass}, delay {delay}, step {step}; give them above 0, the delay 0 or more"
+            f"max damping: mass {mass}, delay {delay}, step {step}; give them above 0, the delay 0 or more"
         )
-    return SHARE * mass / (step / 2 + delay)
+    return DAMPING_SHARE * mass / (step / 2 + delay)
 
 
 class Observed(NamedTuple):
-    """What does the observer remember?
+    """Memory of the observer.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Observed(NamedTuple):
     position : (..., d) array
         Of the step before.
     forces : tuple of (..., d) arrays
-        Asked for, and not yet felt as far as is known; the oldest first.
+        Commanded, and not yet at the hand as far as is known; the oldest first.
     """
 
     energy: Floats
@@ -58,7 +58,7 @@ class Observed(NamedTuple):
 
 
 class Corrected(NamedTuple):
-    """Which force (..., d) is to be asked for, how much of N s/m was damped (...), and what to remember?"""
+    """Force (..., d) to command in N, damping (...) that was added in N s/m, and what to remember."""
 
     force: Floats
     damping: Floats
@@ -67,10 +67,10 @@ class Corrected(NamedTuple):
 
 @dataclass(frozen=True)
 class PassivityController:
-    """Which force is safe to ask for? The one that was wanted, and a damper when energy comes out of nowhere.
+    """Passivity controller: adds a damper to the desired force where energy would come out of nowhere.
 
-    The observer adds up ``E_k = E_k-1 - F_k-1·dp``. The hand feels a force as late as the host sees the hand, so
-    each dp is taken with the force that was asked for a round trip ago. Where the forces that are on their way
+    The observer adds up ``E_k = E_k-1 - F_k-1·dp``. A force acts on the hand as late as the host sees the hand,
+    so each dp is taken with the force that was commanded a round trip ago. Where the forces that are on their way
     would make E negative, at the present velocity or with a hand that turns round, a damper is added: ``F - alpha
     v`` with ``alpha = min(-E/(T |v|²), alpha_max)``. What it takes is observed with the rest, so E needs no
     correction. A surplus is forgotten where nothing acts: it would let the loop give out as much later.
@@ -84,28 +84,30 @@ class PassivityController:
 
     Parameters
     ----------
-    most : float
-        alpha_max in N s/m, see `most_damping`.
+    max_damping : float
+        alpha_max in N s/m, see `max_damping`.
     delay : int
         Round trip, in steps.
     """
 
-    most: float
+    max_damping: float
     delay: int = 0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.most) and self.most >= 0.0):
-            raise EffectError(f"PassivityController: most is {self.most}; give a damping in N s/m, 0 or more")
+        if not (np.isfinite(self.max_damping) and self.max_damping >= 0.0):
+            raise EffectError(
+                f"PassivityController: max_damping is {self.max_damping}; give a damping in N s/m, 0 or more"
+            )
         if self.delay < 0 or self.delay != int(self.delay):
             raise EffectError(f"PassivityController: delay is {self.delay}; give a number of steps, 0 or more")
 
     def correct(self, force: Floats, motion: Motion, memory: Observed | None = None) -> Corrected:
-        """Which force is safe to ask for now?
+        """Return the force to command now.
 
         Parameters
         ----------
         force : (..., d) array
-            Wanted, in N.
+            Desired, in N.
         motion : Motion
             As the host sees it.
         memory : Observed or None
@@ -119,9 +121,9 @@ class PassivityController:
         idle = ~np.any(coming, axis=-1) & ~np.any(memory.forces[0], axis=-1)
         energy = np.where(idle, np.minimum(energy, 0.0), energy)
         given = motion.step * dot(coming, motion.velocity)
-        foreseen = energy - np.maximum(given, -TURNING * given)
+        foreseen = energy - np.maximum(given, -TURNING_SHARE * given)
         per_damping = motion.step * dot(motion.velocity, motion.velocity)
         needed = np.maximum(-foreseen, 0.0) / np.where(per_damping > 0.0, per_damping, 1.0)
-        damping = np.where(per_damping > 0.0, np.minimum(needed, self.most), 0.0)
+        damping = np.where(per_damping > 0.0, np.minimum(needed, self.max_damping), 0.0)
         corrected = force - damping[..., None] * motion.velocity
         return Corrected(corrected, damping, Observed(energy, motion.position, (*memory.forces[1:], corrected)))

@@ -1,4 +1,4 @@
-"""How stiff may an effect be, given how late the loop is? Bounds, and the cap that keeps away from them."""
+"""Stability of late loops: bounds of stiffness, and the cap that keeps away from them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARGIN = 0.5
 def stiffness_bound(
     delay: float | Floats, step: float, hand_damping: float | Floats, damping: float | Floats = 0.0
 ) -> Floats:
-    """Up to which stiffness does a hand against a spring not shake, in N/m?
+    """Return up to which stiffness a hand against a spring does not shake, in N/m.
 
     ``K < (b + B)/(T/2 + t_d)``: a force held for a step T is on average T/2 late; a spring that is late by tau
     gives back ``K tau`` of negative damping, and the dampers have to make up for it. Exact for a heavy hand. For
@@ -52,22 +52,6 @@ def stiffness_bound(
     return total
 
 
-def passive_stiffness(step: float, hand_damping: float | Floats, damping: float | Floats = 0.0) -> Floats:
-    """Up to which stiffness is a sampled spring without delay passive, whatever holds it, in N/m?
-
-    ``b > K T/2 + |B|`` (Colgate and Schenkel 1994, equation 6), so ``K < 2 (b - |B|)/T``; zero where B alone is
-    too much. Passive is more than stable: B costs here, where it helps in `stiffness_bound`.
-
-    Parameters
-    ----------
-    step : float
-        T in s.
-    hand_damping, damping : arrays
-        b of the hand and B of the effect, in N s/m.
-    """
-    return np.maximum(2.0 * (np.asarray(hand_damping) - np.abs(damping)) / step, 0.0)
-
-
 def stiffness_cap(
     round_trips: float | Sequence[float] | Floats,
     step: float,
@@ -75,12 +59,12 @@ def stiffness_cap(
     damping: float = 0.0,
     margin: float = MARGIN,
 ) -> float:
-    """How stiff may the host make an effect over this link, in N/m?
+    """Return how stiff the host may make an effect over a link, in N/m.
 
     Parameters
     ----------
     round_trips : array
-        Measured, in s, as pings tell them, or a single one. The 99th percentile counts: shaking needs only a few
+        Measured, in s, or a single one. The 99th percentile counts: shaking needs only a few
         periods to start.
     step : float
         Period of the host's loop, or of the telemetry if that is longer, in s.
@@ -102,7 +86,7 @@ def stiffness_cap(
 
 
 def capped(effect: T, cap: float, spared: type | None = None) -> T:
-    """What becomes of an effect whose stiffness, and that of its parts, may not exceed a cap in N/m?
+    """Return an effect whose stiffness, and that of its parts, does not exceed a cap in N/m.
 
     Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. Where a kind
     of effect is spared, its own stiffness stays, but not that of its parts.
@@ -115,14 +99,12 @@ def capped(effect: T, cap: float, spared: type | None = None) -> T:
             changes[each.name] = min(value, cap)
         elif is_dataclass(value) and not isinstance(value, type):
             changes[each.name] = capped(value, cap, spared)
-        elif isinstance(value, tuple):
-            changes[each.name] = tuple(capped(part, cap, spared) for part in value)
     changes = {name: value for name, value in changes.items() if value != getattr(effect, name)}
     return replace(effect, **changes) if changes else effect  # type: ignore[type-var]
 
 
-def beyond(effect: object, cap: float, spared: type | None = None, above: str = "") -> dict[str, float]:
-    """Which stiffnesses, by their names, does `capped` cut, and what were they, in N/m?
+def cut_stiffnesses(effect: object, cap: float, spared: type | None = None, above: str = "") -> dict[str, float]:
+    """Return the stiffnesses that `capped` cuts, by their names, as they were, in N/m.
 
     Parameters
     ----------
@@ -137,7 +119,6 @@ def beyond(effect: object, cap: float, spared: type | None = None, above: str = 
         value = getattr(effect, each.name)
         if each.name == "stiffness" and not own and value > cap:
             found[f"{above}stiffness"] = value
-        for part in value if isinstance(value, tuple) else (value,):
-            if is_dataclass(part) and not isinstance(part, type):
-                found |= beyond(part, cap, spared, f"{above}{each.name}.")
+        elif is_dataclass(value) and not isinstance(value, type):
+            found |= cut_stiffnesses(value, cap, spared, f"{above}{each.name}.")
     return found

@@ -9,7 +9,7 @@ import pytest
 from tensionlab.demand import Demand, Impedance
 from tensionlab.haptics.bridge.events import News
 from tensionlab.haptics.bridge.messages import KINDS
-from tensionlab.haptics.rendering.rendering import Renderer
+from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tests.support.runs import cycles, four
 

@@ -13,8 +13,8 @@ from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.haptics.effects import Vibration, Viscous
 from tensionlab.haptics.effects.effect import Rendered
-from tensionlab.haptics.effects.on_module import EffectFailed
-from tensionlab.haptics.rendering.rendering import Renderer
+from tensionlab.haptics.rendering.assignment import EffectFailed
+from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.scenarios import ScenarioDemand, load_scenario
 from tests.support.runs import cycles, four
 

@@ -10,7 +10,6 @@ from tensionlab.haptics.effects import (
     Bow,
     Friction,
     Magnet,
-    Ramp,
     Recoil,
     Shape,
     Texture,
@@ -18,7 +17,6 @@ from tensionlab.haptics.effects import (
     Wall,
     Water,
     Weight,
-    WhileFresh,
 )
 from tensionlab.haptics.rendering.filtering import Stages
 from tensionlab.haptics.rendering.stability import MARGIN
@@ -50,8 +48,7 @@ AGREED = [
             "fade": 0.050,
         },
     ),
-    (Ramp(Wall()), {"duration": 2.0}),
-    (Stages(Wall()), {"cutoff": 60.0, "slew": 200.0}),
+    (Stages(), {"cutoff": 60.0, "slew": 200.0}),
 ]
 
 
@@ -62,10 +59,6 @@ def test_defaults(effect, agreed):
 
 def test_half_of_the_bound():
     assert MARGIN == 0.5
-
-
-def test_silent_by_the_time_modules_give_up():
-    assert WhileFresh(Wall()).silent_after == pytest.approx(0.25)
 
 
 def test_every_effect_is_in_the_table_and_stands_on_its_own():

@@ -10,10 +10,8 @@ from tensionlab.haptics.effects import (
     Friction,
     HalfSpace,
     Magnet,
-    Ramp,
     Shape,
     Spring,
-    Sum,
     Texture,
     Viscous,
     Wall,
@@ -37,7 +35,6 @@ PASSIVE = {
     "bow": Bow(brace=0.01),
     "compound bow": Bow(brace=0.01, let_off=0.8, draw_length=0.1),
     "held weight": Weight(limit=0.0),
-    "sum": Sum((Wall(), Friction(), Water())),
 }
 
 
@@ -61,7 +58,7 @@ def test_a_closed_motion_gains_nothing(name, path):
 
 def stored(name):
     """What may be left in bristles after the first time around, in J: (mu_s F_n)²/2 s0, under the load of 1 N."""
-    return 0.5**2 / 800 if name in ("friction", "sum") else 0.0
+    return 0.5**2 / 800 if name == "friction" else 0.0
 
 
 def test_the_test_sees_a_leak():
@@ -81,10 +78,3 @@ def test_a_texture_gives_no_more_than_its_ripples_can(path):
     forces = follow(texture, path, 0.01)
     rises = np.maximum(np.diff(forces[..., 2], axis=0), 0.0).sum(axis=0)
     assert (energy_given(forces, path)[-1] <= 2 * 0.0003 * rises + 0.05 * leak(forces, path) + 1e-6).all()
-
-
-def test_a_ramp_is_not_passive_while_it_rises():
-    """It strengthens a spring that is already drawn: which is why it takes 2 s."""
-    path = np.zeros((2000, 3))
-    path[:, 0] = np.concatenate([np.linspace(0, 0.05, 1000), np.linspace(0.05, 0, 1000)])
-    assert energy_given(follow(Ramp(Spring()), path, 0.001), path)[-1] > 0.0

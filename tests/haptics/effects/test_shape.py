@@ -105,7 +105,7 @@ def test_the_proxy_is_never_inside(start, end):
     memory = None
     for position in path:
         memory = Shape(Box()).render(at(*position), memory).memory
-        assert Box()(memory)[0] >= -1e-5 or memory == pytest.approx(position)
+        assert Box()(memory.position)[0] >= -1e-5 or memory.position == pytest.approx(position)
 
 
 @pytest.mark.parametrize("depth", [1e-6, 1e-5, 1e-4])

@@ -7,7 +7,7 @@ import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
-from tensionlab.haptics.rendering.filtering import slewed
+from tensionlab.haptics.rendering.filtering import limit_slew
 from tests.support.motions import at, follow
 
 
@@ -49,19 +49,19 @@ def test_a_shot_has_its_impulse():
 
 @pytest.mark.parametrize(("slew", "peak", "impulse"), [(60.0, 2.8, 0.23), (300.0, 4.6, 0.31)])
 def test_what_a_modules_own_limit_leaves_of_a_shot(slew, peak, impulse):
-    time, now, felt = np.arange(0.0, 1.0, 1e-4), np.zeros(3), []
+    time, now, forces = np.arange(0.0, 1.0, 1e-4), np.zeros(3), []
     for wanted in kick(Recoil(shots=(0.0,)), time).force:
-        now = slewed(wanted, now, slew * 1e-4)
-        felt.append(-now[1])
-    assert max(felt) == pytest.approx(peak, abs=0.05)
-    assert np.trapezoid(felt, time) == pytest.approx(impulse, abs=0.005)
+        now = limit_slew(wanted, now, slew * 1e-4)
+        forces.append(-now[1])
+    assert max(forces) == pytest.approx(peak, abs=0.05)
+    assert np.trapezoid(forces, time) == pytest.approx(impulse, abs=0.005)
 
 
 def test_shots_add_up_and_may_leap():
     time = np.array([-0.01, 0.0, 0.105, 0.2, 1.0])
     done = kick(Recoil(shots=(0.0, 0.1)), time)
     assert -done.force[2, 1] == pytest.approx(5.5 + 5.5 * math.exp(-0.1 / 0.06))
-    assert done.sudden.tolist() == [False, True, True, True, False]
+    assert done.bypass_slew.tolist() == [False, True, True, True, False]
 
 
 def test_shots_come_at_most_ten_a_second():
@@ -113,8 +113,8 @@ def test_a_loosed_string_hums_but_never_goes_slack():
 
 def test_only_a_loosed_string_may_leap():
     bow = Bow(loosed=1.0)
-    sudden = [bool(bow.render(at(0.0, -0.5, 0.0, time=t)).sudden) for t in (0.9, 1.0, 1.2, 1.3)]
-    assert sudden == [False, True, True, False]
+    bypass = [bool(bow.render(at(0.0, -0.5, 0.0, time=t)).bypass_slew) for t in (0.9, 1.0, 1.2, 1.3)]
+    assert bypass == [False, True, True, False]
 
 
 def test_a_bow_is_between_two_hands():

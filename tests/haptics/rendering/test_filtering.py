@@ -1,13 +1,14 @@
-"""The common stages: what is slow stays, what is fast goes, and a force leaps only where it is meant to."""
+"""The common stages: what is slow stays, what is fast goes, and a force jumps only where it is meant to."""
 
 import numpy as np
 import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Motion, Recoil, Viscous, Wall
-from tensionlab.haptics.rendering.filtering import Stages, low_passed, slewed
+from tensionlab.haptics.effects.effect import smoothstep
+from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S, Stages, fade_in, limit_slew, low_pass
 from tensionlab.haptics.rendering.passivity import PassivityController
-from tests.support.motions import at, follow
+from tests.support.motions import Staged, at, follow
 
 
 def test_the_low_pass_halves_the_power_at_its_cutoff():
@@ -16,61 +17,86 @@ def test_the_low_pass_halves_the_power_at_its_cutoff():
     for frequency, gain in ((6.0, 1 / np.hypot(1, 0.1)), (60.0, 1 / np.sqrt(2)), (600.0, 1 / np.hypot(1, 10))):
         out = [np.zeros(1)]
         for x in np.sin(2 * np.pi * frequency * time):
-            out.append(low_passed(np.array([x]), out[-1], 60.0, step))
+            out.append(low_pass(np.array([x]), out[-1], 60.0, step))
         assert np.abs(out[10_000:]).max() == pytest.approx(gain, rel=0.01)
 
 
 def test_the_slew_goes_straight_and_no_faster():
     before, wanted = np.array([1.0, 0.0, 0.0]), np.array([1.0, 3.0, 4.0])
-    assert slewed(wanted, before, 0.5) == pytest.approx([1.0, 0.3, 0.4])
-    assert slewed(wanted, before, 9.0) == pytest.approx(wanted)
-    assert slewed(wanted, before, 0.5, sudden=True) == pytest.approx(wanted)
-    both = slewed(np.stack([wanted, wanted]), before, 0.5, np.array([True, False]))
+    assert limit_slew(wanted, before, 0.5) == pytest.approx([1.0, 0.3, 0.4])
+    assert limit_slew(wanted, before, 9.0) == pytest.approx(wanted)
+    assert limit_slew(wanted, before, 0.5, bypass=True) == pytest.approx(wanted)
+    both = limit_slew(np.stack([wanted, wanted]), before, 0.5, np.array([True, False]))
     assert both == pytest.approx(np.array([wanted, [1.0, 0.3, 0.4]]))
 
 
 def test_a_force_comes_at_200_newtons_a_second():
     path = np.tile([0.0, 0.0, -0.01], (100, 1))
-    force = follow(Stages(Wall()), path, 0.001)[:, 2]
+    force = follow(Staged(Wall()), path, 0.001)[:, 2]
     assert force[:15] == pytest.approx(0.2 * np.arange(1, 16))
     assert force[15:] == pytest.approx(3.0)
 
 
-def test_a_recoil_leaps():
+def test_a_recoil_jumps():
     path = np.zeros((100, 3))
-    staged = follow(Stages(Recoil(shots=(0.020,))), path, 0.001)
+    staged = follow(Staged(Recoil(shots=(0.020,))), path, 0.001)
     assert staged == pytest.approx(follow(Recoil(shots=(0.020,)), path, 0.001))
     assert -staged.min() == pytest.approx(5.5)
 
 
-def test_the_effect_feels_the_smooth_velocity():
+def test_the_effect_has_the_smooth_velocity():
     velocity = np.zeros((100, 3))
     velocity[50:, 0] = 0.1
-    force = follow(Stages(Viscous()), np.zeros((100, 3)), 0.001, velocity)[:, 0]
+    force = follow(Staged(Viscous()), np.zeros((100, 3)), 0.001, velocity)[:, 0]
     assert force[50] == pytest.approx(-0.2 * (1 - np.exp(-2 * np.pi * 0.06)))
     assert force[-1] == pytest.approx(-0.2, rel=1e-3)
 
 
-def test_the_controller_sees_what_is_asked_for():
-    stages = Stages(Wall(), PassivityController(5.0))
+def test_the_controller_sees_what_is_commanded():
+    staged = Staged(Wall(), Stages(PassivityController(5.0)))
     memory = None
     for k in range(40):
         z = 0.01 * np.sin(k / 4)
         motion = at(0.0, 0.0, z, velocity=(0.0, 0.0, 2.5 * np.cos(k / 4)), step=0.001)
-        force, memory, _ = stages.render(motion, memory)
-        assert memory.observed.forces[-1] == pytest.approx(force)
+        force, memory, _ = staged.render(motion, memory)
+        assert memory.stages.observed.forces[-1] == pytest.approx(force)
 
 
 def test_it_works_on_batches():
     motion = Motion(np.full((4, 5, 3), -0.01), np.zeros((4, 5, 3)), np.zeros((4, 5)))
-    stages = Stages(Wall(), PassivityController(5.0, delay=3))
+    staged = Staged(Wall(), Stages(PassivityController(5.0, delay=3)))
     memory = None
     for _ in range(5):
-        force, memory, _ = stages.render(motion, memory)
+        force, memory, _ = staged.render(motion, memory)
     assert force.shape == (4, 5, 3)
     assert force[..., 2] == pytest.approx(1.0)
 
 
 def test_nonsense_is_refused_by_name():
     with pytest.raises(EffectError, match="Stages: slew is 0"):
-        Stages(Wall(), slew=0.0)
+        Stages(slew=0.0)
+
+
+def shares(ages, before=None, step=0.001):
+    """Shares of the force at some ages, one step after the other."""
+    for age in ages:
+        before = fade_in(age, step, before)
+        yield float(smoothstep(before))
+
+
+def test_stale_input_ends_in_silence_smoothly():
+    forces = 3.0 * np.array(list(shares(np.arange(400) / 1000)))
+    assert forces[:101] == pytest.approx(3.0)
+    assert (forces[251:] == 0.0).all()
+    assert np.abs(np.diff(forces)).max() <= 3.0 * 1.5 / 150 * 1.01
+
+
+def test_fresh_input_brings_the_force_back_no_faster():
+    forces = 3.0 * np.array(list(shares(np.zeros(200), fade_in(1.0, 0.001, None))))
+    assert np.abs(np.diff(forces)).max() <= 3.0 * 1.5 / 150 * 1.01
+    assert forces[0] < 0.01
+    assert forces[150] == pytest.approx(3.0)
+
+
+def test_silent_by_the_time_modules_give_up():
+    assert pytest.approx(0.25) == FADE_DELAY_S + FADE_S

@@ -22,8 +22,8 @@ from tensionlab.haptics.effects import (
     Viscous,
     Wall,
 )
-from tensionlab.haptics.effects.on_module import felt as felt_of
-from tensionlab.haptics.rendering.rendering import UNKNOWN, Renderer
+from tensionlab.haptics.rendering.assignment import expected_force
+from tensionlab.haptics.rendering.renderer import INITIAL_DELAY_S, Renderer
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.channel import Conditions
@@ -57,7 +57,7 @@ class Hand:
 
 
 class Seen(NamedTuple):
-    """A cycle: what was known, what was asked for, how late, how stiff, and how the cables really pulled."""
+    """A cycle: what was known, what was desired, how late, how stiff, and how the cables really pulled."""
 
     state: RigState
     demand: Demand
@@ -66,16 +66,16 @@ class Seen(NamedTuple):
     wrench: np.ndarray
 
 
-def felt(effects, motion, seconds=1.0, latency=0.0, share=1.0, world=None):
+def rendered(effects, motion, seconds=1.0, latency=0.0, share=1.0, world=None):
     """Render effects, the same ones or a function of the time, on a hand; every cycle."""
     world = World(RIG, motion) if world is None else world
     renderer, cycles = Renderer(RIG), []
 
     def demand(state):
         now = Motion(state.pose.position, state.twist, state.time, PERIOD)
-        asked = renderer(effects(state.time) if callable(effects) else effects, now, state, share)
-        cycles.append(Seen(state, asked, renderer.delay, renderer.ceiling, world.wrench))
-        return asked
+        desired = renderer(effects(state.time) if callable(effects) else effects, now, state, share)
+        cycles.append(Seen(state, desired, renderer.delay, renderer.ceiling, world.wrench))
+        return desired
 
     group = world.group(Conditions(latency))
     Runner(RIG, group, "newton", demand, clock=WorldClock(world)).run(seconds)
@@ -106,7 +106,7 @@ UP, DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02])
-def test_a_stiff_wall_is_its_modules_and_is_felt_at_once(latency):
+def test_a_stiff_wall_is_its_modules_and_is_rendered_at_once(latency):
     """200 N/m against a hand that goes in and out twice a second; the host is 20 to 60 ms late."""
     depths, pushes = [], []
 
@@ -120,7 +120,7 @@ def test_a_stiff_wall_is_its_modules_and_is_felt_at_once(latency):
         pushes.append(world.wrench @ UP)
 
     world.watch = note
-    cycles = felt(wall(UP, 200.0, 0.0), None, 2.0, latency, world=world)
+    cycles = rendered(wall(UP, 200.0, 0.0), None, 2.0, latency, world=world)
     assert list(cycles[-1].demand.impedances) == ["top"]
     after = len(depths) // 2
     error = np.array(pushes[after:]) - 200.0 * np.array(depths[after:])
@@ -129,20 +129,20 @@ def test_a_stiff_wall_is_its_modules_and_is_felt_at_once(latency):
 
 
 def test_out_of_contact_taut_cables_do_not_pull_the_hand_about():
-    wrench = felt(wall(UP, 200.0), held(0.0, 0.01, 0.0))[-1].wrench
+    wrench = rendered(wall(UP, 200.0), held(0.0, 0.01, 0.0))[-1].wrench
     assert np.abs(wrench).max() < 0.1
 
 
 def test_a_module_with_a_wall_renders_other_forces_too():
     """The wall has the only cable that can pull up; so does the spring need it."""
     effects = wall(UP, 200.0) | {"spring": Spring(tuple(HOME + 0.11 * UP), 20.0)}
-    cycle = felt(effects, held(0.0, 0.01, 0.0))[-1]
+    cycle = rendered(effects, held(0.0, 0.01, 0.0))[-1]
     assert list(cycle.demand.impedances) == ["top"]
     np.testing.assert_allclose(cycle.wrench, [0.0, 2.0, 0.0], atol=0.15)
 
 
 def test_where_nothing_pulls_against_a_wall_it_is_no_more_than_its_spring():
-    state = felt({}, held(0.0, -0.01, 0.0))[-1].state
+    state = rendered({}, held(0.0, -0.01, 0.0))[-1].state
     alone = replace(state, active=np.arange(RIG.m) == TOP)
     motion = Motion(HOME - 0.01 * UP, np.zeros(3), state.time, PERIOD)
     for now, pull in ((state, 0.65), (alone, 0.0)):
@@ -160,7 +160,7 @@ def test_a_wall_off_its_cable_is_calm_and_within_45_degrees(degrees, latency):
         return -1.0 * normal - 30.0 * (position - HOME - (position - HOME) @ normal * normal)
 
     hand = Hand(HOME, push)
-    cycles = felt(wall(normal, 200.0), hand, 3.0, latency)
+    cycles = rendered(wall(normal, 200.0), hand, 3.0, latency)
     assert list(cycles[-1].demand.impedances) == ["top"]
     assert shaking(hand, normal) < 1e-3
     assert hand.position @ normal == pytest.approx(HOME @ normal - 1.0 / 200.0, abs=1e-3)
@@ -175,17 +175,19 @@ def test_what_the_host_takes_back_never_makes_the_damping_negative(degrees):
     part = AxisImpedance(UP, compression=0.01, stiffness=5000.0)
     cable = off(UP, -degrees)
     push, most = 50.0 * UP, 50.0 / math.cos(math.radians(degrees)) * cable
-    share = np.linalg.norm(felt_of(part, cable, np.zeros(3), damping / late) - most) / np.linalg.norm(push - most)
+    share = np.linalg.norm(expected_force(part, cable, np.zeros(3), damping / late) - most) / np.linalg.norm(
+        push - most
+    )
     across = np.array([[0.0, tangent], [tangent, tangent**2]])
     least = np.linalg.eigvalsh(damping * np.eye(2) + late * share * 5000.0 * across)[0]
     assert least == pytest.approx(0.0, abs=1e-9)
-    np.testing.assert_allclose(felt_of(part, cable, np.zeros(3)), push)
+    np.testing.assert_allclose(expected_force(part, cable, np.zeros(3)), push)
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.02])
 def test_where_no_cable_lies_along_a_wall_the_host_renders_it_no_stiffer_than_it_may(latency):
     hand = Hand(HOME - 0.02 * DOWN, lambda position: -1.0 * DOWN)
-    cycles = felt(wall(DOWN, 300.0), hand, 4.0, latency)
+    cycles = rendered(wall(DOWN, 300.0), hand, 4.0, latency)
     assert shaking(hand, DOWN) < 1e-3
     for cycle in cycles[1:]:
         assert not cycle.demand.impedances
@@ -220,7 +222,7 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
 
     world.watch = note
     effects = {"buzz": Vibration((0.0, 1.0, 0.0), amplitude, frequency)}
-    cycles = felt(effects, None, 2.0, share=share, world=world)
+    cycles = rendered(effects, None, 2.0, share=share, world=world)
     assert list(cycles[-1].demand.impedances) == ["top"]
     assert abs(cycles[-1].demand.wrench @ UP) < 1e-9  # on average it pulls nowhere
     motor, cable = (np.concatenate(each)[-4100:-100] for each in (commanded, tensions))  # a second, at 4 kHz
@@ -235,10 +237,10 @@ def test_a_vibration_is_its_modules_and_keeps_its_cable_taut(amplitude, frequenc
 
 def test_the_share_is_that_of_everything_and_without_one_the_cables_are_taut():
     for share, force in ((1.0, 2.0), (0.5, 1.0)):
-        last = felt(wall(UP, 100.0), held(0.0, -0.02, 0.0), share=share)[-1]
+        last = rendered(wall(UP, 100.0), held(0.0, -0.02, 0.0), share=share)[-1]
         assert last.demand.impedances["top"].stiffness == pytest.approx(100.0 * share)
         np.testing.assert_allclose(last.wrench, force * UP, atol=0.15)
-    last = felt(wall(UP, 100.0) | {"buzz": Vibration()}, held(0.0, -0.02, 0.0), share=0.0)[-1]
+    last = rendered(wall(UP, 100.0) | {"buzz": Vibration()}, held(0.0, -0.02, 0.0), share=0.0)[-1]
     assert last.demand.wrench is None
     assert not last.demand.impedances
     np.testing.assert_allclose(last.state.tensions, RIG.limits.lower, atol=1e-6)
@@ -262,7 +264,7 @@ def test_what_goes_on_remembers_and_what_is_new_does_not():
     def motion(time):
         return Pose(HOME + np.array([0.01 * min(max(4.0 * time - 1.0, 0.0), 1.0), 0.0, 0.0]))
 
-    found = {round(seen.state.time, 2): seen.demand.wrench[0] for seen in felt(effects, motion, 2.5)}
+    found = {round(seen.state.time, 2): seen.demand.wrench[0] for seen in rendered(effects, motion, 2.5)}
     for time in (0.6, 0.9, 1.4):
         assert found[time] == pytest.approx(found[0.48], abs=0.1)
     assert found[0.48] < -0.2
@@ -271,19 +273,19 @@ def test_what_goes_on_remembers_and_what_is_new_does_not():
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.01, 0.02, 0.05])
-def test_the_delay_it_finds_is_how_late_what_it_asks_for_is_heard(latency):
-    """Timed by a force that leaps, which the tensions told show in a later cycle."""
-    leap = 1.0
-    cycles = felt(
-        lambda time: {"pull": Spring(tuple(HOME + UP), 2.0)} if time > leap else {},
+def test_the_delay_it_finds_is_how_late_what_it_demands_is_measured(latency):
+    """Timed by a force that jumps, which the tensions reported show in a later cycle."""
+    jump = 1.0
+    cycles = rendered(
+        lambda time: {"pull": Spring(tuple(HOME + UP), 2.0)} if time > jump else {},
         held(0.0, 0.0, 0.0),
         4.0,
         latency,
     )
-    assert cycles[0].delay == UNKNOWN or cycles[0].delay >= 2 * latency  # reeling in may have shown it
+    assert cycles[0].delay == INITIAL_DELAY_S or cycles[0].delay >= 2 * latency  # reeling in may have shown it
     first = next(seen.state.time for seen in cycles if seen.demand.wrench @ UP > 0.5)
-    before = cycles[round(leap / PERIOD) - 1].state.tensions
-    after = [seen for seen in cycles if seen.state.time >= leap]
+    before = cycles[round(jump / PERIOD) - 1].state.tensions
+    after = [seen for seen in cycles if seen.state.time >= jump]
     heard = next(seen.state.time for seen in after if np.ptp(seen.state.tensions - before) > 0.05)
     assert heard - first >= 2 * latency
     assert -1e-6 < cycles[-1].delay - (heard - first) < 2.1 * PERIOD  # the worst of 100 counts
@@ -292,7 +294,7 @@ def test_the_delay_it_finds_is_how_late_what_it_asks_for_is_heard(latency):
 def test_the_controller_is_kept_while_the_delay_is_much_the_same():
     """A cycle more or less late is no news: what the observer knows of the energy must not be lost for it."""
     renderer, kept = Renderer(RIG), []
-    state = felt({}, held(0.0, 0.0, 0.0), 1.0)[-1].state
+    state = rendered({}, held(0.0, 0.0, 0.0), 1.0)[-1].state
     for number in range(20):
         late = replace(state, delays=np.full(RIG.m, 3.0 * PERIOD + 1e-5 * number))
         renderer({}, Motion(HOME, np.zeros(3), state.time, PERIOD * (1.02 if number % 2 else 0.98)), late)
@@ -305,7 +307,7 @@ def test_the_controller_is_kept_while_the_delay_is_much_the_same():
 def test_a_late_cycle_makes_the_host_softer_and_no_single_one_makes_it_stiffer():
     """The force is held for the longest of the last 100 cycles, whether or not the delay changes with it."""
     renderer = Renderer(RIG)
-    state = replace(felt({}, held(0.0, 0.0, 0.0), 0.2)[-1].state, delays=np.full(RIG.m, 0.1))
+    state = replace(rendered({}, held(0.0, 0.0, 0.0), 0.2)[-1].state, delays=np.full(RIG.m, 0.1))
 
     def ceiling(step):
         renderer({}, Motion(HOME, np.zeros(3), state.time, step), state)

@@ -1,0 +1,262 @@
+"""Assignment of effects: which part a module renders at its own rate, and what is left for the host.
+
+A module knows its own cable only: it pulls with ``feed_forward + stiffness max(length - rest, 0) + damping
+max(speed of paying out, 0) + amplitude sin(2 pi frequency t)``. A `SplitEffect` says what happens along one axis,
+and `assign` finds the cable that lies best along it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats
+from tensionlab.demand import Impedance
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, Rendered, SplitEffect
+from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
+
+MAX_APPROACH_M = 0.5
+"""Further out of contact than this, no module renders a wall: set-points come many times before it could."""
+MIN_COSINE = math.cos(math.radians(45.0))
+"""Between axis and cable, below which no cable is good enough: the published threshold of a convincing
+direction."""
+
+
+@dataclass(frozen=True)
+class ModuleLimits:
+    """What a module renders at most; it refuses an impedance as a whole that goes beyond.
+
+    The defaults are those of the firmware's parameters.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Tensions in N. The lower one is held under a vibration too, by as much more feed-forward.
+    stiffness, damping : float
+        In N/m and N s/m.
+    length : float
+        Of a cable at rest, in m.
+    """
+
+    lower: float = 0.5
+    upper: float = 6.0
+    stiffness: float = 500.0
+    damping: float = 10.0
+    length: float = 5.0
+
+
+class Cables(NamedTuple):
+    """Cables of a rig as they are now.
+
+    Attributes
+    ----------
+    lengths : (m,) array
+        In m.
+    directions : (m, d) array
+        Unit vectors from the hand to the modules.
+    available : (m,) array of bool
+        Modules that may render an impedance.
+    """
+
+    lengths: Floats
+    directions: Floats
+    available: NDArray[np.bool_]
+
+
+class RenderPlan(NamedTuple):
+    """Which module renders what, and what is left for the host.
+
+    Attributes
+    ----------
+    force : (d,) array
+        Host-side, in N: for the other cables.
+    impedances : dict of int to Impedance
+        Module-side, by the number of the cable.
+    expected : (d,) array
+        Force on the hand by those, vibration aside, in N: see `expected_force`.
+    memories : tuple of Memory
+        Of the effects, for the next step.
+    bypass_slew : bool
+        As in `Rendered`.
+    cut : tuple of dict
+        Of each effect, the stiffnesses that the host does not render as they are: see `cut_stiffnesses`.
+    """
+
+    force: Floats
+    impedances: dict[int, Impedance]
+    expected: Floats
+    memories: tuple[Memory, ...]
+    bypass_slew: bool
+    cut: tuple[dict[str, float], ...]
+
+
+class EffectFailed(EffectError):  # noqa: N818 - what happened
+    """Effect that could not be rendered, or whose force is no number.
+
+    Attributes
+    ----------
+    effect : int or str
+        Its index, in the order in which effects were given, or its name.
+    reason : str
+    """
+
+    def __init__(self, effect: int | str, reason: str) -> None:
+        super().__init__(f"effect {effect!r} failed: {reason}"[:MAX_MESSAGE_CHARACTERS])
+        self.effect, self.reason = effect, reason
+
+
+def assign(
+    effects: Sequence[Effect],
+    motion: Motion,
+    cables: Cables,
+    limits: ModuleLimits | None = None,
+    host_stiffness: float = math.inf,
+    memories: Sequence[Memory] | None = None,
+) -> RenderPlan:
+    """Return which module renders which part of some effects, and the force that is left for the host.
+
+    In the order of the effects, each part goes to the cable that lies best along its axis and is still free. An
+    effect that finds none within 45 degrees is rendered by the host as a whole.
+
+    Parameters
+    ----------
+    effects : sequence of Effect
+        Most important first.
+    motion : Motion
+        One, not a batch.
+    cables : Cables
+    limits : ModuleLimits or None
+        Of the modules; None: those of the firmware as it comes.
+    host_stiffness : float
+        Limit of what the host renders, in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`.
+    memories : sequence of Memory or None
+        Of the effects, from the plan before; None at first.
+
+    Raises
+    ------
+    EffectFailed
+        Whatever goes wrong in an effect, and a force that is not finite.
+    """
+    free = np.array(cables.available, dtype=bool)
+    force, expected = np.zeros_like(motion.position), np.zeros_like(motion.position)
+    impedances: dict[int, Impedance] = {}
+    kept: list[Memory] = []
+    cut: list[dict[str, float]] = []
+    bypass = False
+    for index, (effect, memory) in enumerate(zip(effects, memories or (None,) * len(effects), strict=True)):
+        try:
+            part = _module_side(effect, motion, memory)
+            cable = None if part is None else _best_cable(part, cables.directions, free)
+            if part is None or cable is None:
+                rendered = capped(effect, host_stiffness).render(motion, memory)
+                idle = isinstance(effect, SplitEffect) and part is None  # its stiff part is not where the hand is
+                cut.append({} if idle else cut_stiffnesses(effect, host_stiffness))
+            else:
+                free[cable] = False
+                direction = cables.directions[cable]
+                impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
+                expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
+                rendered = _host_side(effect, motion, memory, host_stiffness)
+                cut.append(cut_stiffnesses(effect, host_stiffness, SplitEffect))
+            force = force + rendered.force
+        except Exception as error:
+            reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
+            raise EffectFailed(index, reason) from error
+        if not (np.isfinite(force).all() and np.isfinite(expected).all()):
+            raise EffectFailed(index, "its force is not finite")
+        kept.append(rendered.memory)
+        bypass = bypass or bool(np.any(rendered.bypass_slew))
+    return RenderPlan(force, impedances, expected, tuple(kept), bypass, tuple(cut))
+
+
+def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:
+    """Return what a module is to render of an effect; None for one that the hand is far away from."""
+    part = effect.module_side(motion, memory) if isinstance(effect, SplitEffect) else None
+    if part is None or part.compression >= -MAX_APPROACH_M or part.feed_forward or part.amplitude:
+        return part
+    return None
+
+
+def _host_side(effect: Effect, motion: Motion, memory: Memory, host_stiffness: float) -> Rendered:
+    """Return what is left of a split effect, no stiffer than the host may be."""
+    rest = capped(effect, host_stiffness, SplitEffect)
+    assert isinstance(rest, SplitEffect)
+    return rest.host_side(motion, memory)
+
+
+def _best_cable(part: AxisImpedance, directions: Floats, free: NDArray[np.bool_]) -> int | None:
+    """Return the free cable that lies best along the axis of a part; None where none lies within 45 degrees."""
+    if not free.any():
+        return None
+    cosines = np.where(free, directions @ part.axis, -1.0)
+    best = int(np.argmax(cosines))
+    return best if cosines[best] >= MIN_COSINE else None
+
+
+def along_cable(
+    part: AxisImpedance, length: float, direction: Floats, limits: ModuleLimits | None = None
+) -> Impedance:
+    """Return the impedance of a cable that renders a part along its axis.
+
+    Where the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and only c of its tension is along
+    the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its cable
+    pays out, in contact or not: it gets the damping only once there is contact. What is beyond the module's limits
+    is cut to them.
+
+    Parameters
+    ----------
+    part : AxisImpedance
+    length : float
+        Of the cable, in m.
+    direction : (d,) array
+        Unit vector of the cable, from the hand to the module.
+    limits : ModuleLimits or None
+        None: those of the firmware as it comes.
+    """
+    limits = limits or ModuleLimits()
+    c = float(part.axis @ direction)
+    amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
+    lowest = limits.lower + amplitude if amplitude else 0.0
+    return Impedance(
+        rest=min(max(length - c * part.compression, 0.0), limits.length),
+        stiffness=min(part.stiffness / c**2, limits.stiffness),
+        damping=min(part.damping / c**2, limits.damping) if part.compression >= 0.0 else 0.0,
+        feed_forward=min(max(part.feed_forward / c, lowest), limits.upper),
+        amplitude=amplitude,
+        frequency=part.frequency,
+    )
+
+
+def expected_force(
+    part: AxisImpedance, direction: Floats, velocity: Floats, host_stiffness: float = math.inf
+) -> Floats:
+    """Return the force (d,) on the hand that is expected of a module's part, vibration aside, in N.
+
+    A cable at the angle a to the axis also pulls across it, by tan a; the host takes that back, as late as it is.
+    So a spring K on the module looks, to a slow hand, like one along the axis and a matrix of damping, ``tau K
+    [[0, tan a], [tan a, tan² a]]``. With the hand's own b it takes no energy out of nowhere up to ``tau K = b
+    (1 + sqrt(1 + 4/tan² a))/2``: the bound of a host that renders it all, if the cable lies across, and none if it
+    lies along the axis. Of what is stiffer, only that share is taken back, and the force is off the axis, by
+    no more than the cable is. This project's own.
+
+    Parameters
+    ----------
+    part : AxisImpedance
+    direction : (d,) array
+        Unit vector of the cable, from the hand to the module.
+    velocity : (d,) array
+        Of the hand, in m/s.
+    host_stiffness : float
+        Limit of what the host renders, in N/m.
+    """
+    push, c = part.push(velocity), float(part.axis @ direction)
+    cable = float(push @ part.axis) / c * direction
+    bound = host_stiffness * (1.0 + math.sqrt(1.0 + 4.0 * c**2 / max(1.0 - c**2, 1e-12))) / 2.0
+    share = min(bound / part.stiffness, 1.0) if part.stiffness > 0.0 else 1.0
+    return cable + share * (push - cable)

@@ -1,0 +1,205 @@
+"""Renderer: from effects and the state of a rig to a demand, once a cycle.
+
+What is stiff or vibrates goes to the modules whose cables lie along it (`assignment`). The rest is the host's, no
+stiffer than a loop as late as this one can be without shaking (`stability`), and passes the stages of `filtering`.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats
+from tensionlab.demand import Demand, Impedance, RigState
+from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
+from tensionlab.haptics.effects.effect import Effect, Memory, Motion
+from tensionlab.haptics.rendering.assignment import Cables, EffectFailed, ModuleLimits, RenderPlan, assign
+from tensionlab.haptics.rendering.filtering import MAX_FORCE_N, StageMemory, Stages, limit_force
+from tensionlab.haptics.rendering.passivity import PassivityController, max_damping
+from tensionlab.haptics.rendering.stability import stiffness_cap
+from tensionlab.model.rig import Rig
+
+MAX_FORCE_RATIO = 2.0
+"""Of the desired force to all upper tensions together. At 1 it would take away what can be rendered: where cables
+pull aslant, more is rendered of a desired force that is too large by some."""
+HAND_DAMPING = 2.0
+"""b of a hand that holds something, in N s/m: a default of this project."""
+MIN_HAND_MASS_KG = 0.3
+"""Of a hand that moves along: a default of this project."""
+INITIAL_DELAY_S = 0.25
+"""How late a loop is taken to be before it is known: as long as set-points live."""
+DELAY_CYCLES = 100
+"""Cycles whose delays and lengths count for how late the loop is."""
+PASSIVE_EFFECTS = (Wall, Shape, Viscous, Friction)
+"""Effects that give no energy which they have not been given before: the passivity controller looks after these. A
+magnet, a spring or a lift may have some to give at first, and a weight, a shot or a vibration is meant to."""
+
+
+class GroupMemory(NamedTuple):
+    """Memory of the effects that pass the same stages, by their names and with their kinds, and of the stages."""
+
+    effects: dict[str, tuple[type, Memory]]
+    stages: StageMemory | None
+
+
+class Renderer:
+    """Renderer of effects: makes a demand of them each cycle, and keeps what they remember.
+
+    No more force is desired than twice what all cables together pull. What a cycle that fails would have
+    remembered is not kept: without the effect that failed, the next one goes on from the force of the one before,
+    by the slew limit.
+
+    Parameters
+    ----------
+    rig : Rig
+        Effects act on its point or reference point.
+
+    Attributes
+    ----------
+    limits : ModuleLimits
+        Of all modules; those of the firmware as it comes, and the rig's tensions, unless they are set.
+    delay : float
+        Loop latency, in s: the largest of the last 100 cycles.
+    ceiling : float
+        Host stiffness limit now, in N/m, with that delay and the longest of those cycles.
+    cut : dict of str to dict
+        By the names of effects, stiffnesses of the latest cycle beyond that limit.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._names = [module.name for module in rig.modules]
+        self.limits = ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()))
+        self._max_force = min(MAX_FORCE_RATIO * float(rig.limits.upper.sum()), MAX_FORCE_N)
+        self._delays: deque[float] = deque(maxlen=DELAY_CYCLES)
+        self._steps: deque[float] = deque(maxlen=DELAY_CYCLES)
+        self._controller: PassivityController | None = None
+        self._memories = {True: GroupMemory({}, None), False: GroupMemory({}, None)}  # by whether passive
+        self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
+        self.delay = INITIAL_DELAY_S
+        self.ceiling = 0.0
+        self.cut: dict[str, dict[str, float]] = {}
+
+    def __call__(
+        self, effects: Mapping[str, Effect], motion: Motion, state: RigState, share: float = 1.0
+    ) -> Demand:
+        """Return the demand of this cycle.
+
+        Parameters
+        ----------
+        effects : mapping of str to Effect
+            By any names. One that is changed keeps what it remembers, unless it becomes another kind.
+        motion : Motion
+            Of the hand.
+        state : RigState
+        share : float
+            Of everything, from 0 to 1. At 0 the cables are held taut.
+
+        Raises
+        ------
+        EffectFailed
+            Naming the effect that could not be rendered.
+        """
+        self._measure_delay(state, motion.step)
+        available = state.active & (self._rig.n == self._rig.dimension)
+        force = np.zeros(self._rig.dimension)
+        impedances: dict[int, Impedance] = {}
+        self.cut = {}
+        for passive in (True, False):
+            group = {name: each for name, each in effects.items() if isinstance(each, PASSIVE_EFFECTS) is passive}
+            host, plan = self._render(group, passive, motion, state, available)
+            force = force + host + plan.expected
+            impedances |= plan.impedances
+            self.cut |= {name: each for name, each in zip(group, plan.cut, strict=True) if each}
+            available = available & [index not in plan.impedances for index in range(self._rig.m)]
+        force = limit_force(force, self._max_force)
+        balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
+        if share <= 0.0:
+            return Demand()
+        wrench = np.zeros(self._rig.n)
+        wrench[: self._rig.dimension] = share * force
+        springs = {
+            self._names[index]: self._scaled(each, share, balance[index]) for index, each in impedances.items()
+        }
+        return Demand(wrench, springs)
+
+    def _render(
+        self,
+        effects: Mapping[str, Effect],
+        passive: bool,
+        motion: Motion,
+        state: RigState,
+        available: NDArray[np.bool_],
+    ) -> tuple[Floats, RenderPlan]:
+        """Return the host-side force of some effects after the stages, and the plan of who renders what."""
+        stages = Stages(self._controller if passive else None, max_force=self._max_force)
+        before = self._memories[passive]
+        smooth = stages.smooth(motion, before.stages)
+        cables = Cables(state.lengths, state.structure[: self._rig.dimension].T, available)
+        memories: list[Memory] = []
+        for name, effect in effects.items():
+            kind, memory = before.effects.get(name, (None, None))
+            memories.append(memory if kind is type(effect) else None)
+        try:
+            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what is not finite is refused
+                plan = assign(tuple(effects.values()), smooth, cables, self.limits, self.ceiling, memories)
+                force, stage_memory = stages.filter(plan.force, smooth, plan.bypass_slew, before.stages)
+        except EffectFailed as failed:
+            raise EffectFailed(list(effects)[int(failed.effect)], failed.reason) from failed.__cause__
+        kinds = map(type, effects.values())
+        kept = dict(zip(effects, zip(kinds, plan.memories, strict=True), strict=True))
+        self._memories[passive] = GroupMemory(kept, stage_memory)
+        return force, plan
+
+    def _measure_delay(self, state: RigState, step: float) -> None:
+        """Update the loop latency, and with it the host stiffness limit and the passivity controller."""
+        known = state.delays[state.active & np.isfinite(state.delays)]
+        if known.size:
+            self._delays.append(float(known.max()))
+        self._steps.append(step)
+        delay = max(self._delays, default=INITIAL_DELAY_S)
+        self.ceiling = stiffness_cap(delay, max(self._steps), HAND_DAMPING)
+        if delay == self.delay and self._controller is not None:
+            return
+        self.delay = delay
+        step = statistics.median(self._steps)  # one cycle that came late says nothing of the others
+        steps = delay / step
+        # A step more or less is no change: steps are not all of one length.
+        if self._controller is None or not -1.5 < steps - self._controller.delay < 0.5:
+            self._controller = PassivityController(max_damping(MIN_HAND_MASS_KG, delay, step), math.ceil(steps))
+            effects, stages = self._memories[True]
+            if stages is not None:  # the observer paired forces with what came after another time
+                self._memories[True] = GroupMemory(effects, stages._replace(observed=None))
+
+    def _balance(self, force: Floats, impedances: Mapping[int, Impedance], state: RigState) -> Floats:
+        """Return how much harder than its impedance each cable must pull so that the others can do the rest, in N.
+
+        As hard as it would if there were no impedances, and all cables rendered the force together.
+        """
+        key = state.active.tobytes()
+        if key not in self._allocators:
+            self._allocators[key] = Allocator(self._rig.limits.only(state.active))
+        extra = self._allocators[key](state.structure, force).tensions.copy()
+        for index, each in impedances.items():
+            extra[index] -= each.tension(float(state.lengths[index]), float(state.speeds[index]))
+        return np.maximum(extra, 0.0)
+
+    def _scaled(self, cable: Impedance, share: float, balance: float) -> Impedance:
+        """Return a share of an impedance, with what other cables need; a vibrating cable stays taut."""
+        amplitude = share * cable.amplitude
+        lowest = self.limits.lower + amplitude if amplitude else 0.0
+        return Impedance(
+            cable.rest,
+            share * cable.stiffness,
+            share * cable.damping,
+            min(max(share * cable.feed_forward + balance, lowest), self.limits.upper),
+            amplitude,
+            cable.frequency,
+        )

@@ -1,0 +1,127 @@
+"""Modules and the host render together what the effects are."""
+
+import numpy as np
+import pytest
+
+from tensionlab.haptics.effects import (
+    Bow,
+    Magnet,
+    Motion,
+    Ripples,
+    Shape,
+    SplitEffect,
+    Spring,
+    Texture,
+    Vibration,
+    Viscous,
+    Wall,
+)
+from tensionlab.haptics.rendering.assignment import Cables, ModuleLimits, along_cable, assign
+from tests.support.motions import at
+
+
+def pulled(impedance, length):
+    """What a module at rest pulls with, as in firmware/PROTOCOL.md."""
+    return impedance.feed_forward + impedance.stiffness * max(length - impedance.rest, 0.0)
+
+
+STIFF = [Wall(), Magnet(), Texture(ripples=Ripples(height=0.0)), Shape(), Spring(), Bow()]
+
+
+@pytest.mark.parametrize("effect", STIFF, ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize("height", [-0.02, -0.001, 0.005, 0.05, 0.3])
+def test_a_module_and_the_host_render_together_what_the_effect_is(effect, height):
+    """With a cable right along the axis, for a hand at rest."""
+    motion = at(0.0, 0.0, height)
+    wanted = effect.render(motion).force
+    assert isinstance(effect, SplitEffect)
+    part = effect.module_side(motion)
+    left = effect.host_side(motion).force
+    assert left == pytest.approx(0.0)
+    if part is None:
+        assert wanted == pytest.approx(0.0)
+        return
+    cable = along_cable(part, 1.5, part.axis)
+    assert pulled(cable, 1.5) * part.axis == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize("effect", STIFF, ids=lambda e: type(e).__name__)
+def test_and_also_where_the_hand_goes_before_the_host_knows(effect):
+    """The module alone follows 2 mm of motion: no link in between. Bow and shape are drawn along their axis."""
+    before, after = at(0.0, 0.0, -0.004), at(0.0, 0.0, -0.006)
+    part = effect.module_side(before)
+    cable = along_cable(part, 1.5, part.axis)
+    length = 1.5 - (after.position - before.position) @ part.axis
+    assert pulled(cable, length) * part.axis == pytest.approx(effect.render(after).force, abs=1e-6)
+
+
+def test_a_slanting_cable_pulls_as_hard_along_the_normal():
+    slant = np.array([0.6, 0.0, 0.8])
+    cable = along_cable(Wall().module_side(at(0.0, 0.0, -0.01)), 2.0, slant)
+    assert pulled(cable, 2.0) * 0.8 == pytest.approx(3.0)
+    deeper = pulled(cable, 2.0 + 0.8 * 0.002) * 0.8
+    assert deeper == pytest.approx(300.0 * 0.012)
+
+
+def test_a_vibrating_cable_never_goes_slack():
+    for lower in (0.5, 0.8):
+        limits = ModuleLimits(lower=lower)
+        cable = along_cable(Vibration().module_side(at(0.0, 0.0, 0.0)), 1.0, np.array([0.0, 0.0, 1.0]), limits)
+        assert cable.feed_forward - cable.amplitude == pytest.approx(lower)
+        assert (cable.amplitude, cable.frequency) == (1.0, 40.0)
+
+
+def test_nothing_is_asked_that_a_module_refuses():
+    slant = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5)])
+    wild = along_cable(Wall(stiffness=1000.0, damping=50.0).module_side(at(0.0, 0.0, -0.01)), 2.0, slant)
+    assert (wild.stiffness, wild.damping) == (500.0, 10.0)
+    shaking = along_cable(Vibration(amplitude=9.0).module_side(at(0.0, 0.0, 0.0)), 2.0, slant)
+    assert shaking.feed_forward + shaking.amplitude <= 6.0
+    assert shaking.feed_forward - shaking.amplitude >= 0.5
+
+
+def test_before_contact_the_module_does_not_damp():
+    up = np.array([0.0, 0.0, 1.0])
+    away = along_cable(Wall().module_side(at(0.0, 0.0, 0.01)), 1.0, up)
+    assert (away.damping, away.rest) == (0.0, pytest.approx(1.01))
+    assert along_cable(Wall().module_side(at(0.0, 0.0, -0.01)), 1.0, up).damping == 2.0
+
+
+DIRECTIONS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0]])
+CABLES = Cables(np.full(4, 2.0), DIRECTIONS, np.ones(4, dtype=bool))
+
+
+def test_the_best_cable_takes_the_part_and_the_host_the_rest():
+    effects = (Texture(), Viscous())
+    motion = at(0.0, 0.0, -0.01, velocity=(0.1, 0.0, 0.0))
+    plan = assign(effects, motion, CABLES)
+    assert list(plan.impedances) == [0]
+    assert plan.impedances[0].stiffness == 300.0
+    rest = effects[0].host_side(motion).force + effects[1].render(motion).force
+    assert plan.force == pytest.approx(rest)
+    assert plan.force[2] == 0.0
+
+
+def test_two_parts_go_to_two_cables():
+    plan = assign((Wall(), Vibration()), at(0.0, 0.0, -0.01), CABLES)
+    assert plan.impedances[0].stiffness == 300.0
+    assert plan.impedances[2].frequency == 40.0
+    assert not plan.force.any()
+
+
+def test_what_no_cable_can_do_the_host_does():
+    down = assign((Wall(),), at(0.0, 0.0, -0.01), CABLES._replace(directions=-DIRECTIONS))
+    assert down.impedances == {}
+    assert down.force == pytest.approx([0.0, 0.0, 3.0])
+    assert (
+        assign((Wall(),), at(0.0, 0.0, -0.01), CABLES._replace(available=np.zeros(4, dtype=bool))).force[2] == 3.0
+    )
+
+
+def test_memory_goes_round():
+    effects, memory = (Viscous(damping=0.0), Texture()), None
+    for k in range(50):
+        motion = Motion(np.array([1e-4 * k, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]))
+        plan = assign(effects, motion, CABLES, memories=memory)
+        memory = plan.memories
+    assert plan.force[0] < -0.5
