@@ -40,6 +40,10 @@ ALLOWED = {
     "__init__": ABOVE,
     "__main__": {"cli"},
 }
+# Folders of a room that may not enter these of its others.
+CLOSED = {
+    "hardware/protocol": ("client", "runner", "log", "simulation", "calibration"),
+}
 # One door for each third party, by file or folder of the package.
 DOORS = {
     "qpsolvers": {"solvers/quadratic/backends.py", "solvers/quadratic/plain.py"},
@@ -80,6 +84,7 @@ NATIVE = {
     "workspace/structure_metrics.py",
     "workspace/wrench_set.py",
     "haptics/brakes/choice.py",
+    "hardware/protocol/parameters.py",
     "hardware/runner/pose_tracker.py",
     "hardware/runner/watchdog.py",
     "hardware/simulation/simulated_module.py",
@@ -154,6 +159,16 @@ def test_rooms(name: str) -> None:
         package, _, rest = module.partition(".")
         if package == "tensionlab" and rest != "__version__":
             assert rest.partition(".")[0] in allowed, f"{name} imports {module}"
+
+
+@pytest.mark.parametrize("folder", CLOSED)
+def test_folders_of_a_room(folder: str) -> None:
+    closed = tuple(f"tensionlab.{room(folder)}.{other}." for other in CLOSED[folder])
+    names = [name for name in NAMES if name.startswith(f"{folder}/")]
+    assert names
+    for name in names:
+        for module in imports_of(name):
+            assert not module.startswith(closed), f"{name} imports {module}"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -16,10 +16,11 @@ from typing import get_type_hints
 
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol import codes
-from tensionlab.hardware.protocol.descriptions import DESCRIPTIONS, EVENTS, PARAMETER_DESCRIPTIONS
-from tensionlab.hardware.protocol.frames import CHECKSUM, DELIMITER, checksum, crc16
+from tensionlab.hardware.protocol.codes import DESCRIPTIONS, EVENTS
+from tensionlab.hardware.protocol.frames import CHECKSUM_BYTES, DELIMITER, checksum, crc16
 from tensionlab.hardware.protocol.messages import MESSAGES, Message, SetTension
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, TRANSITIONS
+from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import PLANT, TRANSITIONS
 
 FOLDER = Path("firmware")
 LETTERS = {"B": "u8", "H": "u16", "I": "u32", "Q": "u64", "f": "f32", "?": "flag", "": "text"}
@@ -75,7 +76,7 @@ def example() -> str:
     frame = command.frame(sequence)
     body = bytes([frame.type, frame.sequence]) + frame.payload
     packed = frame.pack()
-    stuffed = packed[: -CHECKSUM - len(DELIMITER)]
+    stuffed = packed[: -CHECKSUM_BYTES - len(DELIMITER)]
     crc = crc16(stuffed)
     rows = [
         ("type, sequence number", spaced(body[:2])),
@@ -111,7 +112,7 @@ def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
     names = list(names)
     wrong = set(names) ^ set(meanings)
     if wrong:
-        raise HardwareError(f"hardware/meanings.py: explain, or drop, {', '.join(sorted(wrong))}")
+        raise HardwareError(f"hardware/protocol: explain, or drop, {', '.join(sorted(wrong))}")
     return [meanings[name] for name in names]
 
 

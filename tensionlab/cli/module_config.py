@@ -33,8 +33,7 @@ Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they o
 def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
     from tensionlab.hardware.client.parameter_file import parameters, plain
-    from tensionlab.hardware.protocol.descriptions import PARAMETER_DESCRIPTIONS
-    from tensionlab.hardware.simulation.simulated_module import PARAMETERS
+    from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
 
     wanted = [word for word in words or () if word in PARAMETERS]
     links = targets([word for word in words or () if word not in PARAMETERS], modules)

@@ -100,8 +100,7 @@ def _picture(clients: dict[str, ModuleClient], failed: dict[str, HardwareError])
     from rich.console import Group
     from rich.text import Text
 
-    from tensionlab.hardware.protocol.codes import Fault, Limit
-    from tensionlab.hardware.protocol.descriptions import DESCRIPTIONS
+    from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
 
     grid = output.table(gap=1)
     grid.add_column("module", overflow="fold")

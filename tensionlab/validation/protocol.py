@@ -18,10 +18,10 @@ from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Limit
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.statistics import Cycle
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS
 from tensionlab.hardware.simulation.simulated_rig import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.rig import Rig

@@ -32,7 +32,7 @@ from tensionlab.hardware.protocol.messages import (
     Stop,
     Telemetry,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.files import load_rig
 from tests.support.wire import Client, connected
 

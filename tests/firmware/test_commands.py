@@ -28,7 +28,8 @@ from tensionlab.hardware.protocol.messages import (
     Stop,
     Telemetry,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP_S, SimulatedModule
+from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tests.support.modules import SESSION, Host, host_in
 
 NO_NUMBERS = (math.nan, math.inf, -math.inf)

@@ -31,7 +31,7 @@ from tensionlab.hardware.protocol.messages import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
 ROOT = Path(__file__).parents[2]

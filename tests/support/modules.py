@@ -13,7 +13,8 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     read,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, STEP_S, SimulatedModule
+from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 SESSION = 77
 

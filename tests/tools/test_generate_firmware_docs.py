@@ -9,7 +9,8 @@ from benchmarks.processes import simulated
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import Info, Telemetry
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, TRANSITIONS
+from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
 from tools import generate_firmware_docs as documents
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"

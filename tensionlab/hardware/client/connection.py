@@ -10,7 +10,6 @@ from typing import Generic, TypeVar
 
 from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import Link, open_link
-from tensionlab.hardware.protocol import protocol_1
 from tensionlab.hardware.protocol.codes import Code, Fault, State, Type
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
@@ -20,10 +19,12 @@ from tensionlab.hardware.protocol.messages import (
     Log,
     Message,
     OtherProtocolError,
+    Protocol1Listener,
     SetImpedance,
     SetTension,
     Telemetry,
     read,
+    repeated_in_protocol_1,
 )
 
 ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
@@ -96,7 +97,7 @@ class Connection:
         self._decoder = Decoder()
         self._sequence = random.randrange(256)
         self._set_point = self._armed = random.randrange(256)
-        self._listener: protocol_1.Listener | None = None
+        self._listener: Protocol1Listener | None = None
         self._answers: dict[int, Message | ProtocolError] = {}
         self._refused: Acknowledge | None = None  # a set-point: the latest
         self._strange = 0
@@ -156,9 +157,9 @@ class Connection:
             self.link.send(command.frame(sequence).pack())
             return sequence
         # Nobody answered: because the module speaks protocol 1?
-        self._listener = self._listener or protocol_1.Listener()
+        self._listener = self._listener or Protocol1Listener()
         frame = command.frame(sequence)
-        self.link.send(frame.pack() + protocol_1.repetition(frame))
+        self.link.send(frame.pack() + repeated_in_protocol_1(frame))
         return sequence
 
     def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:

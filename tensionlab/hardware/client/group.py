@@ -24,7 +24,7 @@ from tensionlab.hardware.protocol.messages import (
     ParameterValue,
     Stop,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.rig import Rig
 
 PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
-from tensionlab.errors import HardwareError, ModuleFault, ProtocolError
+from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.client.connection import Connection
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, RELEASED_STATES, Calibration, Fault
@@ -29,7 +29,7 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     Stop,
 )
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, single
+from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
 
 SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 """How long each try waits for an answer, in s, to what takes a module long."""
@@ -127,16 +127,12 @@ class ModuleClient(Connection):
 
     def parameter(self, name: str) -> float:
         """Which value has a parameter?"""
-        return self.request(GetParameter(PARAMETERS[known(name)].index), ParameterValue).value
+        return self.request(GetParameter(require_name(name).index), ParameterValue).value
 
     def set_parameter(self, name: str, value: float) -> None:
         """Change a parameter until the next start, or for good with `save`."""
-        row = PARAMETERS[known(name)]
-        if not row.lower <= single(value) <= row.upper:
-            raise ProtocolError(
-                f'module "{self.name}": {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}'
-            )
-        self.command(SetParameter(row.index, value))
+        require_value(name, value, f'module "{self.name}"')
+        self.command(SetParameter(PARAMETERS[name].index, value))
 
     def save(self) -> None:
         """Have the module store its parameters."""
@@ -180,10 +176,3 @@ class ModuleClient(Connection):
     def forget_refusals(self) -> None:
         """Do not raise what the module has refused up to now."""
         self._refused = None
-
-
-def known(name: str) -> str:
-    """Check the name of a parameter; a `ProtocolError` names those that there are."""
-    if name not in PARAMETERS:
-        raise ProtocolError(f"modules have no parameter {name!r}; they have {', '.join(PARAMETERS)}")
-    return name

@@ -26,12 +26,15 @@ import numpy as np
 from tensionlab.errors import HardwareError
 from tensionlab.files.reading import brief, parse_toml
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.descriptions import PARAMETER_DESCRIPTIONS
 from tensionlab.hardware.protocol.messages import GetParameter, Info, ParameterValue, SetParameter
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, single
+from tensionlab.hardware.protocol.parameters import (
+    CHOICES,
+    PARAMETER_DESCRIPTIONS,
+    PARAMETERS,
+    require_value,
+    single,
+)
 
-CHOICES = frozenset({"timeout_brake", "motor_direction", "calibrated"})
-"""Parameters that are one of their two bounds."""
 ROOMIER_MORE = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
 """The more of these, the more room for others."""
 ROOMIER_LESS = frozenset({"tension_lower", "length_lower", "supply_lower"})
@@ -120,11 +123,7 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
             raise HardwareError(f'{origin}: modules have no parameter "{name:.40}"; {advice}')
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise HardwareError(f"{origin}: {name} is {brief(value)}; give a number")
-        row, number = PARAMETERS[name], single(value)
-        if not row.lower <= number <= row.upper:
-            raise HardwareError(
-                f"{origin}: {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}"
-            )
+        row, number = PARAMETERS[name], require_value(name, value, origin)
         if name in CHOICES and number not in (row.lower, row.upper):
             raise HardwareError(f"{origin}: {name} is {row.unit}; got {value:g}")
         found[name] = number

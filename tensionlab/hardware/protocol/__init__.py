@@ -1,1 +1,1 @@
-"""The protocol of the modules: frames, messages, codes. Pure: no link, no module."""
+"""Module protocol: frames, messages, codes and parameters. Pure: no link, no module."""

@@ -1,4 +1,4 @@
-"""The protocol's words that are numbers on the wire; the firmware's headers have the same, by the same names."""
+"""Codes of the module protocol and what they mean; the firmware's headers have the same by the same names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum, IntFlag
 
 
 class Type(IntEnum):
-    """What a frame is: commands first, then what modules say."""
+    """Type of a frame: commands first, then answers and telemetry."""
 
     HELLO = 0x01
     ARM = 0x02
@@ -31,7 +31,7 @@ class Type(IntEnum):
 
 
 class State(IntEnum):
-    """What a module is doing; `firmware/README.md` draws what leads from one to another."""
+    """State of a module; `firmware/README.md` draws the transitions."""
 
     IDLE = 0
     ARMED = 1
@@ -42,13 +42,13 @@ class State(IntEnum):
 
 
 LATCHED_STATES = frozenset((State.FAULT, State.ESTOP))
-"""States in which a module has its driver off, and takes no STOP."""
+"""States with the driver off that only CLEAR leaves: a STOP is refused."""
 RELEASED_STATES = LATCHED_STATES | {State.TIMEOUT}
-"""States in which a module follows no set-points any more, without having been told to stop."""
+"""States in which a module ignores set-points without having received a STOP."""
 
 
 class Code(IntEnum):
-    """Why a command was refused or came to nothing; OK if it was not."""
+    """Result of a command: OK, or why it was refused or failed."""
 
     OK = 0
     UNKNOWN_TYPE = 1
@@ -64,7 +64,7 @@ class Code(IntEnum):
 
 
 class Limit(IntEnum):
-    """What keeps the tension from being what the host wants, the one that bites most."""
+    """Limiter that keeps the tension from the commanded one; the strongest of several."""
 
     NONE = 0
     LOWER = 1
@@ -79,7 +79,7 @@ class Limit(IntEnum):
 
 
 class Fault(IntFlag):
-    """What is wrong with a module's hardware."""
+    """Faults of a module's hardware."""
 
     ENCODER = 1
     SUPPLY = 2
@@ -89,7 +89,7 @@ class Fault(IntFlag):
 
 
 class Calibration(IntEnum):
-    """What to calibrate: the cable's length is now so many m; the measured N/A; the motor's electrical zero."""
+    """Quantity to calibrate: the cable's length, in m; the measured N/A; the motor's electrical zero."""
 
     LENGTH = 0
     NEWTON_PER_AMPERE = 1
@@ -97,7 +97,7 @@ class Calibration(IntEnum):
 
 
 class BrakeState(IntEnum):
-    """What the brake is doing: a servo lays it on and lifts it, and reeling in takes the load off it before."""
+    """State of the brake: a servo lays the pawl on and lifts it, after reeling in has unloaded it."""
 
     OPEN = 0
     CLOSING = 1
@@ -107,10 +107,78 @@ class BrakeState(IntEnum):
 
 
 class ResetReason(IntEnum):
-    """Why a module started."""
+    """Reason why a module started."""
 
     POWER = 0
     SOFTWARE = 1
     WATCHDOG = 2
     BROWNOUT = 3
     OTHER = 4
+
+
+EVENTS = ("arm", "set-point", "stop", "estop", "clear", "expire", "fault")
+"""The supervisor's events, in the order of the firmware's table."""
+
+DESCRIPTIONS: dict[type[IntEnum | IntFlag], dict[str, str]] = {
+    Code: {
+        "OK": "done",
+        "UNKNOWN_TYPE": "no such command in this firmware",
+        "BAD_LENGTH": "the payload has another length than the command's",
+        "BAD_VALUE": "a number is not finite, out of its bounds, or at odds with another parameter",
+        "BAD_STATE": "not in this state, or not while the module is busy with something else",
+        "BAD_SESSION": "the session is not the one that armed the module, or has armed it before",
+        "STALE": "the sequence number is not after that of the last set-point (never sent: such a one is dropped)",
+        "NOT_CALIBRATED": "N/A is not calibrated; or the cable's length is not known, for an impedance",
+        "FAULT_PRESENT": "something is wrong with the hardware now; see the faults",
+        "UNKNOWN_PARAMETER": "no parameter has this index",
+        "FAILED": "it was tried, and did not work",
+    },
+    State: {
+        "IDLE": "driver off; settings can be changed",
+        "ARMED": "pulls with the taut minimum and waits for the first set-point",
+        "RUNNING": "follows set-points",
+        "TIMEOUT": "no set-point came in time, or the link closed: releases the cable in two stages",
+        "FAULT": "a fault while the motor was driven: driver off at once",
+        "ESTOP": "emergency stop: driver off at once",
+    },
+    Limit: {
+        "NONE": "nothing",
+        "LOWER": "the taut minimum, `tension_lower`",
+        "UPPER": "`tension_upper`",
+        "SLEW": "`slew`: on its way to the commanded tension",
+        "THERMAL": "the winding's budget: `current_continuous`, `current_peak`, `thermal_time`",
+        "SPEED": "the cable reels in faster than `speed_limit`",
+        "LENGTH": "the cable is as short or as long as it may be: `length_lower`, `length_upper`",
+        "RELEASING": "the brake is being released: at least `brake_release_tension`",
+        "TIMEOUT": "the module timed out",
+        "IDLE": "the driver is off, or going off",
+    },
+    Fault: {
+        "ENCODER": "parity, error flag, magnet out of range, or a sensor's number is not finite",
+        "SUPPLY": "outside `supply_lower` to `supply_upper`; the cut of the motor supply looks like this",
+        "SPEED": "reels in at more than twice `speed_limit`",
+        "CURRENT": "measured above `current_peak` by half as much again, or none flows although commanded",
+        "LOOP": "a step came more than 5 ms after the one before",
+    },
+    Calibration: {
+        "LENGTH": "the cable is `value` m long now; not stored",
+        "NEWTON_PER_AMPERE": "measured: `value` N/A; from then on the module counts as calibrated",
+        "ENCODER": "find the motor's electrical zero; takes some 3 s and turns the spool by a pole pair; "
+        "`value` is ignored",
+    },
+    BrakeState: {
+        "OPEN": "lifted",
+        "CLOSING": "the servo is on its way down",
+        "CLOSED": "laid on: the cable reels in but does not pay out",
+        "RELEASING": "reels in, to take the load off the pawl",
+        "OPENING": "the servo is on its way up",
+    },
+    ResetReason: {
+        "POWER": "it was switched on",
+        "SOFTWARE": "a restart was commanded",
+        "WATCHDOG": "its loop hung",
+        "BROWNOUT": "its supply sank",
+        "OTHER": "the reset button, a crash, or unknown",
+    },
+}
+"""What each code means."""

@@ -1,6 +1,6 @@
 """Frames of the module protocol: COBS( type, sequence number, payload ), its CRC-16, and three zeros.
 
-One or two flipped bits of a stream are found, whatever the frames hold; `firmware/PROTOCOL.md` has the argument.
+One or two flipped bits of a stream are always detected; `firmware/PROTOCOL.md` has the argument.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from typing import Any
 from tensionlab.errors import MissingDependency, ProtocolError
 
 MAX_PAYLOAD = 56
-"""Bytes of payload in a frame, at most."""
+"""Most bytes of payload in a frame."""
 DELIMITER = b"\0\0\0"
 """End of a frame. It takes three flips to make one of other bytes, none of which is zero."""
-FIRST = 0xC0
+FIRST_BYTE_BITS = 0xC0
 """Bits that are set in a frame's first byte, so that it takes three flips to make it a zero."""
-CHECKSUM = 3
+CHECKSUM_BYTES = 3
 """Bytes of a checksum."""
-MIN_PIECE, MAX_PIECE = 2 + 1 + CHECKSUM, 2 + MAX_PAYLOAD + 1 + CHECKSUM
+MIN_PIECE, MAX_PIECE = 2 + 1 + CHECKSUM_BYTES, 2 + MAX_PAYLOAD + 1 + CHECKSUM_BYTES
 """Bytes between two delimiters: type, sequence number, payload, the code byte of COBS and the checksum."""
 MAX_FRAME = MAX_PIECE + len(DELIMITER)
-"""Bytes of a frame on the wire, at most."""
-TOO_LONG = b"\1" * (MAX_PIECE + 1)
-"""Stands for the begin of a piece that is too long already."""
+"""Most bytes of a frame on the wire."""
+OVERLONG_START = b"\1" * (MAX_PIECE + 1)
+"""Stands for the start of a piece that is already too long."""
 
 
 @cache
 def _cobs() -> Any:
-    """Import the codec where it is used: codes and logs are read without it."""
+    """Import the codec on first use: codes and logs are read without it."""
     try:
         from cobs import cobs
     except ImportError as missing:
@@ -46,13 +46,13 @@ def crc16(content: bytes) -> int:
 
 
 def checksum(stuffed: bytes) -> bytes:
-    """Return the CRC-16 in 7, 7 and 2 bits. All others are set: no byte is zero, nor the last nearly so."""
+    """Return the CRC-16 in 7, 7 and 2 bits, all other bits set, so that no byte is close to zero."""
     crc = crc16(stuffed)
     return bytes([0x80 | crc >> 9, 0x80 | crc >> 2 & 0x7F, 0xFC | crc & 0x03])
 
 
 def unstuff(stuffed: bytes) -> bytes | None:
-    """Return the bytes that COBS made these of; None if it cannot have."""
+    """Return the bytes that COBS encoded; None if these are no COBS code."""
     cobs = _cobs()
     try:
         return bytes(cobs.decode(stuffed))
@@ -62,17 +62,7 @@ def unstuff(stuffed: bytes) -> bytes | None:
 
 @dataclass(frozen=True)
 class Frame:
-    """What is sent in one piece, its meaning aside.
-
-    Attributes
-    ----------
-    type : int
-        What message it is, 0 to 255; bit 7 is set if it comes from a module.
-    sequence : int
-        0 to 255. A module's answer has that of the command.
-    payload : bytes
-        At most `MAX_PAYLOAD` of them.
-    """
+    """Frame: type (bit 7: from a module), sequence number (an answer has the command's) and payload."""
 
     type: int
     sequence: int
@@ -88,29 +78,29 @@ class Frame:
     def pack(self) -> bytes:
         """Return the frame's bytes on the wire."""
         code, *rest = _cobs().encode(bytes([self.type, self.sequence]) + self.payload)
-        stuffed = bytes([code | FIRST, *rest])
+        stuffed = bytes([code | FIRST_BYTE_BITS, *rest])
         return stuffed + checksum(stuffed) + DELIMITER
 
 
 def unpack(piece: bytes) -> Frame | None:
-    """Return the frame that lies between two delimiters; None if it is damaged."""
+    """Return the frame between two delimiters; None if it is damaged."""
     if not MIN_PIECE <= len(piece) <= MAX_PIECE or 0 in piece:
         return None
-    stuffed, found = piece[:-CHECKSUM], piece[-CHECKSUM:]
-    if stuffed[0] & FIRST != FIRST or found != checksum(stuffed):
+    stuffed, found = piece[:-CHECKSUM_BYTES], piece[-CHECKSUM_BYTES:]
+    if stuffed[0] & FIRST_BYTE_BITS != FIRST_BYTE_BITS or found != checksum(stuffed):
         return None
-    body = unstuff(bytes([stuffed[0] ^ FIRST]) + stuffed[1:])
+    body = unstuff(bytes([stuffed[0] ^ FIRST_BYTE_BITS]) + stuffed[1:])
     return None if body is None or len(body) < 2 else Frame(body[0], body[1], body[2:])
 
 
 def pack_1(frame: Frame) -> bytes:
-    """Return the bytes of a frame in protocol 1, which ended with one zero; here with a delimiter."""
+    """Return a frame of protocol 1, which ended with one zero, followed by a delimiter."""
     body = bytes([frame.type, frame.sequence]) + frame.payload
     return bytes(_cobs().encode(body + crc16(body).to_bytes(2, "little"))) + DELIMITER
 
 
 def unpack_1(piece: bytes) -> Frame | None:
-    """Return the frame of protocol 1 that lies between two zeros; None if it is damaged, or none."""
+    """Return the frame of protocol 1 between two zeros; None if it is damaged, or none."""
     body = unstuff(piece) if len(piece) <= MAX_PIECE else None
     if body is None or len(body) < 4 or crc16(body[:-2]) != int.from_bytes(body[-2:], "little"):
         return None
@@ -119,12 +109,9 @@ def unpack_1(piece: bytes) -> Frame | None:
 
 @dataclass
 class Decoder:
-    """Pick frames out of a stream of bytes, however it is cut into pieces.
+    """Decoder of a stream of bytes, however it is cut into pieces.
 
-    Attributes
-    ----------
-    bad_frames : int
-        How many were damaged, too long or too short, and left out. Whole frames of protocol 1 are not counted.
+    `bad_frames` counts those that were damaged, too long or too short; whole frames of protocol 1 are not counted.
     """
 
     bad_frames: int = 0
@@ -142,5 +129,5 @@ class Decoder:
             elif piece and unpack_1(piece) is None:
                 self.bad_frames += 1
         # Of what is too long already only its last zeros matter, with which a delimiter may begin.
-        self._rest = rest if len(rest) <= MAX_PIECE + 2 else TOO_LONG + rest[-2:]
+        self._rest = rest if len(rest) <= MAX_PIECE + 2 else OVERLONG_START + rest[-2:]
         return frames

@@ -1,4 +1,4 @@
-"""What can be said over the link, and how it lies in a payload; `firmware/PROTOCOL.md` has the same as tables.
+"""Messages of the module protocol and their payloads; `firmware/PROTOCOL.md` has the same as tables.
 
 A message's fields, in their order, are its payload: little-endian, in SI units unless they say otherwise.
 """
@@ -23,12 +23,12 @@ from tensionlab.hardware.protocol.codes import (
     State,
     Type,
 )
-from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, Frame
+from tensionlab.hardware.protocol.frames import MAX_PAYLOAD, MAX_PIECE, Frame, pack_1, unpack_1
 
 PROTOCOL = 2
-"""Version of all this; a module tells its own in `Info`."""
+"""Version of the protocol; `Info` has the module's."""
 MESSAGES: dict[int, type[Message]] = {}
-"""Which class reads each type of frame."""
+"""Message class of each type of frame."""
 
 # How a field lies in the payload, in the letters of `struct`.
 U8 = Annotated[int, "B"]
@@ -41,22 +41,14 @@ Text = Annotated[str, ""]
 
 
 class OtherProtocolError(ProtocolError):
-    """What a module of another protocol says.
-
-    Attributes
-    ----------
-    spoken : int
-        Version of that protocol.
-    state : State or None
-        Of the module, where the protocol is one that this host can read so much of.
-    """
+    """Answer of a module of another protocol: its version, and the module's state if this host can read it."""
 
     def __init__(self, spoken: int, state: State | None = None) -> None:
         super().__init__(spoken, state)
         self.spoken, self.state = spoken, state
 
     def __str__(self) -> str:
-        """Return which protocols these are, and what to do."""
+        """Name both protocols, and what to do."""
         advice = (
             "put the firmware of this tensionlab on the module (firmware/README.md)"
             if self.spoken < PROTOCOL
@@ -67,7 +59,7 @@ class OtherProtocolError(ProtocolError):
 
 
 class Message:
-    """What one type of frame says. Each class below is a frozen dataclass of its fields."""
+    """Message of one type of frame; each class below is a frozen dataclass of its fields."""
 
     type: ClassVar[Type]
     _finite: ClassVar[bool] = True
@@ -83,7 +75,7 @@ class Message:
         MESSAGES[type] = cls
 
     def pack(self) -> bytes:
-        """Which payload says this? A number that is not finite, or beyond its bytes, is a `ProtocolError`."""
+        """Return the payload; a number that is not finite, or too large, is a `ProtocolError`."""
         values = [getattr(self, name) for name in self._kinds]
         try:
             if all(math.isfinite(value) for value in values):
@@ -107,17 +99,17 @@ class Message:
             raise ProtocolError(f"{cls.__name__}: {error}; does the module speak protocol {PROTOCOL}?") from error
 
     def frame(self, sequence: int) -> Frame:
-        """Which frame says this?"""
+        """Return the frame of this message."""
         return Frame(self.type, sequence, self.pack())
 
 
 def printable(text: str) -> str:
-    """Replace what no terminal should be sent in what a device says."""
+    """Return a device's text with unprintable characters replaced."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
 def read(frame: Frame) -> Message:
-    """What does the frame say? An unknown type, or a payload that does not fit it, is a `ProtocolError`."""
+    """Return the message of a frame; an unknown type, or a payload that does not fit it, is a `ProtocolError`."""
     if frame.type not in MESSAGES:
         raise ProtocolError(f"no message has type 0x{frame.type:02x} in protocol {PROTOCOL}")
     return MESSAGES[frame.type].unpack(frame.payload)
@@ -125,7 +117,7 @@ def read(frame: Frame) -> Message:
 
 @dataclass(frozen=True)
 class Hello(Message, type=Type.HELLO):
-    """Who are you? The answer is `Info`."""
+    """Request `Info`."""
 
 
 @dataclass(frozen=True)
@@ -166,12 +158,12 @@ class SetImpedance(Message, type=Type.SET_IMPEDANCE):
 
 @dataclass(frozen=True)
 class Stop(Message, type=Type.STOP):
-    """Let go, from whatever is going on, and be idle."""
+    """Release the cable in any state, and be idle."""
 
 
 @dataclass(frozen=True)
 class EmergencyStop(Message, type=Type.ESTOP):
-    """Let go at once, and stay so until `Clear`."""
+    """Release the cable at once, and stay so until `Clear`."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +173,7 @@ class Clear(Message, type=Type.CLEAR):
 
 @dataclass(frozen=True)
 class GetParameter(Message, type=Type.GET_PARAMETER):
-    """Which value and bounds does a parameter have? The answer is `ParameterValue`."""
+    """Request value and bounds of a parameter; the answer is `ParameterValue`."""
 
     index: U8
 
@@ -223,7 +215,7 @@ class ConfigureTelemetry(Message, type=Type.CONFIGURE_TELEMETRY):
 
 @dataclass(frozen=True)
 class Info(Message, type=Type.INFO):
-    """What a module is. firmware: major and minor version, a byte each; spool_radius in m."""
+    """Description of a module. firmware: major and minor version, a byte each; spool_radius in m."""
 
     protocol: U8
     firmware: U16
@@ -257,7 +249,7 @@ class Info(Message, type=Type.INFO):
 
 @dataclass(frozen=True)
 class ParameterValue(Message, type=Type.PARAMETER):
-    """What a parameter is, and may be."""
+    """Value and bounds of a parameter."""
 
     index: U8
     value: F32
@@ -267,7 +259,7 @@ class ParameterValue(Message, type=Type.PARAMETER):
 
 @dataclass(frozen=True)
 class Pong(Message, type=Type.PONG):
-    """What `Ping` sent, and the module's clock, in us; it wraps around after 71 minutes."""
+    """Echo of `Ping`, with the module's clock in us, which wraps around after 71 minutes."""
 
     echo: U64
     time_us: U32
@@ -275,9 +267,9 @@ class Pong(Message, type=Type.PONG):
 
 @dataclass(frozen=True)
 class Telemetry(Message, type=Type.TELEMETRY):
-    """How a module is doing.
+    """Measurements and state of a module.
 
-    `tension` is what it now makes the motor pull with, N; `current` as measured, A; `speed` of paying out, m/s;
+    `tension` is what the motor is commanded to, N; `current` as measured, A; `speed` of paying out, m/s;
     `thermal` the share of the winding's budget that is spent; `sequence` that of the last set-point;
     `lost_frames` those that found no room to be sent; `longest_step_us` the longest since the last telemetry.
     """
@@ -303,7 +295,7 @@ class Telemetry(Message, type=Type.TELEMETRY):
 
 @dataclass(frozen=True)
 class Acknowledge(Message, type=Type.ACKNOWLEDGE):
-    """What became of a command."""
+    """Result of a command."""
 
     command: Annotated[Type, "B"]
     code: Annotated[Code, "B"]
@@ -312,7 +304,7 @@ class Acknowledge(Message, type=Type.ACKNOWLEDGE):
 
 @dataclass(frozen=True)
 class Event(Message, type=Type.EVENT):
-    """A change of state that no command brought."""
+    """Change of state without a command."""
 
     state: Annotated[State, "B"]
     faults: Annotated[Fault, "H"]
@@ -321,15 +313,47 @@ class Event(Message, type=Type.EVENT):
 
 @dataclass(frozen=True)
 class Log(Message, type=Type.LOG):
-    """A line of text."""
+    """Line of text."""
 
     text: Text
 
     def pack(self) -> bytes:
-        """Which payload says this? What is too long is cut."""
+        """Return the payload; text that is too long is cut."""
         return self.text.encode("ascii", "replace")[:MAX_PAYLOAD]
 
     @classmethod
     def unpack(cls, payload: bytes) -> Self:
-        """Read a payload. What no terminal should be sent is replaced."""
+        """Read a payload; unprintable characters are replaced."""
         return cls(printable(payload.decode("ascii", "replace")))
+
+
+INFO_1_BYTES, INFO_1_STATE = 30, 8
+"""Size of INFO's payload in protocol 1, and where in it the state is."""
+
+
+def repeated_in_protocol_1(command: Frame) -> bytes:
+    """Return what requests INFO from a module of protocol 1 after an unanswered command; an ESTOP goes first."""
+    types = (Type.ESTOP, Type.HELLO) if command.type == Type.ESTOP else (Type.HELLO,)
+    return b"".join(pack_1(Frame(each, command.sequence)) for each in types)
+
+
+class Protocol1Listener:
+    """Detector of modules of protocol 1, by their INFO.
+
+    Messages of protocol 1 are those of protocol 2; frames are not, so neither understands the other by accident.
+    """
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, content: bytes) -> dict[int, OtherProtocolError]:
+        """Return the error that each such INFO means, by the sequence number of its request; mostly none."""
+        *pieces, rest = (self._rest + content).split(b"\0")
+        self._rest = rest[: MAX_PIECE + 1]  # one beyond: too long, whatever follows
+        found = {}
+        for frame in map(unpack_1, pieces):
+            if frame is None or frame.type != Type.INFO or len(frame.payload) != INFO_1_BYTES:
+                continue
+            if frame.payload[0] == 1 and frame.payload[INFO_1_STATE] in tuple(State):
+                found[frame.sequence] = OtherProtocolError(1, State(frame.payload[INFO_1_STATE]))
+        return found

@@ -13,17 +13,7 @@ from numpy.typing import NDArray
 from tensionlab import _native
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, ResetReason, State
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """What can be set on a module. `index` is what the messages call it by."""
-
-    index: int
-    unit: str
-    lower: float
-    upper: float
-    standard: float
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -36,8 +26,6 @@ class PlantParameter:
     about: str
 
 
-PARAMETERS = {row[0]: Parameter(index, *row[1:]) for index, row in enumerate(_native.parameter_table())}
-"""The firmware's parameters, by name."""
 PLANT = {row[0]: PlantParameter(*row[1:]) for row in _native.plant_table()}
 """The simulated hardware's parameters, by name."""
 PARTS = tuple(_native.plant_parts())
@@ -249,9 +237,3 @@ class SimulatedModule:
 def _require_distance(distance: float) -> None:
     if not 0.0 < distance < math.inf:
         raise HardwareError(f"the cable's far end is at a finite distance of more than 0 m; got {distance}")
-
-
-def single(value: float) -> float:
-    """Which number does a module have in place of this one? It keeps 32 bits."""
-    with np.errstate(over="ignore"):
-        return float(np.float32(value))

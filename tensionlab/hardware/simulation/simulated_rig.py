@@ -8,7 +8,8 @@ from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Calibration, Code
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge, Calibrate, Message, SetParameter, read
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PLANT, STEP_S, SimulatedModule
+from tensionlab.hardware.protocol.parameters import PARAMETERS, require_value
+from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, SimulatedModule
 from tensionlab.model.module import Module
 
 
@@ -56,7 +57,7 @@ def simulated_module(
     made = built | ({} if plant is None else dict(plant))
     simulated = SimulatedModule(serial_number, plant=made, distance=length, seed=seed, settings=settings)
     simulated.advance(STEP_S)  # before its first step, a module knows nothing
-    commands: list[Message] = [Calibrate(Calibration.LENGTH, length)]
+    commands: list[Message] = []
     if not simulated.loaded:
         taut = PARAMETERS["tension_lower"]
         wanted = {
@@ -65,15 +66,11 @@ def simulated_module(
             "tension_lower": min(max(module.lower, taut.lower), taut.upper),
             "spool_radius": built["radius"],
         }
+        origin = f'module "{module.name}"'
         for name, value in wanted.items():
-            row = PARAMETERS[name]
-            if not row.lower <= value <= row.upper:
-                raise HardwareError(
-                    f'module "{module.name}": {name} would be {value:g} {row.unit}; '
-                    f"modules of this kind take {row.lower:g} to {row.upper:g}"
-                )
-        commands = [SetParameter(PARAMETERS[name].index, value) for name, value in wanted.items()] + commands
+            commands.append(SetParameter(PARAMETERS[name].index, require_value(name, value, origin)))
         commands.append(Calibrate(Calibration.NEWTON_PER_AMPERE, newton_per_ampere(module)))
+    commands.append(Calibrate(Calibration.LENGTH, length))
     for command in commands:
         _tell(simulated, command, module.name)
     return simulated

@@ -9,8 +9,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State, Type
 from tensionlab.hardware.protocol.frames import Decoder, Frame
-from tensionlab.hardware.protocol.messages import Hello, Info, OtherProtocolError
-from tensionlab.hardware.protocol.protocol_1 import Listener
+from tensionlab.hardware.protocol.messages import Hello, Info, OtherProtocolError, Protocol1Listener
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 from tensionlab.hardware.simulation.simulated_rig import simulated_module
@@ -126,10 +125,10 @@ def test_questions_in_both_protocols_count_as_no_damage_to_a_module_of_this_one(
 
 def test_the_listener_takes_only_whole_info_of_protocol_1():
     info = Frame(Type.INFO, 5, b"\1" + bytes(29))
-    assert list(Listener().feed(pack(info))) == [5]
+    assert list(Protocol1Listener().feed(pack(info))) == [5]
     others = [Frame(Type.INFO, 5, b"\2" + bytes(29)), Frame(Type.INFO, 5, b"\1" + bytes(28)), Frame(Type.PONG, 5)]
     others.append(Frame(Type.INFO, 5, b"\1" + b"\xff" * 29))
-    listener = Listener()
+    listener = Protocol1Listener()
     for frame in others:
         assert listener.feed(pack(frame)) == {}
     for _ in range(100):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.simulation.simulated_module import PARAMETERS, PARTS, PLANT, STEP_S, SimulatedModule
+from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.hardware.simulation.simulated_module import PARTS, PLANT, STEP_S, SimulatedModule
 
 
 def test_the_tables_come_from_the_firmware():

@@ -84,8 +84,8 @@ def test_settings_that_were_stored_take_the_place_of_the_rigs():
 @pytest.mark.parametrize(
     ("module", "length", "message"),
     [
-        (Module("winch", [0, 0, 0], 1.0, 200.0), 1.0, '"winch": tension_upper would be 200 N.*take 0.5 to 12'),
-        (Module("winch", [0, 0, 0], 1.0, 6.0), 15.0, '"winch": length_upper would be 30 m'),
+        (Module("winch", [0, 0, 0], 1.0, 200.0), 1.0, '"winch": tension_upper is from 0.5 to 12 N; got 200'),
+        (Module("winch", [0, 0, 0], 1.0, 6.0), 15.0, '"winch": length_upper is from .* m; got 30'),
         (Module("winch", [0, 0, 0], 1.0, 6.0, spool_radius=0.5), 1.0, '"winch": spool_radius'),
         (Module("winch", [0, 0, 0], 1.0, 6.0, newton_per_ampere=50.0), 1.0, '"winch" answered .*BAD_VALUE'),
     ],

@@ -1,0 +1,79 @@
+"""Parameters of a module: the firmware's own table, what each means, and the check of a value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensionlab import _native
+from tensionlab.errors import ProtocolError
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Row of the firmware's table: index in messages, unit, bounds and standard value."""
+
+    index: int
+    unit: str
+    lower: float
+    upper: float
+    standard: float
+
+
+PARAMETERS = {row[0]: Parameter(index, *row[1:]) for index, row in enumerate(_native.parameter_table())}
+"""The firmware's parameters, by name."""
+CHOICES = frozenset({"timeout_brake", "motor_direction", "calibrated"})
+"""Parameters that are one of their two bounds."""
+PARAMETER_DESCRIPTIONS = {
+    "tension_lower": "the taut minimum: the least tension of an armed module",
+    "tension_upper": "the largest tension",
+    "slew": "how fast the tension changes at most",
+    "newton_per_ampere": "tension for each ampere; calibrated, not computed",
+    "friction_coulomb": "dry friction at the cable, compensated",
+    "friction_viscous": "friction that grows with speed, compensated",
+    "current_continuous": "current that the winding stands for ever",
+    "current_peak": "current that the winding stands for a while",
+    "thermal_time": "time constant of the winding",
+    "speed_limit": "reeling in faster than this, the module pulls less, and at twice this it faults",
+    "length_lower": "cable that must stay out; shorter, it pulls only with the taut minimum",
+    "length_upper": "cable there is; longer, it pulls only with the taut minimum",
+    "spool_radius": "from encoder angle to cable length",
+    "ttl": "time to live of a set-point that says none",
+    "stiffness_limit": "of SET_IMPEDANCE",
+    "damping_limit": "of SET_IMPEDANCE",
+    "supply_lower": "below it the module faults",
+    "supply_upper": "above it the module faults",
+    "brake_open_pulse": "of the servo with the pawl lifted; measure it",
+    "brake_closed_pulse": "of the servo with the pawl laid on; measure it",
+    "brake_travel": "that the servo needs from one to the other; measure it",
+    "brake_dwell": "least time between two changes",
+    "brake_tooth": "cable from tooth to tooth of the brake's wheel",
+    "brake_release_tension": "to reel the load off the pawl before it is lifted",
+    "timeout_brake": "what the brake does when the module times out",
+    "motor_direction": "sign of the encoder while the cable pays out",
+    "motor_zero": "electrical angle at the encoder's zero; CALIBRATE finds it",
+    "calibrated": "whether the module may be armed; CALIBRATE sets it",
+}
+"""What each parameter means."""
+
+
+def single(value: float) -> float:
+    """Return the 32-bit number that a module stores in place of this one."""
+    with np.errstate(over="ignore"):
+        return float(np.float32(value))
+
+
+def require_name(name: str) -> Parameter:
+    """Return a parameter by its name; a `ProtocolError` lists the names there are."""
+    if name not in PARAMETERS:
+        raise ProtocolError(f"modules have no parameter {name!r}; they have {', '.join(PARAMETERS)}")
+    return PARAMETERS[name]
+
+
+def require_value(name: str, value: float, origin: str) -> float:
+    """Return a value as a module stores it; a `ProtocolError` says what the bounds are."""
+    row, stored = require_name(name), single(value)
+    if not row.lower <= stored <= row.upper:
+        raise ProtocolError(f"{origin}: {name} is from {row.lower:g} to {row.upper:g} {row.unit}; got {value:g}")
+    return stored
