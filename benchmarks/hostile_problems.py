@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.random_rigs import unit
+from tensionlab.benchmark.rigs import unit_vectors
 from tensionlab.solvers.base import Nearest, Problem
 
 SHAPES = ((1, 2), (2, 2), (2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (3, 5), (3, 8), (6, 6), (6, 7), (6, 8))
@@ -21,7 +21,7 @@ Draw = Callable[[np.random.Generator, int, int], Floats]
 
 
 def _spread(rng: np.random.Generator, n: int, m: int) -> Floats:
-    return np.round(unit(rng, m, n).T / GRID) * GRID
+    return np.round(unit_vectors(rng, m, n).T / GRID) * GRID
 
 
 def _flat(rng: np.random.Generator, n: int, m: int) -> Floats:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats, Integers
-from tensionlab.benchmark.optimality_proof import distance_bound, sides, size
-from tensionlab.benchmark.random_rigs import near_singular, structures
+from tensionlab.benchmark.optimum import at_limits, distance_bound, largest_limit
+from tensionlab.benchmark.rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Nearest, Problem, Status
 from tensionlab.solvers.linear import times
 from tensionlab.solvers.newton import Newton
@@ -129,7 +129,7 @@ def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> 
     Each batch draws its limits, wrench and reference (zero, the lower limits, the middle, or random). An answer is
     right if it is proved EXACT or NEAREST, keeps what `tensionlab.Allocation` promises of the status, and
     multipliers show that no other tensions that render the same are closer to the reference
-    (`tensionlab.benchmark.optimality_proof`).
+    (`tensionlab.benchmark.optimum`).
 
     Parameters
     ----------
@@ -185,8 +185,9 @@ def _check(problem: Problem, within_reach: NDArray[np.bool_]) -> tuple[NDArray[n
     # would not change the tensions, however near W is to singular.
     missing = problem.wrench - found.wrench
     error = np.linalg.norm(missing, axis=1)
-    rendered = error <= RENDERED * np.linalg.norm(np.abs(problem.structure).sum(axis=2), axis=1) * size(problem)
-    free = ~np.logical_or(*sides(problem, found.tensions))
+    limit = largest_limit(problem)
+    rendered = error <= RENDERED * np.linalg.norm(np.abs(problem.structure).sum(axis=2), axis=1) * limit
+    free = ~np.logical_or(*at_limits(problem, found.tensions))
     change = times(np.asarray(np.linalg.pinv(problem.structure * free[:, None, :])), missing)
     better = found.tensions + change
     left = np.linalg.norm(problem.wrench - times(problem.structure, better), axis=1)
@@ -195,7 +196,7 @@ def _check(problem: Problem, within_reach: NDArray[np.bool_]) -> tuple[NDArray[n
     distance += np.where(exact & room & rendered, np.linalg.norm(change, axis=1), 0.0)
     asked = np.maximum(1.0, np.linalg.norm(problem.wrench, axis=1))
     missed = (exact & (error > TOLERANCE * asked)) | (within_reach & ~(exact & rendered))
-    return found.status, np.where(missed, np.inf, distance / np.maximum(1.0, size(problem))), found.iterations
+    return found.status, np.where(missed, np.inf, distance / np.maximum(1.0, limit)), found.iterations
 
 
 def main() -> None:

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from benchmarks import highs
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.batches import instruction_set, using_threads
-from tensionlab.benchmark.random_rigs import structures
-from tensionlab.benchmark.real_rigs import find_rig
+from tensionlab.benchmark.rigs import find_rig, structures
+from tensionlab.benchmark.speed import instruction_set, using_threads
 from tensionlab.workspace import capacity_margin, wrench_closure
 
 LOWER, UPPER = 0.5, 6.0

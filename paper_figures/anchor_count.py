@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.real_rigs import find_rig
+from tensionlab.benchmark.rigs import find_rig
 from tensionlab.model.layouts import LIMITS, box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig

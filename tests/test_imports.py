@@ -76,7 +76,7 @@ NATIVE = {
     "solvers/spidar.py",
     "arrays.py",
     "verification.py",
-    "benchmark/batches.py",
+    "benchmark/speed.py",
     "workspace/interference.py",
     "workspace/directions.py",
     "workspace/gradient.py",

@@ -1,4 +1,4 @@
-"""The benchmark's table in the documents, from committed results, and how a run is committed.
+"""Table of the benchmark in the documents, from committed results, and the command that commits a run.
 
 ``python -m tools.generate_benchmark_table out/bench`` takes the results of a run into the repository;
 ``make docs`` then writes the table from them.
@@ -8,26 +8,33 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from tensionlab.benchmark import results
-from tensionlab.benchmark.findings import findings
-from tensionlab.benchmark.headline import Headline, headlines
-from tensionlab.benchmark.report import IDLE, marked
+from tensionlab.benchmark.report import (
+    IDLE_SHARE,
+    Column,
+    Summary,
+    count,
+    duration,
+    marked,
+    newton,
+    percent,
+    summary_table,
+)
 from tensionlab.benchmark.results import Results
-from tensionlab.benchmark.text import count, duration, newton, percent, table
-from tensionlab.errors import ShapeError, TensionlabError
+from tensionlab.errors import InputError, TensionlabError
 from tensionlab.files import writing
 
 COMMITTED = Path("datasets") / "benchmarks"
 
-COLUMNS: list[tuple[str, Callable[[Headline], str]]] = [
+COLUMNS: list[Column[Summary]] = [
     ("solved to 1e-6 N", lambda line: percent(line.solved_1e6)),
     ("to 1e-9 N", lambda line: percent(line.solved_1e9)),
     ("elsewhere", lambda line: percent(line.elsewhere)),
-    ("largest gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
+    ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
     ("typical call", lambda line: duration(line.sgm_s)),
     ("p99.9", lambda line: duration(line.p999_s)),
     ("in a batch", lambda line: duration(line.batch_s)),
@@ -35,32 +42,23 @@ COLUMNS: list[tuple[str, Callable[[Headline], str]]] = [
 
 
 def section(found: Results) -> str:
-    """Return what the documents say about these results, in Markdown."""
-    rows = []
-    for line in headlines(found):
-        name = marked(f"**{line.label}**" if line.house else line.label, line.comparable)
-        absent = line.note and line.sgm_s != line.sgm_s
-        cells = [line.note, *[""] * (len(COLUMNS) - 1)] if absent else [write(line) for _, write in COLUMNS]
-        rows.append([name, *cells])
+    """Return the paragraph and the table of these results, in Markdown."""
     about = found.manifest
     total = sum(each["problems"] for each in found.sets.values())
-    busy = " (which was busy with other work as well)" if found.manifest["bench"]["processor_share"] < IDLE else ""
-    return "\n\n".join(
-        [
-            f"{count(total)} problems in {len(found.sets)} sets on one thread of {about['processor']}"
-            f"{busy}, {about['date'][:10]}, tensionlab {about['versions']['tensionlab']}"
-            f"{commit_of(about)}: the share solved within reach to an accuracy, *elsewhere* (where "
-            "wrenches may be out of reach) to 1e-6 N; the largest difference of a tension to the proved optimum; "
-            "the time of one call (proof included for solvers of the house, in bold) and of a problem in a batch. "
-            "Peers solve the plain program, at their defaults and tight. † has another objective.",
-            table(["solver", *(heading for heading, _ in COLUMNS)], rows),
-            "\n".join(f"- {finding}" for finding in findings(found)),
-        ]
+    busy = " (which was busy with other work as well)" if about["bench"]["processor_share"] < IDLE_SHARE else ""
+    return (
+        f"{count(total)} problems in {len(found.sets)} sets on one thread of {about['processor']}"
+        f"{busy}, {about['date'][:10]}, tensionlab {about['versions']['tensionlab']}"
+        f"{commit_of(about)}: the share of feasible problems solved to an accuracy, *elsewhere* (where "
+        "wrenches may be infeasible) to 1e-6 N; the largest difference of a tension to the verified optimum; "
+        "the time of one call (verification included for built-in solvers, in bold) and of a problem in a batch. "
+        "Baselines solve the plain program, at their defaults and tight. † has another objective."
+        f"\n\n{summary_table(found, COLUMNS)}"
     )
 
 
 def commit_of(about: Mapping[str, Any]) -> str:
-    """Write which commit was measured, if that is known."""
+    """Return the commit of the run in brackets, if that is known."""
     return f" ({about['git_commit'][:7]})" if about["git_commit"] else ""
 
 
@@ -76,10 +74,10 @@ def main() -> None:
     """Take a run's results into the data sets of the working directory."""
     try:
         if len(sys.argv) != 2:
-            raise ShapeError("name the folder of a run of `tensionlab bench`, such as out/bench")
+            raise InputError("name the folder of a run of `tensionlab bench`, such as out/bench")
         commit(Path(sys.argv[1]), COMMITTED)
     except (TensionlabError, OSError) as error:
-        print(f"readme: {error}", file=sys.stderr)
+        print(f"benchmark table: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     print(f"{COMMITTED}: the results of {sys.argv[1]}; now `make checksums`, `make docs` and `make figures`")
 

@@ -1,4 +1,4 @@
-"""One honest benchmark: problem sets x solvers x settings, measured alike, to one table and one report.
+"""The solver benchmark (`tensionlab bench`): problem sets, entries, evaluation, results and report.
 
-`run` measures, `results` holds the table, `report` writes it up, `readme` fills the README's table.
+`run` runs it, `results` holds the table, `report` writes it up.
 """

@@ -1,6 +1,6 @@
-"""The measuring process of `tensionlab.benchmark.run`: a plan in, and lines of JSON on stdout.
+"""The benchmark's own process, of `tensionlab.benchmark.run`: a plan as argument, and lines of JSON on stdout.
 
-Each tells the share that is done, or the error that ended it, or the folder with the results.
+Each has the share that is done, or the error that ended it, or the folder with the results.
 """
 
 from __future__ import annotations
@@ -11,30 +11,30 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from tensionlab.benchmark.run import Plan, measure_all
+from tensionlab.benchmark.run import Plan, measure_here
 from tensionlab.errors import TensionlabError
 
 
 def main() -> None:
-    """Measure what the first argument says."""
+    """Run the benchmark of the first argument."""
     order = json.loads(sys.argv[1])
-    asked = order["plan"]
+    plan = order["plan"]
     for key in ("sets", "solvers"):
-        asked[key] = None if asked[key] is None else tuple(asked[key])
-    # Backends print what they like; only what is told may reach the process that reads it.
-    with os.fdopen(os.dup(1), "w") as told, suppress(BrokenPipeError):
+        plan[key] = None if plan[key] is None else tuple(plan[key])
+    # Backends print to stdout as well; only messages may reach the process that reads it.
+    with os.fdopen(os.dup(1), "w") as messages, suppress(BrokenPipeError):
         os.dup2(2, 1)
 
-        def tell(key: str, value: object) -> None:
-            print(json.dumps({key: value}), file=told, flush=True)
+        def send(key: str, value: object) -> None:
+            print(json.dumps({key: value}), file=messages, flush=True)
 
         try:
-            folder = measure_all(
-                Plan(**asked), Path(order["folder"]), order["call"], lambda done: tell("share", done)
+            folder = measure_here(
+                Plan(**plan), Path(order["folder"]), order["call"], lambda done: send("share", done)
             )
-            tell("folder", str(folder))
+            send("folder", str(folder))
         except TensionlabError as error:
-            tell("error", str(error))
+            send("error", str(error))
 
 
 if __name__ == "__main__":

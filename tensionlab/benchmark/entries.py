@@ -1,43 +1,52 @@
-"""Who takes part: every solver of the house through the interface, and every peer on the plain program."""
+"""Entries of the benchmark: built-in solvers through the interface, and baselines on the plain program."""
 
 from __future__ import annotations
 
+import importlib.util
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple, Protocol
 
-from tensionlab.benchmark.daqp_direct import DirectDaqp
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import make
-from tensionlab.solvers.base import POLICIES, Nearest, Solver
+from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Solver
 from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.newton import Newton
-from tensionlab.solvers.peer import Peer
+from tensionlab.solvers.peer import Peer, Reply, own_tensions
 from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
 from tensionlab.solvers.selection import every_solver
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective
 """The objective of all problem sets."""
-PEERS = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")
-"""The peers by name: DAQP called directly, each backend through qpsolvers, and cvxpy."""
-PROGRAMS = ("qp", "cvxpy")
-"""Families of the house that wrap peers. They add a policy, so by default they run where it is needed."""
-POLICY_PROGRAMS = ("qp:clarabel", "qp:daqp", "cvxpy")
-"""Of those families, the ones that run by default where wrenches may be out of reach."""
+BASELINES = ("daqp", *(f"qpsolvers:{backend}" for backend in BACKENDS), "cvxpy:plain")
+"""The baselines by name: DAQP called directly, each backend through qpsolvers, and cvxpy."""
+WRAPPERS = ("qp", "cvxpy")
+"""Families of built-in solvers that wrap baselines. By default they run where their policy is needed."""
+POLICY_WRAPPERS = ("qp:clarabel", "qp:daqp", "cvxpy")
+"""Of those families, the ones that run by default where wrenches may be infeasible."""
+DAQP_EQUALITY = 5
+"""How DAQP marks a constraint that is an equality."""
+NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Entry:
     """A solver with a setting.
 
     Attributes
     ----------
     solver : str
-        A name of `tensionlab.SOLVERS`, or of `PEERS`.
+        A name of `tensionlab.SOLVERS`, or of `BASELINES`.
     setting : {"proved", "default", "tight"}
-        Of the house: through the interface, the answer measured and proved. A peer: its defaults, or as
-        accurate as its options make it.
+        "proved" for a built-in solver: through the interface, its answer verified. A baseline has its defaults, or
+        is as accurate as its options make it.
     nearest : str or None
         The policy; None if it honours none.
     objective : str
@@ -57,26 +66,25 @@ class Contestant:
         """Whether it has the objective of the problem sets, so that it should find the optimum."""
         return self.objective == LEAST_SQUARES
 
-    def make(self) -> Solver | Peer:
-        """Make it."""
-        return make(self.solver) if self.setting == "proved" else _peer(self.solver, self.setting)
+    @property
+    def policy(self) -> Nearest:
+        """Policy that its answers to infeasible wrenches are compared with."""
+        return self.nearest or POLICIES[0]
 
 
-def contestants(
-    reachable: Literal["all", "none", "mixed"], solvers: Sequence[str] | None = None
-) -> list[Contestant]:
-    """Who takes part in a problem set?
+def entries(reachable: Literal["all", "none", "mixed"], solvers: Sequence[str] | None = None) -> list[Entry]:
+    """Return the entries of a problem set.
 
-    Where every wrench is within reach a solver runs once, with the policy that is its own; elsewhere it runs
-    with each policy that it honours. Peers run at their defaults and, if they have such options, tight.
+    Where every wrench is feasible a solver runs once, with the policy that is its own; elsewhere it runs with each
+    policy that it honours. Baselines run at their defaults and, if they have such options, tight.
 
     Parameters
     ----------
     reachable : {"all", "none", "mixed"}
         Which wrenches of the set can be rendered.
     solvers : sequence of str, optional
-        Names as in `tensionlab.SOLVERS` and `PEERS`; None for everyone. A family of the house by its bare name
-        is its default variant.
+        Names as in `tensionlab.SOLVERS` and `BASELINES`; None for all. A built-in family by its bare name is its
+        default variant.
 
     Raises
     ------
@@ -85,46 +93,200 @@ def contestants(
     """
     installed = every_solver()
     if solvers is None:
-        programs = () if reachable == "all" else POLICY_PROGRAMS
-        names = [name for name in installed if name.partition(":")[0] not in PROGRAMS or name in programs]
-        names += PEERS
+        wrappers = () if reachable == "all" else POLICY_WRAPPERS
+        names = [name for name in installed if name.partition(":")[0] not in WRAPPERS or name in wrappers]
+        names += BASELINES
     else:
         names = list(dict.fromkeys(solvers))
-    found: list[Contestant] = []
+    found: list[Entry] = []
     for name in names:
-        if name in PEERS:
-            found += _peers(name)
+        if name in BASELINES:
+            found += _baseline_entries(name)
             continue
         try:
             solver = make(name)
         except UnknownSolver as error:
-            said = str(error).partition(";")[0]
+            unknown = str(error).partition(";")[0]
             raise UnknownSolver(
-                f"{said}; `tensionlab solvers` lists solvers, and peers are {', '.join(PEERS)}"
+                f"{unknown}; `tensionlab solvers` lists solvers, and baselines are {', '.join(BASELINES)}"
             ) from None
         missing = "" if installed.get(name, True) else "not installed"
         policies = solver.policies[: 1 if reachable == "all" else len(POLICIES)] or (None,)
-        found += [Contestant(name, "proved", policy, solver.objective, missing) for policy in policies]
+        found += [Entry(name, "proved", policy, solver.objective, missing) for policy in policies]
     return found
 
 
-def _peers(name: str) -> list[Contestant]:
-    """One peer at its defaults, and tight if it has such options."""
+def _baseline_entries(name: str) -> list[Entry]:
+    """Return one baseline at its defaults, and tight if it has such options."""
     settings: list[Setting] = ["default", "tight"]
-    backend = name.partition(":")[2]
-    if name.startswith("qpsolvers:") and backend not in TIGHT:
+    if name.startswith("qpsolvers:") and name.partition(":")[2] not in TIGHT:
         settings = ["default"]
     missing = ""
     try:
-        _peer(name, "default")
+        _baseline(name, "default")
     except MissingDependency:
         missing = "not installed"
-    return [Contestant(name, setting, None, LEAST_SQUARES, missing) for setting in settings]
+    return [Entry(name, setting, None, LEAST_SQUARES, missing) for setting in settings]
 
 
-def _peer(name: str, setting: Literal["default", "tight"]) -> Peer:
+def _baseline(name: str, setting: Literal["default", "tight"]) -> Peer:
     if name == "daqp":
         return DirectDaqp(setting)
     if name == "cvxpy:plain":
         return PlainConvex(setting)
     return PlainProgram(name.partition(":")[2], setting)
+
+
+class CallTimes(NamedTuple):
+    """Times of one call, in s.
+
+    ``call`` is the wall time from arrays to tensions, ``build`` the part of it that brought the arrays into
+    the form that the baseline takes, ``setup`` and ``solve`` what its own clock reports; NaN where there is none.
+    """
+
+    call: float
+    build: float = NAN
+    setup: float = NAN
+    solve: float = NAN
+
+
+class Driver(Protocol):
+    """Interface through which the benchmark runs one entry."""
+
+    def answers(self, problem: Problem) -> Answer:
+        """Return raw answers to a block of problems, nothing clipped; raises ValueError to refuse the shape."""
+        ...
+
+    def call(self, problem: Problem, row: int) -> CallTimes:
+        """Time one call for one problem of a block."""
+        ...
+
+
+def driver(entry: Entry) -> Driver:
+    """Return the driver of an entry."""
+    if entry.setting == "proved":
+        return _BuiltIn(make(entry.solver), entry.nearest)
+    return _Baseline(_baseline(entry.solver, entry.setting))
+
+
+@dataclass
+class _BuiltIn:
+    """Driver of a built-in solver: one `Allocator` for each set of limits, prepared as for a control loop."""
+
+    solver: Solver
+    nearest: Nearest | None
+    prepared: dict[tuple[int, bytes, bytes], Allocator] = field(default_factory=dict)
+
+    def answers(self, problem: Problem) -> Answer:
+        return self.solver.solve(replace(problem, nearest=self.nearest))
+
+    def call(self, problem: Problem, row: int) -> CallTimes:
+        structure, wrench = problem.structure[row], problem.wrench[row]
+        lower, upper = problem.lower[row], problem.upper[row]
+        key = (len(wrench), lower.tobytes(), upper.tobytes())
+        allocator = self.prepared.get(key)
+        if allocator is None:
+            allocator = Allocator((lower, upper), self.solver, nearest=self.nearest)
+            allocator(structure, wrench)
+            self.prepared[key] = allocator
+        began = time.perf_counter()
+        allocator(structure, wrench)
+        return CallTimes(time.perf_counter() - began)
+
+
+@dataclass
+class _Baseline:
+    """Driver of a baseline on the plain program."""
+
+    solver: Peer
+
+    def answers(self, problem: Problem) -> Answer:
+        tensions = np.full(problem.lower.shape, np.nan)
+        iterations = np.zeros(len(problem), dtype=np.int64)
+        failures: dict[int, str] = {}
+        for row in range(len(problem)):
+            reply = self.solver.run(self.solver.build(*_one(problem, row)))
+            iterations[row] = reply.iterations
+            if reply.tensions is None:
+                failures[row] = reply.failure
+            else:
+                tensions[row] = reply.tensions
+        return Answer(tensions, iterations, failures=failures)
+
+    def call(self, problem: Problem, row: int) -> CallTimes:
+        arrays = _one(problem, row)
+        began = time.perf_counter()
+        program = self.solver.build(*arrays)
+        built = time.perf_counter()
+        reply = self.solver.run(program)
+        ended = time.perf_counter()
+        return CallTimes(ended - began, built - began, reply.setup_s, reply.solve_s)
+
+
+def _one(problem: Problem, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Copy structure, wrench and limits of one problem, as some backends refuse read-only arrays."""
+    arrays = (problem.structure[row], problem.wrench[row], problem.lower[row], problem.upper[row])
+    return tuple(np.array(array) for array in arrays)  # type: ignore[return-value]
+
+
+def load_daqp() -> Any:
+    """Return DAQP's own module.
+
+    Raises
+    ------
+    MissingDependency
+        If it is not installed.
+    """
+    try:
+        import daqp
+    except ImportError as error:
+        raise MissingDependency("DAQP is not installed; pip install 'tensionlab[solvers]'") from error
+    return daqp
+
+
+def daqp_installed() -> bool:
+    """Return whether DAQP's module can be imported."""
+    return importlib.util.find_spec("daqp") is not None
+
+
+def constraint_types(components: int, cables: int) -> NDArray[np.int32]:
+    """Return DAQP's type of each constraint: first the limits of the cables, then the equations."""
+    return np.array([0] * cables + [DAQP_EQUALITY] * components, dtype=np.int32)
+
+
+@dataclass(frozen=True)
+class DirectDaqp:
+    """DAQP by its own Python module, the fastest baseline, on least ``|t|²`` with ``W t = w`` and the limits.
+
+    Source: Arnström, Bemporad and Axehill, "A dual active-set solver for embedded quadratic programming using
+    recursive LDL' updates", 2022.
+
+    Parameters
+    ----------
+    settings : {"default", "tight"}
+        Its own defaults, or those of `tensionlab.solvers.quadratic.TIGHT`.
+    """
+
+    settings: Literal["default", "tight"] = "default"
+
+    def __post_init__(self) -> None:
+        load_daqp()
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Stack limits and equations as DAQP takes them."""
+        n, m = structure.shape
+        above, below = np.concatenate([upper, wrench]), np.concatenate([lower, wrench])
+        return np.eye(m), np.zeros(m), structure, above, below, constraint_types(n, m)
+
+    def run(self, program: Any) -> Reply:
+        """Solve a program of `build`."""
+        options = TIGHT["daqp"] if self.settings == "tight" else {}
+        found, _, flag, info = load_daqp().solve(*program, **options)
+        tensions = own_tensions(found, len(program[1]))
+        return Reply(
+            tensions,
+            iterations=int(info["iterations"]),
+            setup_s=float(info["setup_time"]),
+            solve_s=float(info["solve_time"]),
+            failure="" if tensions is not None else f"gave no finite tensions (exit flag {flag})",
+        )

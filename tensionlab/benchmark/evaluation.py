@@ -1,8 +1,13 @@
-"""One problem set, all contestants: first every answer, then every clock.
+"""Evaluation of all entries on one problem set: first every answer is verified, then every call is timed.
 
 Problems come in blocks of `BLOCK` of a group: any of them, or consecutive ones along a trajectory. Blocks are
-asked in a random order that visits all groups early, so that a slow contestant, which runs out of its share of
-time, has still seen every group. Then `clock` times them.
+answered in a random order that visits all groups early, so that a slow entry, which runs out of its share of time,
+has still seen every group.
+
+Calls are then timed in several rounds. In each the blocks come in a new random order; in each block the entries
+come in a new random order, and each answers the first problem once untimed, because what the others left in the
+caches is not its fault, and then all of the block's problems in a random order. So all entries share the machine's
+slow moments. Python's garbage collector sleeps while calls are timed and works between blocks.
 """
 
 from __future__ import annotations
@@ -14,24 +19,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tensionlab.allocation import Allocator
+from tensionlab.arrays import Floats
 from tensionlab.benchmark import statistics
-from tensionlab.benchmark.clock import Block, time_batch, time_calls
-from tensionlab.benchmark.drivers import Driver, driver
-from tensionlab.benchmark.entries import PROGRAMS, Contestant
-from tensionlab.benchmark.optimum import Optimum, error_above_least, optimum
+from tensionlab.benchmark.entries import WRAPPERS, Driver, Entry, driver
+from tensionlab.benchmark.optimum import Optimum, excess_error, optimum
 from tensionlab.benchmark.problem_sets import Group, ProblemSet
-from tensionlab.benchmark.rows import Evidence, Path, Row, empty_evidence, summarise
+from tensionlab.benchmark.results import Evidence, Row, Trajectory, empty_evidence, summarise
 from tensionlab.errors import TensionlabError
-from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Status
+from tensionlab.solvers import make
+from tensionlab.solvers.base import Answer, Nearest, Problem, Status
 from tensionlab.verification import verify
 
 BLOCK = 20
-"""Problems that a contestant answers before it is the next one's turn."""
+"""Problems that an entry answers before it is the next one's turn."""
+BATCH = 10_000
+"""Problems in a timed batch; a group is repeated until it has as many."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class Evaluation:
     """The rows of one set, and for how many of its problems the optimum is verified, by policy."""
 
     rows: list[Row]
@@ -40,12 +49,12 @@ class Measured:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much to spend.
+    """How much time to spend.
 
     Attributes
     ----------
     seconds : float
-        A contestant's share of time in each set. One that needs longer is measured on fewer problems.
+        An entry's share of time in each set. One that needs longer is evaluated on fewer problems.
     repeats : int
         Timed calls for each problem.
     """
@@ -54,64 +63,56 @@ class Effort:
     repeats: int
 
 
-def measure_set(
+@dataclass(frozen=True)
+class Block:
+    """Some problems of one group: their rows among all problems of the set, and the problems themselves."""
+
+    rows: NDArray[np.intp]
+    problem: Problem
+
+
+def evaluate_set(
     problems: ProblemSet,
-    contestants: Sequence[Contestant],
+    entries: Sequence[Entry],
     effort: Effort,
     rng: np.random.Generator,
     progress: Callable[[float], None],
-) -> Measured:
-    """What does every contestant answer on one set, and how long does it take?
+) -> Evaluation:
+    """Verify and time the answers of all entries to one set.
 
-    Parameters
-    ----------
-    problems : ProblemSet
-    contestants : sequence of Contestant
-    effort : Effort
-    rng : Generator
-        Shuffles.
-    progress : callable
-        Told the share that is done.
-
-    Returns
-    -------
-    Measured
-        Rows in the order of the contestants.
+    ``rng`` shuffles, and ``progress`` is called with the share that is done. Rows are in the order of the entries.
     """
     blocks = _blocks(problems, rng)
     trajectories = all(group.path_mm is not None for group in problems.groups)
-    policies = {policy_of(contestant) for contestant in contestants}
+    policies = {entry.policy for entry in entries}
     best = {policy: [optimum(replace(block.problem, nearest=policy)) for block in blocks] for policy in policies}
     scale = np.maximum(1.0, np.concatenate([np.linalg.norm(group.wrench, axis=1) for group in problems.groups]))
-    present = [contestant for contestant in contestants if not contestant.missing]
+    present = [entry for entry in entries if not entry.missing]
     evidence = {each: empty_evidence(scale, effort.repeats) for each in present}
-    asked: dict[Contestant, tuple[Driver, list[Block]]] = {}
+    answered: dict[Entry, tuple[Driver, list[Block]]] = {}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # backends warn of what is measured here
-        for done, contestant in enumerate(present):
-            ask = driver(contestant)
+        warnings.simplefilter("ignore")  # backends warn of what is verified here
+        for done, entry in enumerate(present):
+            runs = driver(entry)
             gc.collect()
-            targets, mine = best[policy_of(contestant)], evidence[contestant]
-            asked[contestant] = ask, _answers(ask, contestant, blocks, targets, mine, effort, trajectories)
-            _along_paths(problems, mine)
+            mine = evidence[entry]
+            answered[entry] = runs, _answers(runs, entry, blocks, best[entry.policy], mine, effort, trajectories)
+            _along_trajectories(problems, mine)
             progress(0.4 * (done + 1) / len(present))
-        time_calls(asked, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
-        for done, contestant in enumerate(present):
-            if contestant.setting == "proved" and contestant.solver.partition(":")[0] not in PROGRAMS:
-                evidence[contestant].batch_s = time_batch(contestant, asked[contestant][1], effort.seconds / 4)
+        _time_calls(answered, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
+        for done, entry in enumerate(present):
+            if entry.setting == "proved" and entry.solver.partition(":")[0] not in WRAPPERS:
+                evidence[entry].batch_s = _time_batch(entry, answered[entry][1], effort.seconds / 4)
             progress(0.9 + 0.1 * (done + 1) / len(present))
-    absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in contestants if each.missing}
-    rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in contestants]
-    return Measured(rows, {policy: int(sum(each.verified.sum() for each in best[policy])) for policy in policies})
+    absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in entries if each.missing}
+    rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in entries]
+    return Evaluation(
+        rows, {policy: int(sum(each.verified.sum() for each in best[policy])) for policy in policies}
+    )
 
 
-def policy_of(contestant: Contestant) -> Nearest:
-    """By which policy are its answers judged? One that honours none is held against the closest wrench."""
-    return contestant.nearest or POLICIES[0]
-
-
-def whole(group: Group) -> Problem:
-    """The problems of a group: reference 0, no weights; the policy is the contestant's to choose."""
+def problem_of(group: Group) -> Problem:
+    """Return the problems of a group: reference 0, no weights, no policy yet."""
     size, n, m = group.structure.shape
     return Problem(
         structure=group.structure,
@@ -125,12 +126,12 @@ def whole(group: Group) -> Problem:
 
 
 def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
-    """All problems in blocks, shuffled, but so that the groups take turns."""
+    """Return all problems in blocks, shuffled, but so that the groups take turns."""
     dealt: list[tuple[float, Block]] = []
     start = 0
     for group in problems.groups:
-        problem, size = whole(group), len(group.structure)
-        # Neighbours are often alike, and a slow contestant should see of everything; but jumps need neighbours.
+        problem, size = problem_of(group), len(group.structure)
+        # Neighbours are often alike, and a slow entry should see of everything; but jumps need neighbours.
         order = np.arange(size) if group.path_mm is not None else rng.permutation(size)
         pieces = [order[first : first + BLOCK] for first in range(0, size, BLOCK)]
         # The k-th of K pieces comes at about k/K of the way.
@@ -144,17 +145,17 @@ def _blocks(problems: ProblemSet, rng: np.random.Generator) -> list[Block]:
 
 
 def _answers(
-    ask: Driver,
-    contestant: Contestant,
+    runs: Driver,
+    entry: Entry,
     blocks: list[Block],
     best: list[Optimum],
     evidence: Evidence,
     effort: Effort,
     consecutive: bool,
 ) -> list[Block]:
-    """Take the answers to as many blocks as the contestant's share of time allows; which ones are to be timed.
+    """Verify the answers to as many blocks as the entry's share of time allows; return those to be timed.
 
-    Along a trajectory all answers are taken, because a jump needs both its sides; only the clock is spared.
+    Along a trajectory all answers are taken, because a jump needs both its sides; only the timing is spared.
     """
     spent, answered = 0.0, []
     warm: set[tuple[int, ...]] = set()
@@ -164,11 +165,11 @@ def _answers(
         evidence.tried[block.rows] = True
         try:
             if block.problem.structure.shape[1:] not in warm:  # cvxpy compiles each shape once
-                ask.call(block.problem, 0)
+                runs.call(block.problem, 0)
                 warm.add(block.problem.structure.shape[1:])
             began = time.perf_counter()
-            found = ask.answers(block.problem)
-            call = ask.call(block.problem, 0).call
+            found = runs.answers(block.problem)
+            call = runs.call(block.problem, 0).call
         except (TensionlabError, ValueError) as error:
             evidence.refused[block.rows] = True
             evidence.note = evidence.note or f"refuses some: {str(error).partition('; ')[0]}"
@@ -176,32 +177,32 @@ def _answers(
         if spent <= effort.seconds:
             answered.append(block)
         spent += time.perf_counter() - began + call * (len(block.rows) + 1) * effort.repeats
-        _judge(replace(block.problem, nearest=policy_of(contestant)), found, contestant, target, evidence, block)
+        _verify(replace(block.problem, nearest=entry.policy), found, entry, target, evidence, block.rows)
     return answered
 
 
-def _judge(
-    problem: Problem, found: Answer, contestant: Contestant, best: Optimum, evidence: Evidence, block: Block
+def _verify(
+    problem: Problem, found: Answer, entry: Entry, best: Optimum, evidence: Evidence, rows: NDArray[np.intp]
 ) -> None:
-    """Hold raw answers against the limits, the optimum and, for a solver of the house, the interface's proof."""
-    raw, rows = np.array(found.tensions), block.rows
+    """Compare raw answers with the limits and the optimum, and verify the status of a built-in solver."""
+    raw = np.array(found.tensions)
     outside = np.maximum(problem.lower - raw, raw - problem.upper).max(axis=1)
     evidence.violation[rows] = np.maximum(outside, 0.0)
     tensions = np.clip(raw, problem.lower, problem.upper)
-    evidence.error[rows] = np.maximum(error_above_least(problem, best, tensions), 0.0)
+    evidence.error[rows] = np.maximum(excess_error(problem, best, tensions), 0.0)
     gap = np.abs(tensions - best.tensions).max(axis=1)
     evidence.gap[rows] = np.where(best.verified, gap, np.nan)
     evidence.reachable[rows] = best.reachable
     evidence.iterations[rows] = found.iterations
-    if contestant.setting == "proved":
-        judged = replace(problem, nearest=contestant.nearest)
-        status = verify(judged, replace(found, tensions=tensions)).status
+    if entry.setting == "proved":
+        own = replace(problem, nearest=entry.nearest)
+        status = verify(own, replace(found, tensions=tensions)).status
         evidence.proved[rows] = (status == Status.EXACT) | (status == Status.NEAREST)
     evidence.tensions.update(zip(rows.tolist(), tensions, strict=True))
 
 
-def _along_paths(problems: ProblemSet, evidence: Evidence) -> None:
-    """Note how much the tensions jump along each trajectory, and keep one for a picture.
+def _along_trajectories(problems: ProblemSet, evidence: Evidence) -> None:
+    """Note how much the tensions jump along each trajectory, and keep one for a figure.
 
     The one of most redundancy, where objectives differ most.
     """
@@ -217,4 +218,68 @@ def _along_paths(problems: ProblemSet, evidence: Evidence) -> None:
         evidence.jumps.append(statistics.jumps(tensions, group.path_mm))
         if m - n > kept:
             kept = m - n
-            evidence.path = Path(group.path_mm, tensions, evidence.reachable[rows])
+            evidence.trajectory = Trajectory(group.path_mm, tensions, evidence.reachable[rows])
+
+
+def _time_calls(
+    answered: dict[Entry, tuple[Driver, list[Block]]],
+    evidence: dict[Entry, Evidence],
+    repeats: int,
+    rng: np.random.Generator,
+    progress: Callable[[float], None],
+) -> None:
+    """Time single calls of all entries in turn."""
+    queue: dict[int, tuple[Block, list[Entry]]] = {}
+    for entry, (_, blocks) in answered.items():
+        for block in blocks:
+            queue.setdefault(id(block), (block, []))[1].append(entry)
+    turns = list(queue.values())
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        for repeat in range(repeats):
+            for done, turn in enumerate(rng.permutation(len(turns))):
+                block, takers = turns[turn]
+                order = rng.permutation(len(block.rows)).tolist()
+                for taker in rng.permutation(len(takers)):
+                    runs, calls = answered[takers[taker]][0], evidence[takers[taker]].calls
+                    runs.call(block.problem, 0)
+                    for row in order:
+                        calls[block.rows[row], repeat] = runs.call(block.problem, row)
+                gc.collect()
+                progress((repeat + (done + 1) / len(turns)) / repeats)
+    finally:
+        gc.enable()
+        gc.unfreeze()
+
+
+def _time_batch(entry: Entry, blocks: list[Block], seconds: float) -> float:
+    """Return the time of a problem in one large batch, in s, as the median of three.
+
+    Problems of one shape are one batch, repeated until it has `BATCH` of them, or fewer for a slow solver.
+    """
+    shapes: dict[tuple[int, ...], list[Problem]] = {}
+    for block in blocks:
+        shapes.setdefault(block.problem.structure.shape[1:], []).append(block.problem)
+    total, count = 0.0, 0
+    for parts in shapes.values():
+        structure, wrench, lower, upper = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("structure", "wrench", "lower", "upper")
+        )
+
+        def spend(size: int, arrays: tuple[Floats, ...] = (structure, wrench, lower, upper)) -> float:
+            chosen = np.arange(size) % len(arrays[0])
+            repeated = [array[chosen] for array in arrays]
+            allocator = Allocator((repeated[2], repeated[3]), make(entry.solver), nearest=entry.nearest)
+            began = time.perf_counter()
+            allocator(repeated[0], repeated[1])
+            return time.perf_counter() - began
+
+        once = spend(len(structure))
+        affordable = int(len(structure) * seconds / len(shapes) / 3 / max(once, 1e-9))
+        size = min(BATCH, max(len(structure), affordable))
+        total += statistics.quantile(np.array([spend(size) for _ in range(3)]), 0.5) * len(structure) / size
+        count += len(structure)
+    return total / count if count else float("nan")

@@ -1,4 +1,4 @@
-"""The answer that all others are held against: found by way of the exact solver, and proved here without it."""
+"""The optimum with which answers are compared: found through the exact solver, and proved here without it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.optimality_proof import distance_bound, sides, size
 from tensionlab.solvers.base import Problem, Status
 from tensionlab.solvers.linear import times, whitener
 from tensionlab.solvers.newton import Newton
@@ -16,24 +15,30 @@ from tensionlab.verification import verify
 
 Flags = NDArray[np.bool_]
 
-PROVED = 1e-7
-"""An optimum is proved to be no further than this from the tensions of least ``|t|²`` that render its wrench, as a
-share of the largest limit, and so near is it to those that would render the wrench without rounding."""
+VERIFIED_BOUND = 1e-7
+"""An optimum is verified if it is no further than this from the tensions of least ``|t|²`` that render its wrench,
+as a share of the largest limit, and so near to those that would render the wrench without rounding."""
+AT_LIMIT = 1e-10
+"""A tension this close to a limit is at it, as a share of the largest limit."""
+ENOUGH = 1e-7
+"""A bound of this share of the largest limit needs no better multipliers."""
+SEPARATION_SIZES = (1e1, 1e3, 1e5)
+"""Lengths of the separating direction that are tried in the multipliers, times the largest limit."""
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best tensions for B problems, and which of them are proved to be.
+    """The best tensions for B problems, and which of them are verified.
 
     Attributes
     ----------
     tensions : (B, m) array
     wrench : (B, n) array
-        What they render.
+        Rendered by them.
     reachable : (B,) array of bool
-        Whether that is the wrench asked for.
+        Whether that is the desired wrench.
     verified : (B,) array of bool
-        Whether the status is proved, and the tensions are proved to be the smallest that render their wrench.
+        Whether the status is verified, and the tensions are proved to be the smallest that render their wrench.
     """
 
     tensions: Floats
@@ -43,35 +48,35 @@ class Optimum:
 
 
 def optimum(problem: Problem) -> Optimum:
-    """Which tensions are the best under the policy of the problem, and is that proved?
+    """Return the best tensions under the policy of the problem, and whether that is proved.
 
-    The exact solver says which cables are at their limits. Where the wrench is within reach, the others then
+    The exact solver finds which cables are at their limits. Where the wrench is feasible, the others then
     follow from the equations, which are solved once more: cables nearly in a plane turn an error of 1e-11 N in
-    the wrench, which no status minds, into one of 1e-4 N in the tensions.
+    the wrench, which no status notices, into one of 1e-4 N in the tensions.
     """
     found = verify(problem, Newton().solve(problem))
     reachable = found.status == Status.EXACT
     tensions, sensitivity = _polished(problem, found.tensions, reachable)
     wrench = times(problem.structure, tensions)
     missing = np.linalg.norm(problem.wrench - wrench, axis=1)
-    proved = np.where(reachable, missing * sensitivity, 0.0) + distance_bound(problem, tensions)
+    bound = np.where(reachable, missing * sensitivity, 0.0) + distance_bound(problem, tensions)
     known = reachable | (found.status == Status.NEAREST)
-    verified = known & (proved <= PROVED * np.maximum(1.0, size(problem)))
+    verified = known & (bound <= VERIFIED_BOUND * np.maximum(1.0, largest_limit(problem)))
     return Optimum(tensions, wrench, reachable, verified)
 
 
 def _polished(problem: Problem, tensions: Floats, reachable: Flags) -> tuple[Floats, Floats]:
-    """The tensions with their equations solved again, and by how much they change with the wrench.
+    """Solve the equations of the tensions again, and return by how much they change with the wrench.
 
     Returns
     -------
     tensions : (B, m) array
         With the least change of the cables off their limits that renders the wrench; unchanged where that
-        would break a limit, or where the wrench is out of reach.
+        would break a limit, or where the wrench is infeasible.
     sensitivity : (B,) array
         Largest change of the tensions, in N, for a change of the wrench by 1 N.
     """
-    low, high = sides(problem, tensions)
+    low, high = at_limits(problem, tensions)
     loose = problem.structure * ~(low | high)[:, None, :]
     inverse = np.asarray(np.linalg.pinv(loose), dtype=np.float64)
     better = tensions + times(inverse, problem.wrench - times(problem.structure, tensions))
@@ -79,8 +84,8 @@ def _polished(problem: Problem, tensions: Floats, reachable: Flags) -> tuple[Flo
     return np.where(kept[:, None], better, tensions), np.linalg.norm(inverse, ord=2, axis=(1, 2))
 
 
-def error_above_least(problem: Problem, best: Optimum, tensions: Floats) -> Floats:
-    """How much larger than it need be is the error that the policy makes small?
+def excess_error(problem: Problem, best: Optimum, tensions: Floats) -> Floats:
+    """Return how much larger than possible the error is that the policy minimises.
 
     Parameters
     ----------
@@ -94,8 +99,8 @@ def error_above_least(problem: Problem, best: Optimum, tensions: Floats) -> Floa
     Returns
     -------
     (B,) array
-        In N, below 0 never by more than rounding. Where the wrench is reachable, the norm of what is missing;
-        else the policy's error minus its least: the norm of what is missing ("force"), the distance to the
+        In N, below 0 never by more than rounding. Where the wrench is feasible, the norm of what is missing;
+        else the policy's error minus the minimum: the norm of what is missing ("force"), the distance to the
         equilibrium space ("tension"), or the distance to the longest wrench in the direction ("direction").
     """
     rendered = times(problem.structure, tensions)
@@ -105,5 +110,90 @@ def error_above_least(problem: Problem, best: Optimum, tensions: Floats) -> Floa
     if problem.nearest == "tension":
         root = np.where(best.reachable[:, None, None], np.eye(missing.shape[1]), whitener(problem.structure))
         missing, least = times(root, missing), times(root, least)
-    above = np.linalg.norm(missing, axis=1) - np.where(best.reachable, 0.0, np.linalg.norm(least, axis=1))
-    return np.asarray(above)
+    excess = np.linalg.norm(missing, axis=1) - np.where(best.reachable, 0.0, np.linalg.norm(least, axis=1))
+    return np.asarray(excess)
+
+
+def distance_bound(problem: Problem, tensions: Floats, separation: Floats | None = None) -> Floats:
+    """Return an upper bound of the distance from tensions to the optimum of the same wrench.
+
+    The optimum are the tensions closest to the reference. For any multipliers y, tensions t are the optimum of a
+    reference near t0: the one that is moved by ``e = t - t0 - W'y`` between the limits, by the negative part of
+    that at lower limits, and by the positive part at upper ones, because t then meets the optimality conditions.
+    Both optima are projections onto the same convex set, which bring points no further apart (Moreau, 1965):
+    ``|e|`` bounds the distance.
+
+    Parameters
+    ----------
+    problem : Problem
+        B problems; their wrenches don't matter.
+    tensions : (B, m) array
+        Inside their limits, in N.
+    separation : (B, n) array, optional
+        Directions that separate the desired wrenches, to which the multipliers of infeasible ones tend. They
+        save time.
+
+    Returns
+    -------
+    (B,) array
+        In N; infinite where no multipliers were found.
+    """
+    transposed = np.swapaxes(problem.structure, 1, 2)
+    low, high = at_limits(problem, tensions)
+    free = ~(low | high)
+    change = tensions - problem.reference
+    scale = np.maximum(1.0, largest_limit(problem))
+    inverse = np.asarray(np.linalg.pinv(transposed * free[:, :, None]), dtype=np.float64)
+    multipliers = times(inverse, change * free)
+    bound = _bound(problem, tensions, multipliers)
+    if separation is not None:
+        # The part that acts on the free cables is rounding.
+        along = separation - times(inverse, times(transposed, separation) * free)
+        for size in SEPARATION_SIZES:
+            bound = np.minimum(bound, _bound(problem, tensions, multipliers + size * scale[:, None] * along))
+    # With few cables off their limits, many multipliers serve those, and most of them not the others.
+    for row in np.flatnonzero(bound > ENOUGH * scale):
+        found = _multipliers(problem.structure[row], change[row], low[row], high[row])
+        one = _moved(change[row] - problem.structure[row].T @ found, low[row], high[row])
+        bound[row] = min(bound[row], float(np.linalg.norm(one)))
+    return bound
+
+
+def at_limits(problem: Problem, tensions: Floats) -> tuple[Flags, Flags]:
+    """Return which tensions are at their lower and at their upper limits, (B, m) each."""
+    close = AT_LIMIT * np.maximum(1.0, largest_limit(problem))[:, None]
+    return tensions - problem.lower <= close, problem.upper - tensions <= close
+
+
+def largest_limit(problem: Problem) -> Floats:
+    """Return the largest limit of each problem, (B,), in N."""
+    return np.asarray(np.maximum(np.abs(problem.lower), np.abs(problem.upper)).max(axis=1, initial=0.0))
+
+
+def _bound(problem: Problem, tensions: Floats, multipliers: Floats) -> Floats:
+    pull = times(np.swapaxes(problem.structure, 1, 2), multipliers)
+    moved = _moved(tensions - problem.reference - pull, *at_limits(problem, tensions))
+    return np.asarray(np.linalg.norm(moved, axis=-1))
+
+
+def _moved(off: Floats, low: Flags, high: Flags) -> Floats:
+    """Return by how much the reference must move: not at all where a limit holds the tension."""
+    held = (low & (off > 0)) | (high & (off < 0)) | (low & high)
+    return np.where(held, 0.0, off)
+
+
+def _multipliers(structure: Floats, change: Floats, low: Flags, high: Flags) -> Floats:
+    """Find y with ``W'y = change`` between the limits, ``<=`` at lower ones and ``>=`` at upper ones."""
+    from scipy.optimize import nnls
+
+    use = ~(low & high)
+    slack = np.diag(low.astype(float) - high)[:, low ^ high]
+    matrix = np.hstack([structure.T, -structure.T, slack])[use]
+    count = len(structure)
+    if not matrix.size:
+        return np.zeros(count)
+    try:
+        found, _ = nnls(matrix, change[use], maxiter=50 * matrix.shape[1])
+    except RuntimeError:  # too many iterations: then there is no proof
+        return np.full(count, np.nan)
+    return np.asarray(found[:count] - found[count : 2 * count])

@@ -1,4 +1,4 @@
-"""The problem sets of the benchmark: generated from seeds, each with a promise that its construction keeps.
+"""Problem sets of the benchmark: generated from seeds, each with a property that its construction guarantees.
 
 The objective of all of them is the least ``|t|²`` of tensions t inside their limits that render the wrench,
 ``W t = w``. `datasets/problems/README.md` describes each set.
@@ -8,33 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.force_extent import furthest
-from tensionlab.benchmark.random_rigs import Stream, near_singular, streams
-from tensionlab.benchmark.real_rigs import find_rig, over_workspace, path
-from tensionlab.errors import ShapeError
+from tensionlab.benchmark.rigs import Stream, border_path, find_rig, near_singular, streams, workspace_samples
+from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
+from tensionlab.workspace import half_spaces
 
 LOWER, UPPER = 0.5, 6.0
 """Tension limits of a published module, in N."""
 STRONG = (0.3, 20.0)
 """Tension limits of a stronger module, in N."""
-MAGNITUDE = 1.5
+MAGNITUDE_N = 1.5
 """Size of the forces of the published validation, in N."""
-EDGE = (1e-5, 1e-2)
-"""How far wrenches are inside the edge of what is available, as a share of the furthest in their direction."""
-BEYOND = (1e-2, 1.0)
-"""How far unreachable wrenches are beyond that edge ..."""
-FAR = (9.0, 99.0)
+EDGE_SHARE = (1e-5, 1e-2)
+"""How far wrenches are inside the edge of what is available, as a share of the largest in their direction."""
+BEYOND_SHARE = (1e-2, 1.0)
+"""How far infeasible wrenches are beyond that edge ..."""
+FAR_SHARE = (9.0, 99.0)
 """... and every tenth of them."""
 CONDITION = (1e2, 1e7)
 """Condition of the structure matrices of near-singular rigs."""
-PATH = (50, 1000)
-"""Least and largest number of samples of a path."""
+PATH_SAMPLES = (50, 1000)
+"""Minimum and maximum number of samples of a path."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Group:
     lower, upper : (B, m) or (m,) arrays
         Tension limits in N.
     path_mm : (B,) array or None
-        Length of the way so far along a trajectory, in mm; consecutive rows are consecutive samples of 1 ms.
+        Length of the path so far along a trajectory, in mm; consecutive rows are consecutive samples of 1 ms.
         None: the problems have no order.
     """
 
@@ -65,7 +64,7 @@ class Group:
 
 @dataclass(frozen=True)
 class ProblemSet:
-    """Problems that test one thing.
+    """Problems that test one property.
 
     Attributes
     ----------
@@ -84,7 +83,7 @@ class ProblemSet:
 
 
 def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
-    """Which problems does a set hold?
+    """Return the problems of a set.
 
     Parameters
     ----------
@@ -98,22 +97,22 @@ def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
 
     Raises
     ------
-    ShapeError
+    InputError
         If no set has that name, or count or seed is too small.
     """
     if name not in PROBLEM_SETS:
-        raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
+        raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
     if count < 1 or seed < 0:
-        raise ShapeError(f"problem set {name!r}: count {count} must be 1 or more, and seed {seed} 0 or more")
+        raise InputError(f"problem set {name!r}: count {count} must be 1 or more, and seed {seed} 0 or more")
     return PROBLEM_SETS[name](count, seed)
 
 
 def _published(count: int, seed: int) -> ProblemSet:
-    """182 forces on both readings of the published rig; neither count nor seed changes them."""
+    """Return 182 forces on both readings of the published rig; neither count nor seed changes them."""
     groups = []
     for label, name in (("side 1.0 m", "bartels2026-validation"), ("side 0.3 m", "bartels2026-validation-0.3m")):
         rig = find_rig(name)
-        wrench = forces(MAGNITUDE * grid18(), rig.n, rig.dimension)
+        wrench = forces(MAGNITUDE_N * grid18(), rig.n, rig.dimension)
         structure = np.broadcast_to(rig.structure_matrix(rig.home), (len(wrench), rig.n, rig.m))
         groups.append(Group(label, structure, wrench, rig.limits.lower, rig.limits.upper))
     title = "the published validation: 182 forces of 1.5 N on a rig that renders all and on one that renders 153"
@@ -121,72 +120,73 @@ def _published(count: int, seed: int) -> ProblemSet:
 
 
 def _point(count: int, seed: int) -> ProblemSet:
-    """Wrenches of random tensions."""
+    """Return wrenches of random tensions."""
     drawn = streams("point", [(3, m) for m in range(3, 13)], count, seed)
     groups = tuple(_rendered(stream, stream.rigs()) for stream in drawn)
     return ProblemSet("point", "random point rigs with 3 to 12 cables: the everyday problem", groups, "all")
 
 
 def _edge(count: int, seed: int) -> ProblemSet:
-    """Scaled to just inside the furthest wrench in their direction."""
+    """Return wrenches scaled to just inside the largest feasible one in their direction."""
     groups = []
     for stream in streams("edge", [(3, 3), (3, 4), (3, 6), (3, 8), (3, 12), (6, 8)], count, seed):
         group = _rendered(stream, stream.rigs())
-        most = furthest(group.structure, group.wrench, group.lower, group.upper)
+        most = largest_scale(group.structure, group.wrench, group.lower, group.upper)
         # Never scaled back past the wrench that is known to be available.
-        factor = np.maximum(1.0, most * (1.0 - stream.between(EDGE)))
+        factor = np.maximum(1.0, most * (1.0 - stream.log_uniform(EDGE_SHARE)))
         groups.append(_scaled(group, factor))
     title = "wrenches at most 1 % inside the edge of what is available: nearly every cable is at a limit"
     return ProblemSet("edge", title, tuple(groups), "all")
 
 
 def _unreachable(count: int, seed: int) -> ProblemSet:
-    """Scaled to beyond the furthest wrench in their direction."""
+    """Return wrenches scaled to beyond the largest feasible one in their direction."""
     groups = []
     for stream in streams("unreachable", [(3, 3), (3, 4), (3, 8), (3, 12), (6, 8)], count, seed):
         group = _rendered(stream, stream.rigs())
-        most = furthest(group.structure, group.wrench, group.lower, group.upper)
+        most = largest_scale(group.structure, group.wrench, group.lower, group.upper)
         tenth = np.arange(stream.size) % 10 == 9
-        groups.append(_scaled(group, most * (1.0 + np.where(tenth, stream.between(FAR), stream.between(BEYOND)))))
+        far, beyond = stream.log_uniform(FAR_SHARE), stream.log_uniform(BEYOND_SHARE)
+        groups.append(_scaled(group, most * (1.0 + np.where(tenth, far, beyond))))
     title = "wrenches 1 % to 100 % beyond what is available, every tenth 10 to 100 times too large"
     return ProblemSet("unreachable", title, tuple(groups), "none")
 
 
 def _near_singular(count: int, seed: int) -> ProblemSet:
-    """Wrenches of random tensions, on rigs of a given condition."""
+    """Return wrenches of random tensions, on rigs of a given condition."""
     groups = []
     for stream in streams("near-singular", [(3, 3), (3, 4), (3, 8), (6, 8)], count, seed):
-        structure = near_singular(stream.rng, stream.n, stream.m, stream.between(CONDITION))
+        structure = near_singular(stream.rng, stream.n, stream.m, stream.log_uniform(CONDITION))
         groups.append(_rendered(stream, structure))
     title = "cables nearly in a plane, platforms nearly a point: structure matrices of condition 1e2 to 1e7"
     return ProblemSet("near-singular", title, tuple(groups), "all")
 
 
 def _robots(count: int, seed: int) -> ProblemSet:
-    """Random poses of the robots in the folder of rigs."""
+    """Return wrenches at random poses of the robots in the folder of rigs."""
     groups = []
     rigs = [find_rig(name) for name in ("ipanema-1", "ipanema-2", "cogiro", "spidar-g6x4")]
     for rig, stream in zip(rigs, streams("robots", [(rig.n, rig.m) for rig in rigs], count, seed), strict=True):
-        structure, wrench = over_workspace(stream.rng, rig, stream.size)
+        structure, wrench = workspace_samples(stream.rng, rig, stream.size)
         groups.append(Group(rig.name, structure, wrench, rig.limits.lower, rig.limits.upper))
     title = "6-component robots over their workspaces, holding their weight and pushing: N and N·m mixed"
     return ProblemSet("robots", title, tuple(groups), "all")
 
 
 def _trajectory(count: int, seed: int) -> ProblemSet:
-    """Loops around points of the border: four rigs, then the same rigs again until there are enough samples."""
+    """Return loops around points of the border: four rigs, the same rigs again until there are enough samples."""
     kinds = (
-        ("bartels2026-validation", 0.3, MAGNITUDE, False),
-        ("seven-modules", 0.3, MAGNITUDE, True),
-        ("cube-8", 0.3, MAGNITUDE, True),
+        ("bartels2026-validation", 0.3, MAGNITUDE_N, False),
+        ("seven-modules", 0.3, MAGNITUDE_N, True),
+        ("cube-8", 0.3, MAGNITUDE_N, True),
         ("ipanema-1", 1.0, 20.0, False),
     )
-    rounds = -(-count // (PATH[1] * len(kinds)))
+    rounds = -(-count // (PATH_SAMPLES[1] * len(kinds)))
     rigs = [find_rig(name) for name, *_ in kinds] * rounds
     groups = []
     for number, stream in enumerate(streams("trajectory", [(rig.n, rig.m) for rig in rigs], count, seed)):
         rig, (_, speed, size, turning) = rigs[number], kinds[number % len(kinds)]
-        way = path(stream.rng, rig, max(PATH[0], stream.size), speed, size, turning)
+        way = border_path(stream.rng, rig, max(PATH_SAMPLES[0], stream.size), speed, size, turning)
         label = f"{rig.name}, {'turning' if turning else 'constant'} force, path {number + 1}"
         groups.append(Group(label, way[0], way[1], rig.limits.lower, rig.limits.upper, way[2]))
     title = "paths at 1 kHz that cross the border of the workspace: whether the tensions are continuous"
@@ -194,7 +194,7 @@ def _trajectory(count: int, seed: int) -> ProblemSet:
 
 
 def _mixed_limits(count: int, seed: int) -> ProblemSet:
-    """Wrenches of random tensions, where one cable is stronger than the others."""
+    """Return wrenches of random tensions, where one cable is stronger than the others."""
     groups = []
     for stream in streams("mixed-limits", [(3, 4), (3, 6), (3, 8), (6, 8)], count, seed):
         strong = np.arange(stream.m) == stream.rng.integers(stream.m, size=(stream.size, 1))
@@ -218,7 +218,7 @@ PROBLEM_SETS: dict[str, Callable[[int, int], ProblemSet]] = {
 
 
 def _rendered(stream: Stream, structure: Floats, limits: tuple[Floats, Floats] | None = None) -> Group:
-    """A group whose wrenches random tensions inside the limits render."""
+    """Return a group whose wrenches random tensions inside the limits render."""
     lower, upper = limits or (np.full(stream.m, LOWER), np.full(stream.m, UPPER))
     tensions = stream.rng.uniform(lower, upper, size=(stream.size, stream.m))
     wrench = (structure @ tensions[..., None])[..., 0]
@@ -228,3 +228,61 @@ def _rendered(stream: Stream, structure: Floats, limits: tuple[Floats, Floats] |
 
 def _scaled(group: Group, factor: Floats) -> Group:
     return Group(group.label, group.structure, factor[:, None] * group.wrench, group.lower, group.upper)
+
+
+def largest_scale(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Floats:
+    """Return the largest factor (B,) by which each wrench can be scaled and still be feasible.
+
+    From the available wrench sets; no solver is involved. At least 1 but for rounding.
+
+    Parameters
+    ----------
+    structure : (B, n, m) array
+        Structure matrices of rank n.
+    wrench : (B, n) array
+        Feasible wrenches, none of them zero.
+    lower, upper : (B, m) or (m,) arrays
+        Tension limits in N.
+    """
+    normals, offsets = half_spaces(structure, (lower, upper))
+    along = (normals @ wrench[..., None])[..., 0]
+    factors = np.divide(offsets, along, out=np.full(along.shape, np.inf), where=along > 0.0)
+    return np.asarray(factors.min(axis=1))
+
+
+def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
+    """Return the problems of a set as rows of quadratic programs, for benchmarks of QP solvers.
+
+    Each is ``minimise x'Px/2 + q'x subject to Ax = b, lb <= x <= ub`` of the tensions x, so that P is the
+    identity, q zero, A the structure matrix, b the wrench. In the columns that qpbenchmark's `ParquetTestSet`
+    reads: matrices row by row in one list, G and h None because there are no other inequalities.
+
+    Returns
+    -------
+    list of dict
+        One for each problem: ``name`` (set, group and row: unique within the set), ``P``, ``q``, ``G``, ``h``,
+        ``A``, ``b``, ``lb``, ``ub``, and for readers that know the set ``group`` and ``path_mm`` (None where
+        the problems have no order).
+    """
+    rows: list[dict[str, Any]] = []
+    for group in problems.groups:
+        size, _, m = group.structure.shape
+        lower, upper = (np.broadcast_to(each, (size, m)) for each in (group.lower, group.upper))
+        identity, zeros = np.eye(m).ravel(), np.zeros(m)
+        rows += [
+            {
+                "name": f"{problems.name}/{group.label}/{row}",
+                "P": identity,
+                "q": zeros,
+                "G": None,
+                "h": None,
+                "A": group.structure[row].ravel(),
+                "b": group.wrench[row],
+                "lb": lower[row],
+                "ub": upper[row],
+                "group": group.label,
+                "path_mm": None if group.path_mm is None else float(group.path_mm[row]),
+            }
+            for row in range(size)
+        ]
+    return rows

@@ -1,36 +1,170 @@
-"""The report of a benchmark in Markdown, written from the table alone."""
+"""Report of a benchmark in Markdown, written from its results: one line an entry, one table a problem set."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
 
-from tensionlab.benchmark.calls import PASSES
-from tensionlab.benchmark.findings import findings
-from tensionlab.benchmark.headline import Headline, headlines
-from tensionlab.benchmark.results import Results
-from tensionlab.benchmark.rows import Row
-from tensionlab.benchmark.text import count, duration, newton, percent, table, times
+import numpy as np
+
+from tensionlab.benchmark.results import Results, Row
+from tensionlab.benchmark.speed import PASSES
+from tensionlab.benchmark.statistics import maximum
+
+Of = TypeVar("Of")
+
+
+def percent(share: float) -> str:
+    """Write a share, with 100 % only for all and 0 % only for nothing."""
+    if math.isnan(share):
+        return "–"
+    if share in (0.0, 1.0):
+        return f"{100 * share:.0f} %"
+    return f"{min(99.9, max(0.1, 100 * share)):.1f} %"
+
+
+def newton(value: float) -> str:
+    """Write a force in N with two digits, small ones as powers of ten."""
+    if math.isnan(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if 0.01 <= abs(value) < 1e4:
+        return f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
+    return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
+
+
+def duration(seconds: float) -> str:
+    """Write a time in s with three digits at most, and the unit that suits it."""
+    if math.isnan(seconds):
+        return "–"
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.9995 * size:
+            value = seconds / size
+            return f"{value:.0f} {unit}" if value >= 99.5 else f"{value:.2g} {unit}"
+    return f"{seconds / 1e-9:.0f} ns"
+
+
+def times(ratio: float) -> str:
+    """Write a ratio with two digits."""
+    return "–" if math.isnan(ratio) else f"{ratio:.0f}" if ratio >= 10 else f"{ratio:.2g}"
+
+
+def count(number: int) -> str:
+    """Write a number with commas between thousands."""
+    return f"{number:,}"
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
+    """Make a table in Markdown; the first ``left`` columns to the left, the others to the right."""
+    rules = [":--" if column < left else "--:" for column in range(len(headings))]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (headings, rules, *rows))
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One entry over all sets, each set counting the same; NaN where there is nothing.
+
+    Times, gaps and shares of solved problems are those of the sets that are entirely feasible, where every entry
+    has the same problem to solve; where there is no such set, of all sets. ``elsewhere`` is the mean share solved
+    to 1e-6 N in the other sets. Shares are means over the sets; ``sgm_s`` and ``batch_s`` are geometric means over
+    the sets of the shifted geometric means; ``iterations_max`` and ``jump_max`` (N/mm) are the largest of all
+    sets, and the others the largest of the feasible sets: the gap to the optimum (N), the 99.9 % quantile of time
+    and the worst, ``spread``, which is the 99.9 % quantile over the median, and the violation of a limit by a raw
+    answer (N).
+    """
+
+    label: str
+    note: str
+    comparable: bool
+    built_in: bool
+    solved_1e3: float
+    solved_1e6: float
+    solved_1e9: float
+    elsewhere: float
+    gap_max: float
+    sgm_s: float
+    p999_s: float
+    worst_s: float
+    spread: float
+    batch_s: float
+    iterations_max: int
+    jump_max: float
+    violation_max: float
+
+    @property
+    def absent(self) -> bool:
+        """Whether it did not take part; the note has the reason."""
+        return bool(self.note) and math.isnan(self.sgm_s)
+
+
+def summaries(results: Results) -> list[Summary]:
+    """Return each entry over all sets: those that ran by speed, then those that did not."""
+    by_label: dict[str, dict[str, Row]] = {}
+    for row in results.rows:
+        # Of several policies the first: the solver's own.
+        by_label.setdefault(row.label, {}).setdefault(row.problem_set, row)
+    feasible = {name for name, about in results.sets.items() if about["reachable"] == "all"} or set(results.sets)
+    found = [_summary(label, list(rows.values()), feasible) for label, rows in by_label.items()]
+    return sorted(found, key=lambda line: (np.isnan(line.sgm_s), line.sgm_s))
+
+
+def _summary(label: str, rows: list[Row], feasible: set[str]) -> Summary:
+    inside = [row for row in rows if row.problem_set in feasible]
+    return Summary(
+        label=label,
+        note=next((row.note for row in rows if row.note), ""),
+        comparable=rows[0].comparable,
+        built_in=rows[0].setting == "proved",
+        solved_1e3=_mean(row.solved_1e3 for row in inside),
+        solved_1e6=_mean(row.solved_1e6 for row in inside),
+        solved_1e9=_mean(row.solved_1e9 for row in inside),
+        elsewhere=_mean(row.solved_1e6 for row in rows if row.problem_set not in feasible),
+        gap_max=_maximum(row.gap_max for row in inside),
+        sgm_s=float(np.exp(_mean(np.log(row.sgm_s) for row in inside))),
+        p999_s=_maximum(row.p999_s for row in inside),
+        worst_s=_maximum(row.worst_s for row in inside),
+        spread=_maximum(row.p999_s / row.median_s for row in inside),
+        batch_s=float(np.exp(_mean(np.log(row.batch_s) for row in inside))),
+        iterations_max=max(row.iterations_max for row in rows),
+        jump_max=_maximum(row.jump_max for row in rows),
+        violation_max=_maximum(row.violation_max for row in inside),
+    )
+
+
+def _mean(values: Iterable[float]) -> float:
+    """Return the mean of the values that are finite; NaN if there are none."""
+    finite = [value for value in values if math.isfinite(value)]
+    return float(np.mean(finite)) if finite else float("nan")
+
+
+def _maximum(values: Iterable[float]) -> float:
+    return maximum(np.array(list(values), dtype=np.float64))
+
 
 FIGURES = {
-    "profile": "Performance profile: for which share of the problems each contestant has an answer to 1e-6 N "
+    "profile": "Performance profile: for which share of the problems each entry has an answer to 1e-6 N "
     "within so many times the time of the fastest (Dolan and Moré, 2002). Up and left is better.",
     "accuracy": "Time and accuracy: median time of a call, and the error that 99 % of the answers do not "
     "exceed. Down and left is better.",
-    "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all sets within reach.",
+    "worst": "The worst case: median, 99.9 % quantile and worst time of a call, of all feasible sets.",
     "continuity": "Along one trajectory sampled at 1 kHz: the tensions of all cables, by solver.",
 }
-"""Pictures beside the report, with their captions."""
+"""Figures beside the report, with their captions."""
 
-IDLE = 0.9
-"""Share of the time that the measuring process has the processor, on a machine with nothing else to do."""
+IDLE_SHARE = 0.9
+"""Share of the time that the benchmark's process has the processor, on a machine with nothing else to do."""
 
-HEADLINE: list[tuple[str, Callable[[Headline], str]]] = [
+Column = tuple[str, Callable[[Of], str]]
+"""Heading, and the text of a cell."""
+SUMMARY_COLUMNS: list[Column[Summary]] = [
     ("1e-3 N", lambda line: percent(line.solved_1e3)),
     ("1e-6 N", lambda line: percent(line.solved_1e6)),
     ("1e-9 N", lambda line: percent(line.solved_1e9)),
     ("elsewhere 1e-6 N", lambda line: percent(line.elsewhere)),
-    ("largest gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
+    ("max gap, N", lambda line: marked(newton(line.gap_max), line.comparable)),
     ("typical call", lambda line: duration(line.sgm_s)),
     ("p99.9", lambda line: duration(line.p999_s)),
     ("worst", lambda line: duration(line.worst_s)),
@@ -38,9 +172,9 @@ HEADLINE: list[tuple[str, Callable[[Headline], str]]] = [
     ("iterations", lambda line: count(line.iterations_max) if line.iterations_max else "–"),
     ("jump, N/mm", lambda line: newton(line.jump_max)),
 ]
-DETAIL: list[tuple[str, Callable[[Row], str]]] = [
+ROW_COLUMNS: list[Column[Row]] = [
     ("tried", lambda row: count(row.tried)),
-    ("proved", lambda row: percent(row.proved / row.tried) if row.setting == "proved" else "–"),
+    ("verified", lambda row: percent(row.proved / row.tried) if row.setting == "proved" else "–"),
     ("1e-3 N", lambda row: percent(row.solved_1e3)),
     ("1e-6 N", lambda row: percent(row.solved_1e6)),
     ("1e-9 N", lambda row: percent(row.solved_1e9)),
@@ -61,55 +195,46 @@ DETAIL: list[tuple[str, Callable[[Row], str]]] = [
 ]
 
 HOW_TO_READ = """\
-- **Every problem** asks for the tensions of least `|t|²` that render a wrench inside their limits. A solver
-  with another objective (†) is measured on feasibility, speed and continuity; its gap is a difference of
-  taste.
-- **Solvers of the house** run through the interface: a prepared `tl.Allocator`, the time of clipping,
-  measuring and proving included. **Peers** get the plain program and return what they return, *default*
-  with their own settings and *tight* with the strictest that make sense; nothing is proved in their time.
+- **Every problem** is to find the tensions of least `|t|²` that render a wrench inside their limits. A solver
+  with another objective (†) is compared by feasibility, speed and continuity; its gap is a difference of
+  objectives.
+- **Built-in solvers** run through the interface: a prepared `tl.Allocator`, the time of clipping and verifying
+  included. **Baselines** solve the plain program, *default* with their own settings and *tight* with the
+  strictest that make sense; nothing is verified in their time.
   `daqp` is its own Python module; `qpsolvers:…` goes through qpsolvers; `cvxpy` fills numbers into a
   program that it compiled once.
 - **1e-3, 1e-6, 1e-9 N**: the share of the problems solved so accurately: the wrench (of the tensions
   clipped into their limits) as near as it can be, and the raw tensions outside their limits by no more;
-  times the norm of the wrench where that is above 1 N. Out of reach, "near" is measured by the policy (the
-  closest wrench for a solver without one), and the least possible error is subtracted. Refused problems are
-  not solved.
+  times the norm of the wrench where that is above 1 N. For an infeasible wrench, "near" is as the policy has it
+  (the closest wrench for a solver without one), and the least possible error is subtracted. Refused problems
+  are not solved.
 - **gap**: largest difference of a tension to the optimum. The optimum comes from the exact solver and is
   verified by its duality gap, which anyone can compute; problems where that proof fails are left out of the
   gap.
 - **error** and **limits**: the largest error above the least possible, and the largest violation of a limit
   by a raw answer.
 - **Times** are of one call from arrays to tensions, each problem the best of {repeats} in random order, in
-  blocks in which the contestants take turns; so they are the solver's and not the machine's. *typical* is
-  the shifted geometric mean (shift 1 µs). *build* is what of it brings the arrays into the peer's form;
-  *set-up* and *solve* are the peer's own clock, where it tells. *batch*: a problem in one large batch.
-- **tried**: each contestant has {seconds:g} s for each set; one that needs longer sees fewer of the
+  blocks in which the entries take turns; so they are the solver's and not the machine's. *typical* is
+  the shifted geometric mean (shift 1 µs). *build* is the part that brings the arrays into the baseline's form;
+  *set-up* and *solve* are by the baseline's own clock, where it has one. *batch*: a problem in one large batch.
+- **tried**: each entry has {seconds:g} s for each set; one that needs longer gets fewer of the
   problems, drawn at random.
 - **jump**: largest change of a tension from one sample of a trajectory to the next, for each millimetre of
   path."""
 
 
 def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
-    """Return what was found, in Markdown.
-
-    Parameters
-    ----------
-    results : Results
-    figures : collection of str
-        Those of `FIGURES` that stand beside it.
-    """
+    """Return the report in Markdown, with those of `FIGURES` that stand beside it."""
     plan = results.manifest["bench"]["plan"]
     total = sum(about["problems"] for about in results.sets.values())
     parts = [
         "# Tension solvers compared",
-        f"{count(total)} problems in {len(results.sets)} sets; {count(len(headlines(results)))} contestants.",
-        "## Findings",
-        "\n".join(f"- {finding}" for finding in findings(results)),
+        f"{count(total)} problems in {len(results.sets)} sets; {count(len(summaries(results)))} entries.",
         "## All sets",
-        "Shares and times are means over the sets within reach, each set counting the same; *elsewhere* is the "
-        "share in the sets that are out of reach or partly so. p99.9 and worst are those of the worst set. † has "
+        "Shares and times are means over the feasible sets, each set counting the same; *elsewhere* is the "
+        "share in the sets that are infeasible or partly so. p99.9 and worst are those of the worst set. † has "
         "another objective.",
-        headline_table(results),
+        summary_table(results),
         *(f"![{name}](figures/{name}.png)\n\n*{caption}*" for name, caption in FIGURES.items() if name in figures),
         "## How to read it",
         HOW_TO_READ.format(repeats=plan["repeats"], seconds=plan["seconds"]),
@@ -122,25 +247,22 @@ def report(results: Results, figures: Collection[str] = tuple(FIGURES)) -> str:
 
 
 def marked(text: str, comparable: bool) -> str:
-    """The text, with a dagger where the objective is another one."""
+    """Return the text, with a dagger where the objective is another one."""
     return text if comparable or text == "–" else f"{text} †"
 
 
-def headline_table(results: Results) -> str:
-    """Every contestant over all sets; those that did not take part last, with the reason."""
+def summary_table(results: Results, columns: Sequence[Column[Summary]] = SUMMARY_COLUMNS) -> str:
+    """Return a table of all entries over all sets; those that did not take part last, with the reason."""
     rows = []
-    for line in headlines(results):
-        name = marked(f"**{line.label}**" if line.house else line.label, line.comparable)
-        absent = math.isnan(line.sgm_s) and math.isnan(line.elsewhere)
-        cells = (
-            [line.note or "–", *[""] * (len(HEADLINE) - 1)] if absent else [write(line) for _, write in HEADLINE]
-        )
+    for line in summaries(results):
+        name = marked(f"**{line.label}**" if line.built_in else line.label, line.comparable)
+        cells = [line.note, *[""] * (len(columns) - 1)] if line.absent else [write(line) for _, write in columns]
         rows.append([name, *cells])
-    return table(["solver", *(heading for heading, _ in HEADLINE)], rows)
+    return table(["solver", *(heading for heading, _ in columns)], rows)
 
 
 def _set(results: Results, name: str) -> str:
-    """One problem set: what it is, who did what, who refused."""
+    """Return the section of one problem set: title, groups, a row each entry, and what was refused."""
     about, rows = results.sets[name], results.of_set(name)
     groups = ", ".join(f"{label} ({size})" for label, size in about["groups"])
     verified = min(about["verified"].values())
@@ -148,28 +270,28 @@ def _set(results: Results, name: str) -> str:
     for row in rows:
         label = marked(f"**{row.label}**" if row.setting == "proved" else row.label, row.comparable)
         if row.tried:
-            cells.append([label, row.nearest or "–", *(write(row) for _, write in DETAIL)])
+            cells.append([label, row.nearest or "–", *(write(row) for _, write in ROW_COLUMNS)])
         else:
-            cells.append([label, row.nearest or "–", row.note or "–", *[""] * (len(DETAIL) - 1)])
+            cells.append([label, row.nearest or "–", row.note or "–", *[""] * (len(ROW_COLUMNS) - 1)])
         if row.tried and row.note:
             notes.append(f"- {row.label}: {row.note} ({count(row.refused)} of {count(row.tried)} problems)")
     parts = [
         f"## {name}",
         f"{about['title'][0].upper()}{about['title'][1:]}. {groups}. "
         f"The optimum is verified for {count(verified)} of {count(about['problems'])}.",
-        table(["solver", "out of reach", *(heading for heading, _ in DETAIL)], cells, left=2),
+        table(["solver", "nearest", *(heading for heading, _ in ROW_COLUMNS)], cells, left=2),
     ]
     return "\n\n".join(parts + (["\n".join(notes)] if notes else []))
 
 
 def _batches(results: Results) -> list[str]:
-    """The exact solver's batches and single calls, against DAQP; nothing where they were left out."""
+    """Return the section of the exact solver's batches and single calls; nothing where they were left out."""
     if not results.batches:
         return []
     rows = [
         [
             f"n = {row.components}, m = {row.cables}",
-            "within reach" if row.reachable else "out of reach",
+            "feasible" if row.reachable else "infeasible",
             duration(row.one_core_s),
             duration(row.all_cores_s),
             duration(row.daqp_c_s),
@@ -182,7 +304,7 @@ def _batches(results: Results) -> list[str]:
     ]
     first = results.batches[0]
     headings = ["", "wrenches", "one core", f"all {first.cores} cores", "DAQP in C", "loop over DAQP",
-                "one core / DAQP in C", "loop / all cores", "largest gap, N"]  # fmt: skip
+                "one core / DAQP in C", "loop / all cores", "max gap, N"]  # fmt: skip
     calls = [
         [
             f"n = {call.components}, m = {call.cables}",
@@ -196,9 +318,9 @@ def _batches(results: Results) -> list[str]:
     ]
     return [
         "## Batches",
-        f"{count(first.count)} random problems in one `tl.allocate` call, proof included: time for each. DAQP's "
-        "time in C is set-up plus solve by its own clock; the loop calls its Python module with all arrays ready. "
-        "Each the best of its rounds.",
+        f"{count(first.count)} random problems in one `tl.allocate` call, verification included: time for each. "
+        "DAQP's time in C is set-up plus solve by its own clock; the loop calls its Python module with all arrays "
+        "ready. Each the best of its rounds.",
         table(headings, rows, left=2),
         "One call for one problem. Whatever interrupts the process counts in p99.9, but hardly in the last "
         f"column, where each problem has its best time of {PASSES}:",
@@ -207,16 +329,17 @@ def _batches(results: Results) -> list[str]:
 
 
 def _machine(results: Results) -> str:
+    """Return the list of what is known of the machine and of the run."""
     about, bench = results.manifest, results.manifest["bench"]
     busy = bench["processor_share"]
     lines = [
-        f"- Processor: {about['processor']}; instruction set taken: {bench['instruction_set']}; one thread, but "
+        f"- Processor: {about['processor']}; instruction set used: {bench['instruction_set']}; one thread, but "
         "for the batches on all cores.",
         f"- {about['platform']}; Python {about['python']}.",
         "- " + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".",
         f"- Seed {about['seed']}; commit {about['git_commit'] or 'unknown'}; {about['date']}.",
-        f"- The measuring process had the processor for {percent(busy)} of the time"
-        + ("." if busy >= IDLE else ": **the machine was busy, and times are worse than they should be.**"),
+        f"- The benchmark had the processor for {percent(busy)} of the time"
+        + ("." if busy >= IDLE_SHARE else ": **the machine was busy, and times are worse than they should be.**"),
         f"- To repeat: `{about['call']}`",
     ]
     return "\n".join(lines)

@@ -1,32 +1,184 @@
-"""The results of a benchmark on disk: one Parquet table with its manifest, which is all that a report needs."""
+"""Results of a benchmark: one row for each problem set, solver and setting, and the Parquet table on disk."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tensionlab import records
-from tensionlab.benchmark.batches import BatchRow
-from tensionlab.benchmark.calls import CallRow
-from tensionlab.benchmark.rows import EVIDENCE, Row
-from tensionlab.errors import ShapeError
+from tensionlab.arrays import Floats
+from tensionlab.benchmark import statistics
+from tensionlab.benchmark.entries import Entry
+from tensionlab.errors import DataError
 from tensionlab.files.tables import from_mappings, read_parquet
 
 FILE = "results.parquet"
+ACCURACIES = (1e-3, 1e-6, 1e-9)
+"""Accuracies in N, times the norm of the wrench where that is above 1 N, as the interface verifies."""
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class Row:
+    """Result of one solver with one setting on one problem set; NaN where there is nothing to measure.
+
+    Attributes
+    ----------
+    problem_set, solver, setting, nearest, objective : str
+        `nearest` is None for a solver without a policy; its answers to infeasible wrenches are compared with
+        "force".
+    comparable : bool
+        Whether the objective is that of the sets. If not, the gap is a difference of objectives, not an error.
+    note : str
+        Why it did not take part, or which part it refused.
+    problems, tried, refused, failed, proved : int
+        Problems in the set; of these tried in its share of time; of those refused, without tensions, and with
+        a status that is verified (EXACT or NEAREST; 0 for baselines, which have no status).
+    solved_1e3, solved_1e6, solved_1e9 : float
+        Share of the tried ones with an error above the least possible, and raw tensions outside their limits,
+        of no more than the accuracy.
+    error_max, violation_max : float
+        Maximum of either, in N.
+    gap_median, gap_max : float
+        Largest difference of a tension to the optimum, in N, where the optimum is verified.
+    sgm_s, median_s, p99_s, p999_s, worst_s : float
+        Time of one call, each problem the best of its repeats, so that little of the machine's interruptions is
+        left. Shifted geometric mean, median, quantiles and worst over the problems.
+    jitter_s : float
+        The slowest call of all, interruptions included.
+    build_s, setup_s, solve_s : float
+        Medians: bringing the arrays into the baseline's form; set-up and solve by its own clock.
+    batch_s : float
+        Time of a problem in one large batch, for built-in solvers.
+    iterations_max : int
+        Worst iterations; 0 where none are reported.
+    jump_max : float
+        Largest change of a tension along a trajectory, in N/mm.
+    call_s, errors, violations, gaps : lists of float
+        The evidence, for each problem of the set in order; NaN where not tried, refused or failed.
+    path_mm, path_tensions, path_reachable : lists
+        Along one trajectory of the set: length of the path so far, the tensions of all cables, row by row, and
+        whether the wrench is feasible.
+    """
+
+    problem_set: str
+    solver: str
+    setting: str
+    nearest: str | None
+    objective: str
+    comparable: bool
+    note: str
+    problems: int
+    tried: int = 0
+    refused: int = 0
+    failed: int = 0
+    proved: int = 0
+    solved_1e3: float = NAN
+    solved_1e6: float = NAN
+    solved_1e9: float = NAN
+    error_max: float = NAN
+    violation_max: float = NAN
+    gap_median: float = NAN
+    gap_max: float = NAN
+    sgm_s: float = NAN
+    median_s: float = NAN
+    p99_s: float = NAN
+    p999_s: float = NAN
+    worst_s: float = NAN
+    jitter_s: float = NAN
+    build_s: float = NAN
+    setup_s: float = NAN
+    solve_s: float = NAN
+    batch_s: float = NAN
+    iterations_max: int = 0
+    jump_max: float = NAN
+    call_s: list[float] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
+    violations: list[float] = field(default_factory=list)
+    gaps: list[float] = field(default_factory=list)
+    path_mm: list[float] = field(default_factory=list)
+    path_tensions: list[float] = field(default_factory=list)
+    path_reachable: list[bool] = field(default_factory=list)
+
+    @property
+    def label(self) -> str:
+        """Name in tables and figures."""
+        name = "cvxpy" if self.solver == "cvxpy:plain" else self.solver
+        return f"{name}, {self.setting}" if self.setting != "proved" else name
+
+
+EVIDENCE = ("call_s", "errors", "violations", "gaps", "path_mm", "path_tensions", "path_reachable")
+"""The columns that a summary can do without."""
+
+
+@dataclass(frozen=True)
+class BatchRow:
+    """Seconds of a problem in a large batch, each the best of the rounds; NaN where DAQP is not installed.
+
+    Attributes
+    ----------
+    components, cables, count : int
+    reachable : bool
+        Whether all wrenches are feasible, or none.
+    one_core_s, all_cores_s : float
+        In one `allocate` call, verification included, on one thread and on ``cores``.
+    cores : int
+    daqp_c_s : float
+        Set-up and solve by DAQP's own clock, without its Python wrapper.
+    daqp_loop_s : float
+        A Python loop over DAQP's own module, its arrays ready.
+    gap_max : float
+        Largest difference between both tensions, in N; NaN for infeasible wrenches, where DAQP has none.
+    """
+
+    components: int
+    cables: int
+    count: int
+    reachable: bool
+    one_core_s: float
+    all_cores_s: float
+    cores: int
+    daqp_c_s: float
+    daqp_loop_s: float
+    gap_max: float
+
+    @property
+    def ratio(self) -> float:
+        """One core's time over DAQP's in C."""
+        return self.one_core_s / self.daqp_c_s
+
+
+@dataclass(frozen=True)
+class CallRow:
+    """Seconds of one call for one problem.
+
+    ``median_s`` and ``p999_s`` have the machine's interruptions in them, ``quiet_p999_s`` has few: it is the
+    99.9 % quantile of each problem's best time of `tensionlab.benchmark.speed.PASSES`.
+    """
+
+    components: int
+    cables: int
+    caller: str
+    median_s: float
+    p999_s: float
+    quiet_p999_s: float
 
 
 @dataclass(frozen=True)
 class Results:
-    """What was measured, and how.
+    """All rows of a benchmark, and its manifest.
 
     Attributes
     ----------
     rows : tuple of Row
     manifest : dict
-        That of `tensionlab.records`, and under ``bench`` what the report tells of the run:
+        That of `tensionlab.records`, and under ``bench`` what the report needs of the run:
         ``sets`` (by name: title, reachable, groups, problems, verified), ``plan``, ``instruction_set``,
         ``processor_share``, ``batches`` and ``calls``.
     """
@@ -42,16 +194,16 @@ class Results:
 
     @property
     def batches(self) -> list[BatchRow]:
-        """The batched measurements."""
+        """Times of large batches."""
         return [BatchRow(**row) for row in self.manifest["bench"]["batches"]]
 
     @property
     def calls(self) -> list[CallRow]:
-        """The single calls measured beside them."""
+        """Times of single calls."""
         return [CallRow(**row) for row in self.manifest["bench"]["calls"]]
 
     def of_set(self, name: str) -> list[Row]:
-        """The rows of one problem set."""
+        """Return the rows of one problem set."""
         return [row for row in self.rows if row.problem_set == name]
 
 
@@ -64,19 +216,119 @@ def write(path: str | Path, rows: Sequence[Row], manifest: dict[str, Any], evide
 
 
 def read(path: str | Path) -> Results:
-    """Which results does a file, or the folder of a run, hold?
+    """Return the results in a file, or in the folder of a run.
 
     Raises
     ------
-    ShapeError
+    DataError
         If it holds none.
     """
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
-    table = read_parquet(file, "results of `tensionlab bench` (*.parquet)", ShapeError)
+    table = read_parquet(file, "results of `tensionlab bench` (*.parquet)", DataError)
     bench = table.manifest.get("bench")
     kinds = {"sets": dict, "batches": list, "calls": list}
     if not isinstance(bench, dict) or not all(isinstance(bench.get(key), kind) for key, kind in kinds.items()):
-        raise ShapeError(f"{file}: its manifest tells of no run; give results of `tensionlab bench`")
-    from_mappings(bench["batches"], BatchRow, f"{file}: batches", ShapeError)
-    from_mappings(bench["calls"], CallRow, f"{file}: calls", ShapeError)
-    return Results(tuple(table.rows(Row, ShapeError)), table.manifest)
+        raise DataError(f"{file}: its manifest describes no run; give results of `tensionlab bench`")
+    from_mappings(bench["batches"], BatchRow, f"{file}: batches", DataError)
+    from_mappings(bench["calls"], CallRow, f"{file}: calls", DataError)
+    return Results(tuple(table.rows(Row, DataError)), table.manifest)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One trajectory: (B,) path so far in mm, (B, m) tensions in N, and (B,) where the wrench is feasible."""
+
+    path_mm: Floats
+    tensions: Floats
+    reachable: NDArray[np.bool_]
+
+
+@dataclass
+class Evidence:
+    """Measurements of one entry on P problems, R times each; NaN where there is none.
+
+    ``scale`` is max(1, norm of the wrench); ``calls`` is the last axis of (P, R, 4): call, build, setup, solve.
+    """
+
+    tried: NDArray[np.bool_]
+    refused: NDArray[np.bool_]
+    reachable: NDArray[np.bool_]
+    proved: NDArray[np.bool_]
+    scale: Floats
+    error: Floats
+    violation: Floats
+    gap: Floats
+    iterations: NDArray[np.int64]
+    calls: Floats
+    note: str = ""
+    batch_s: float = NAN
+    tensions: dict[int, Floats] = field(default_factory=dict)
+    jumps: list[Floats] = field(default_factory=list)
+    trajectory: Trajectory | None = None
+
+
+def empty_evidence(scale: Floats, repeats: int) -> Evidence:
+    """Return evidence without measurements, for as many problems as there are scales."""
+    count = len(scale)
+    tried, refused, reachable, proved = np.zeros((4, count), dtype=bool)
+    error, violation, gap = np.full((3, count), np.nan)
+    iterations, calls = np.zeros(count, dtype=np.int64), np.full((count, repeats, 4), np.nan)
+    return Evidence(tried, refused, reachable, proved, scale, error, violation, gap, iterations, calls)
+
+
+def solved(errors: Floats, violations: Floats, scale: Floats, accuracy: float) -> NDArray[np.bool_]:
+    """Return which answers are that accurate; not those that are NaN."""
+    return (errors <= accuracy * scale) & (violations <= accuracy * scale)
+
+
+def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
+    """Return the row of an entry on the problem set of that name."""
+    tried = int(evidence.tried.sum())
+    # Of each problem the fastest call, (P, 4), with its parts.
+    walls = np.where(np.isnan(evidence.calls[:, :, 0]), np.inf, evidence.calls[:, :, 0])
+    best = np.take_along_axis(evidence.calls, walls.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+    shares = [
+        solved(evidence.error, evidence.violation, evidence.scale, accuracy).sum() / tried if tried else np.nan
+        for accuracy in ACCURACIES
+    ]
+    path = evidence.trajectory
+    return Row(
+        problem_set=name,
+        solver=entry.solver,
+        setting=entry.setting,
+        nearest=entry.nearest,
+        objective=entry.objective,
+        comparable=entry.comparable,
+        note=evidence.note,
+        problems=len(evidence.scale),
+        tried=tried,
+        refused=int(evidence.refused.sum()),
+        failed=int((evidence.tried & ~evidence.refused & np.isnan(evidence.error)).sum()),
+        proved=int(evidence.proved.sum()),
+        solved_1e3=float(shares[0]),
+        solved_1e6=float(shares[1]),
+        solved_1e9=float(shares[2]),
+        error_max=statistics.maximum(evidence.error),
+        violation_max=statistics.maximum(evidence.violation),
+        gap_median=statistics.quantile(evidence.gap, 0.5),
+        gap_max=statistics.maximum(evidence.gap),
+        sgm_s=statistics.shifted_geometric_mean(best[:, 0]),
+        median_s=statistics.quantile(best[:, 0], 0.5),
+        p99_s=statistics.quantile(best[:, 0], 0.99),
+        p999_s=statistics.quantile(best[:, 0], 0.999),
+        worst_s=statistics.maximum(best[:, 0]),
+        jitter_s=statistics.maximum(evidence.calls[:, :, 0]),
+        build_s=statistics.quantile(best[:, 1], 0.5),
+        setup_s=statistics.quantile(best[:, 2], 0.5),
+        solve_s=statistics.quantile(best[:, 3], 0.5),
+        batch_s=evidence.batch_s,
+        iterations_max=int(evidence.iterations.max(initial=0)),
+        jump_max=statistics.maximum(np.concatenate([np.zeros(0), *evidence.jumps])),
+        call_s=best[:, 0].tolist(),
+        errors=evidence.error.tolist(),
+        violations=evidence.violation.tolist(),
+        gaps=evidence.gap.tolist(),
+        path_mm=path.path_mm.tolist() if path else [],
+        path_tensions=path.tensions.ravel().tolist() if path else [],
+        path_reachable=path.reachable.tolist() if path else [],
+    )

@@ -1,7 +1,7 @@
-"""One benchmark from plan to table, in a process of its own whose libraries are told to use one thread.
+"""One benchmark from plan to results, in a process of its own whose libraries use one thread.
 
-Numerical libraries read how many threads they may use when they are loaded, and the process that asks for a
-benchmark has loaded them already.
+Numerical libraries read how many threads they may use when they are loaded, and the calling process has loaded
+them already.
 """
 
 from __future__ import annotations
@@ -21,13 +21,11 @@ from typing import Any
 import numpy as np
 
 from tensionlab import records
-from tensionlab.benchmark import batches, results
-from tensionlab.benchmark.calls import CallRow, single_calls
-from tensionlab.benchmark.entries import contestants
-from tensionlab.benchmark.evaluation import Effort, measure_set
+from tensionlab.benchmark import results, speed
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.evaluation import Effort, evaluate_set
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
-from tensionlab.benchmark.rows import Row
-from tensionlab.errors import ShapeError, TensionlabError, WriteError
+from tensionlab.errors import InputError, TensionlabError, WriteError
 from tensionlab.files import writing
 
 ONE_THREAD = dict.fromkeys(
@@ -42,27 +40,19 @@ ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
-"""The environment of the measuring process. The batches on all cores set the first one themselves."""
+"""Environment of the benchmark's process. The batches on all cores set the first one themselves."""
 BATCH_SHARE = 0.15
 """About this share of the time goes to the batches."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What to measure, and how long.
+    """Problem sets, entries and effort of a benchmark.
 
-    Attributes
-    ----------
-    sets : tuple of str
-        Names in `PROBLEM_SETS`; None for all.
-    solvers : tuple of str or None
-        As in `contestants`; None for everyone.
-    count, seed : int
-        Problems in each set, and the seed of problems and shuffles.
-    seconds, repeats
-        As in `Effort`.
-    batch, rounds, calls : int
-        Problems in a batch, rounds, and single calls, of `batches`. No rounds: leave them out.
+    ``sets`` are names in `PROBLEM_SETS`, ``solvers`` as in `tensionlab.benchmark.entries.entries`; ``count``
+    problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Effort`. ``batch``,
+    ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of `tensionlab.benchmark.speed`;
+    with no rounds they are left out.
     """
 
     sets: tuple[str, ...]
@@ -76,20 +66,20 @@ class Plan:
     calls: int = 5000
 
     def __post_init__(self) -> None:
-        """Refuse what can't be measured, before any work."""
+        """Check the plan before any work."""
         if not self.sets:
-            raise ShapeError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
+            raise InputError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
         if self.solvers is not None and not self.solvers:
-            raise ShapeError("no solver is named; leave the option out for all of them")
+            raise InputError("no solver is named; leave the option out for all of them")
         for name in self.sets:
             if name not in PROBLEM_SETS:
-                raise ShapeError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
+                raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
         if self.count < 1 or self.seed < 0 or not self.seconds > 0 or self.repeats < 1:
-            raise ShapeError(
+            raise InputError(
                 f"count {self.count} and repeats {self.repeats} must be 1 or more, seconds {self.seconds} "
                 f"above 0, and seed {self.seed} not negative"
             )
-        contestants("none", self.solvers)
+        entries("none", self.solvers)
 
 
 def plan(
@@ -99,27 +89,27 @@ def plan(
     seed: int = 0,
     quick: bool = False,
 ) -> Plan:
-    """What does a full benchmark measure, or one of two minutes?
+    """Return the plan of a full benchmark, or of a quick one of two minutes.
 
     Raises
     ------
-    ShapeError, UnknownSolver
+    InputError, UnknownSolver
         If a name is unknown or a number impossible.
     """
     names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
-    asked = None if solvers is None else tuple(solvers)
+    chosen = None if solvers is None else tuple(solvers)
     if quick:
-        return Plan(names, asked, count or 60, seed, seconds=0.1, repeats=2, batch=20_000, rounds=3, calls=1000)
-    return Plan(names, asked, count or 1000, seed)
+        return Plan(names, chosen, count or 60, seed, seconds=0.1, repeats=2, batch=20_000, rounds=3, calls=1000)
+    return Plan(names, chosen, count or 1000, seed)
 
 
 def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> results.Results:
-    """Measure in a process of its own, and read back what it wrote: arguments and errors as those of `measure`."""
+    """Run a benchmark in a process of its own and read its results; arguments and errors as of `measure`."""
     return results.read(measure(what, folder, call, progress))
 
 
 def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
-    """Measure in a process of its own, and return the folder with what it wrote.
+    """Run a benchmark in a process of its own, and return the folder with its results.
 
     Parameters
     ----------
@@ -128,16 +118,16 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
         Where `results.FILE` and ``manifest.json`` go; made if it is not there. If they cannot be written there in
         the end, they go to a temporary folder.
     call : sequence of str
-        What was asked for, for the manifest.
+        The command line, for the manifest.
     progress : callable
-        Told the share that is done.
+        Called with the share that is done.
 
     Raises
     ------
     WriteError
         If the folder cannot be written to.
     TensionlabError
-        If the process broke; what it said has gone to stderr.
+        If the process broke; its messages have gone to stderr.
     """
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
@@ -151,48 +141,50 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
         assert process.stdout
         try:
             for line in process.stdout:
-                said = json.loads(line)
-                if "share" in said:
-                    progress(said["share"])
-                elif "error" in said:
-                    raise TensionlabError(said["error"])
+                message = json.loads(line)
+                if "share" in message:
+                    progress(message["share"])
+                elif "error" in message:
+                    raise TensionlabError(message["error"])
                 else:
-                    kept = Path(said["folder"])
+                    kept = Path(message["folder"])
         except BaseException:
             process.kill()
             process.wait()
             raise
     if process.returncode:
-        raise TensionlabError(f"the measuring process ended with status {process.returncode}; it said why above")
+        raise TensionlabError(
+            f"the benchmark's process ended with status {process.returncode}; its messages are above"
+        )
     return kept
 
 
-def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
-    """Measure every set and the batches in this process, write the table with its manifest, and return where."""
+def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
+    """Run a benchmark in this process, write results and manifest, and return their folder."""
     wall, processor = time.perf_counter(), time.process_time()
     share = (1.0 - BATCH_SHARE) / len(what.sets)
-    rows: list[Row] = []
+    rows: list[results.Row] = []
     sets = {}
     effort, rng = Effort(what.seconds, what.repeats), np.random.default_rng(what.seed)
     for done, name in enumerate(what.sets):
         problems = problem_set(name, what.count, what.seed)
-        takers = contestants(problems.reachable, what.solvers)
-        measured = measure_set(problems, takers, effort, rng, _within(progress, share * done, share))
-        rows += measured.rows
+        takers = entries(problems.reachable, what.solvers)
+        evaluation = evaluate_set(problems, takers, effort, rng, _within(progress, share * done, share))
+        rows += evaluation.rows
         sets[name] = {
             "title": problems.title,
             "reachable": problems.reachable,
             "groups": [[group.label, len(group.structure)] for group in problems.groups],
             "problems": sum(len(group.structure) for group in problems.groups),
-            "verified": measured.verified,
+            "verified": evaluation.verified,
         }
     busy = (time.process_time() - processor) / (time.perf_counter() - wall)
-    batch_rows, call_rows = _batches(what, progress)
+    batch_rows, call_rows = _speed(what, progress)
     manifest = records.manifest(call, what.seed)
     manifest["bench"] = {
         "sets": sets,
         "plan": dataclasses.asdict(what),
-        "instruction_set": batches.instruction_set(),
+        "instruction_set": speed.instruction_set(),
         "processor_share": busy,
         "threads": {name: os.environ.get(name) for name in ONE_THREAD},
         "batches": [dataclasses.asdict(row) for row in batch_rows],
@@ -206,25 +198,25 @@ def measure_all(what: Plan, folder: Path, call: Sequence[str], progress: Callabl
     return folder
 
 
-def _write(folder: Path, rows: Sequence[Row], manifest: dict[str, Any]) -> None:
+def _write(folder: Path, rows: Sequence[results.Row], manifest: dict[str, Any]) -> None:
     results.write(folder / results.FILE, rows, manifest)
     writing.write_text(folder / "manifest.json", json.dumps(manifest, indent=2) + "\n")
 
 
-def _batches(what: Plan, progress: Callable[[float], None]) -> tuple[list[batches.BatchRow], list[CallRow]]:
-    """The measurements of `batches`, none if there are no rounds."""
+def _speed(what: Plan, progress: Callable[[float], None]) -> tuple[list[results.BatchRow], list[results.CallRow]]:
+    """Return the measurements of `tensionlab.benchmark.speed`, none if there are no rounds."""
     if not what.rounds:
         return [], []
-    cases = [(n, m, reachable) for n, m in batches.SHAPES for reachable in (True, False)]
+    cases = [(n, m, reachable) for n, m in speed.SHAPES for reachable in (True, False)]
     found = []
     for done, case in enumerate(cases):
-        found.append(batches.against_daqp(*case, what.batch, what.rounds, what.seed))
+        found.append(speed.time_batches(*case, what.batch, what.rounds, what.seed))
         progress(1.0 - BATCH_SHARE * (1.0 - 0.9 * (done + 1) / len(cases)))
-    calls = [row for shape in ((3, 8), (6, 8)) for row in single_calls(*shape, what.calls, what.seed)]
+    calls = [row for shape in speed.CALL_SHAPES for row in speed.time_calls(*shape, what.calls, what.seed)]
     progress(1.0)
     return found, calls
 
 
 def _within(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
-    """Tell the progress of a part as progress of the whole."""
+    """Return a callback that reports the progress of a part as progress of the whole."""
     return lambda part: progress(start + share * part)

@@ -1,4 +1,4 @@
-"""How to sum up many times and answers in one number, without letting the number lie."""
+"""Statistics of many times and answers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 
-SHIFT = 1e-6
+SHIFT_S = 1e-6
 """Shift of the geometric mean, in s: a call of 0.1 µs counts hardly less than one of 0.2 µs."""
 
 
-def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT) -> float:
-    """What is the typical time, when ratios matter and tiny times should not?
+def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT_S) -> float:
+    """Return ``exp(mean(log(t + shift))) - shift``, the typical time; NaN for no times.
 
-    ``exp(mean(log(t + shift))) - shift``, as in the benchmarks of Mittelmann. NaN for no times.
+    Ratios count, and tiny times do not dominate. As in the benchmarks of Mittelmann.
     """
     seconds = seconds[np.isfinite(seconds)]
     if not seconds.size:
@@ -23,23 +23,23 @@ def shifted_geometric_mean(seconds: Floats, shift: float = SHIFT) -> float:
 
 
 def quantile(values: Floats, share: float) -> float:
-    """Which value is not exceeded by this share of them? NaN entries don't count; NaN if there are no others.
+    """Return the value that this share of the values does not exceed, without NaN; NaN if there are no others.
 
     The value is one of those measured: the smallest that enough of them do not exceed. So the largest of 100
-    calls is their 99.9 % quantile, and not a guess between two of them.
+    calls is their 99.9 % quantile, and not an interpolation between two of them.
     """
     values = values[np.isfinite(values)]
     return float(np.quantile(values, share, method="inverted_cdf")) if values.size else float("nan")
 
 
-def largest(values: Floats) -> float:
-    """What is the largest entry that is a number? NaN if there is none."""
+def maximum(values: Floats) -> float:
+    """Return the largest finite value; NaN if there is none."""
     values = values[np.isfinite(values)]
     return float(values.max()) if values.size else float("nan")
 
 
 def jumps(tensions: Floats, path_mm: Floats) -> Floats:
-    """How much does the tension of any cable change, for each millimetre of path?
+    """Return the change of tension for each millimetre of a path.
 
     Parameters
     ----------
@@ -59,22 +59,22 @@ def jumps(tensions: Floats, path_mm: Floats) -> Floats:
 
 
 def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]) -> list[Floats]:
-    """How much slower than the fastest is each contestant, problem by problem?
+    """Return the performance profile of each entry: how much slower it is than the fastest, problem by problem.
 
     Source: Dolan and Moré, "Benchmarking optimization software with performance profiles", 2002.
 
     Parameters
     ----------
     seconds : (P, C) array
-        Time of each contestant for each problem.
+        Time of each entry for each problem.
     solved, tried : (P, C) arrays
-        Whether it solved the problem, and whether it was asked to. A problem that it was not asked counts
-        neither for nor against it.
+        Whether it solved the problem, and whether it tried. A problem that it did not try counts neither for nor
+        against it.
 
     Returns
     -------
-    list of arrays, one for each contestant
-        Ratios of its times to the fastest contestant that solved the same problem, sorted; infinite where it
+    list of arrays, one for each entry
+        Ratios of its times to the fastest entry that solved the same problem, sorted; infinite where it
         failed. The share of ratios not above x is its profile at x. Problems that nobody solved don't count.
     """
     times = np.where(solved, seconds, np.inf)

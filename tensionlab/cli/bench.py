@@ -1,4 +1,4 @@
-"""``tensionlab bench``: every solver and every peer on the problem sets, as a table, a report and figures."""
+"""``tensionlab bench``: every solver and every baseline on the problem sets, as a table, a report and figures."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ COLUMNS = (
     "batch\neach",
 )
 LEGEND = """\
-solved: share within reach, that accurate   elsewhere: to 1e-6 N, where the wrench is or may be out of reach
-gap: largest difference of a tension to the proved optimum; † has another objective
-call: typical time of one; for solvers of the house, in bold, its proof included"""
+solved: share of feasible wrenches, that accurate   elsewhere: to 1e-6 N, where wrenches are or may be infeasible
+gap: largest difference of a tension to the verified optimum; † has another objective
+call: typical time of one; for built-in solvers, in bold, verification included"""
 
 
 def bench(
@@ -51,7 +51,7 @@ def bench(
     solvers: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="A,B,...", help="Solvers and peers, such as newton,daqp,qpsolvers:osqp; all if left out."
+            metavar="A,B,...", help="Solvers and baselines, such as newton,daqp,qpsolvers:osqp; all if left out."
         ),
     ] = None,
     count: Annotated[
@@ -61,10 +61,10 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Two minutes instead of twenty.")] = False,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
-    """Compare every solver with every peer: accuracy, speed and the worst case, on seeded problem sets.
+    """Compare every solver with every baseline: accuracy, speed and the worst case, on seeded problem sets.
 
-    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Measured in a process of its
-    own, on one thread. Solvers of the house run through the interface; peers, at their defaults and tight, on
+    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Runs in a process of its
+    own, on one thread. Built-in solvers run through the interface; baselines, at their defaults and tight, on
     the plain program: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
     from tensionlab.benchmark.results import read
@@ -107,11 +107,10 @@ def _draw(draw: Callable[[Results, Path], None], results: Results, path: Path) -
 
 
 def _print(results: Results, out: Path, json: bool) -> None:
-    """The line of each contestant, and where the files are."""
-    from tensionlab.benchmark import text
-    from tensionlab.benchmark.headline import headlines
+    """Print the line of each entry, or JSON."""
+    from tensionlab.benchmark import report
 
-    lines = headlines(results)
+    lines = report.summaries(results)
     if json:
         output.print_json(
             {
@@ -124,23 +123,23 @@ def _print(results: Results, out: Path, json: bool) -> None:
         return
     from rich.text import Text
 
-    grid = output.table(f"{len(results.sets)} problem sets, {len(lines)} contestants", gap=1)
+    grid = output.table(f"{len(results.sets)} problem sets, {len(lines)} entries", gap=1)
     for heading in COLUMNS:
         grid.add_column(heading, justify="left" if heading == "solver" else "right", no_wrap=True)
     for line in lines:
-        name = Text(line.label, "bold" if line.house else "")
-        if line.note and line.sgm_s != line.sgm_s:
+        name = Text(line.label, "bold" if line.built_in else "")
+        if line.absent:
             grid.add_row(name, line.note, style="dim")
             continue
         grid.add_row(
             name,
-            text.percent(line.solved_1e6),
-            text.percent(line.solved_1e9),
-            text.percent(line.elsewhere),
-            text.newton(line.gap_max) + ("" if line.comparable else " †"),
-            text.duration(line.sgm_s),
-            text.duration(line.p999_s),
-            text.duration(line.batch_s),
+            report.percent(line.solved_1e6),
+            report.percent(line.solved_1e9),
+            report.percent(line.elsewhere),
+            report.newton(line.gap_max) + ("" if line.comparable else " †"),
+            report.duration(line.sgm_s),
+            report.duration(line.p999_s),
+            report.duration(line.batch_s),
         )
     console = output.console()
     console.print(grid)

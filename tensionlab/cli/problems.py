@@ -98,8 +98,7 @@ def export(
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
     from tensionlab import records
-    from tensionlab.benchmark.problem_sets import problem_set
-    from tensionlab.benchmark.qp_export import qp_rows
+    from tensionlab.benchmark.problem_sets import problem_set, qp_rows
 
     found = problem_set(name, count, seed)
     rows = qp_rows(found)

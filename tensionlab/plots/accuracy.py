@@ -12,8 +12,7 @@ from tensionlab.plots.labels import label_points
 from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
-    from tensionlab.benchmark.results import Results
-    from tensionlab.benchmark.rows import Row
+    from tensionlab.benchmark.results import Results, Row
 
 ACCURACY = 1e-6
 """An answer counts as one from here on, in N, as the interface judges."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.benchmark.entries import PROGRAMS
-from tensionlab.benchmark.statistics import jumps, largest, profile, quantile
-from tensionlab.benchmark.text import newton as force
+from tensionlab.benchmark.entries import WRAPPERS
+from tensionlab.benchmark.report import newton as force
+from tensionlab.benchmark.statistics import jumps, maximum, profile, quantile
 from tensionlab.errors import ShapeError
 from tensionlab.plots.accuracy import ACCURACY, LOOKS, SIZE, Dot, draw_dots, kind, say_kinds, short_name
 from tensionlab.plots.style import BLUE, add_legend, new_figure
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensionlab.arrays import Floats
-    from tensionlab.benchmark.results import Results
-    from tensionlab.benchmark.rows import Row
+    from tensionlab.benchmark.results import Results, Row
 
 SLOWEST = 1e4
 """Ratios above are not drawn."""
@@ -128,7 +127,7 @@ def plot_continuity(results: Results, path: str | Path) -> None:
         axes.plot(way, tensions, linewidth=1.0)
         axes.set(xlim=(way[0], way[-1]), ylim=(0, 1.05 * highest))
         axes.set_title(name, fontsize=8.5, pad=14)
-        jump = f"largest jump {force(largest(jumps(tensions, way)))} N/mm"
+        jump = f"largest jump {force(maximum(jumps(tensions, way)))} N/mm"
         axes.text(0.0, 1.04, jump, transform=axes.transAxes, fontsize=8, color="#555555")
 
     with new_figure(path, (9.5, 0.7 + 1.6 * -(-len(panels) // COLUMNS))) as figure:
@@ -141,7 +140,7 @@ def plot_continuity(results: Results, path: str | Path) -> None:
 
 def _drawable(row: Row) -> bool:
     """Whether there are tensions along the trajectory that no other picture shows."""
-    alone = row.solver.partition(":")[0] not in PROGRAMS or row.setting != "proved"
+    alone = row.solver.partition(":")[0] not in WRAPPERS or row.setting != "proved"
     return alone and bool(np.isfinite(row.path_tensions).any())
 
 

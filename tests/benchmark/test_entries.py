@@ -1,9 +1,9 @@
 import pytest
 import qpsolvers
 
-from tensionlab.benchmark import daqp_direct
-from tensionlab.benchmark.entries import PEERS, PROGRAMS, contestants
-from tensionlab.errors import UnknownSolver
+from tensionlab.benchmark import entries as room
+from tensionlab.benchmark.entries import BASELINES, WRAPPERS, entries
+from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS
 from tensionlab.solvers.quadratic import BACKENDS
 
@@ -12,32 +12,32 @@ def names(found):
     return {(each.solver, each.setting) for each in found}
 
 
-def test_every_family_of_the_house_and_every_peer_takes_part():
-    found = contestants("all")
+def test_every_built_in_family_and_every_baseline_is_an_entry():
+    found = entries("all")
     families = {each.solver.partition(":")[0] for each in found if each.setting == "proved"}
-    assert families == set(SOLVERS) - set(PROGRAMS)
-    assert {each.solver for each in found if each.setting != "proved"} == set(PEERS)
+    assert families == set(SOLVERS) - set(WRAPPERS)
+    assert {each.solver for each in found if each.setting != "proved"} == set(BASELINES)
     assert len(found) == len(names(found))
     assert not any(each.missing for each in found)
 
 
-def test_peers_run_at_their_defaults_and_tight_where_they_have_such_options():
-    found = names(contestants("all"))
+def test_baselines_run_at_their_defaults_and_tight_where_they_have_such_options():
+    found = names(entries("all"))
     for backend in BACKENDS:
         assert (f"qpsolvers:{backend}", "default") in found
         assert ((f"qpsolvers:{backend}", "tight") in found) == (backend != "quadprog")
     assert {("daqp", "default"), ("daqp", "tight"), ("cvxpy:plain", "default"), ("cvxpy:plain", "tight")} <= found
 
 
-def test_out_of_reach_every_policy_is_asked_for_and_programs_get_theirs():
-    found = contestants("none")
+def test_for_infeasible_wrenches_every_policy_runs_and_wrappers_get_theirs():
+    found = entries("none")
     assert [each.nearest for each in found if each.solver == "newton"] == ["force", "tension", "direction"]
     assert [each.nearest for each in found if each.solver == "qp:daqp"] == ["force", "tension", "direction"]
-    assert [each.nearest for each in contestants("all") if each.solver == "newton"] == ["force"]
+    assert [each.nearest for each in entries("all") if each.solver == "newton"] == ["force"]
 
 
-def test_who_wants_something_else_is_marked():
-    comparable = {each.solver: each.comparable for each in contestants("all")}
+def test_another_objective_is_marked():
+    comparable = {each.solver: each.comparable for each in entries("all")}
     assert comparable["newton"]
     assert comparable["dykstra"]
     assert comparable["qpsolvers:osqp"]
@@ -45,7 +45,7 @@ def test_who_wants_something_else_is_marked():
 
 
 def test_those_asked_for_in_their_order():
-    found = contestants("all", ["daqp", "qp:daqp", "daqp"])
+    found = entries("all", ["daqp", "qp:daqp", "daqp"])
     assert [(each.solver, each.setting) for each in found] == [
         ("daqp", "default"),
         ("daqp", "tight"),
@@ -53,18 +53,18 @@ def test_those_asked_for_in_their_order():
     ]
 
 
-def test_an_unknown_name_is_refused_with_those_of_peers():
+def test_an_unknown_name_is_refused_with_those_of_baselines():
     with pytest.raises(UnknownSolver, match=r"'newtown'.*qpsolvers:osqp"):
-        contestants("all", ["newtown"])
+        entries("all", ["newtown"])
 
 
 def test_what_is_not_installed_is_there_and_says_so(monkeypatch):
     monkeypatch.setattr(qpsolvers, "available_solvers", ["clarabel"])
-    monkeypatch.setattr(daqp_direct, "load", _not_there)
-    missing = {each.solver for each in contestants("none") if each.missing == "not installed"}
+    monkeypatch.setattr(room, "load_daqp", _not_there)
+    missing = {each.solver for each in entries("none") if each.missing == "not installed"}
     assert {"daqp", "qpsolvers:daqp", "qpsolvers:osqp", "qp:daqp"} <= missing
     assert not {"newton", "qpsolvers:clarabel", "cvxpy:plain"} & missing
 
 
 def _not_there():
-    raise daqp_direct.MissingDependency("DAQP is not installed")
+    raise MissingDependency("DAQP is not installed")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.entries import contestants
-from tensionlab.benchmark.evaluation import Effort, measure_set
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.evaluation import Effort, evaluate_set
 from tensionlab.benchmark.problem_sets import Group, ProblemSet, problem_set
 from tensionlab.solvers.base import Answer
 
@@ -27,7 +27,7 @@ WAY = Group(
 def measured(*groups, reachable="all", solvers=None, effort=EFFORT):
     told = []
     problems = ProblemSet("tiny", "tiny", groups, reachable)
-    found = measure_set(problems, contestants(reachable, solvers), effort, np.random.default_rng(1), told.append)
+    found = evaluate_set(problems, entries(reachable, solvers), effort, np.random.default_rng(1), told.append)
     assert told == sorted(told)
     assert told[-1] == pytest.approx(1.0)
     return found
@@ -155,9 +155,9 @@ def test_jumps_are_measured_along_a_path_and_one_path_is_kept():
 
 def test_a_slow_contestant_sees_some_of_every_group_in_its_time():
     problems = problem_set("point", 600, 0)
-    found = measure_set(
+    found = evaluate_set(
         problems,
-        contestants("all", ["cvxpy:plain", "newton"]),
+        entries("all", ["cvxpy:plain", "newton"]),
         Effort(seconds=0.02, repeats=1),
         np.random.default_rng(0),
         lambda done: None,

@@ -8,8 +8,10 @@ from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab.benchmark import problem_sets
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS, Group, problem_set
-from tensionlab.errors import ShapeError
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, Group, largest_scale, problem_set
+from tensionlab.benchmark.rigs import structures
+from tensionlab.errors import InputError
+from tensionlab.workspace import capacity_margin
 
 COUNT = 240
 SAMPLE = 8
@@ -192,5 +194,34 @@ def test_one_cable_of_each_rig_is_strong():
     ],
 )
 def test_what_is_no_set_is_refused(name, count, seed, message):
-    with pytest.raises(ShapeError, match=message):
+    with pytest.raises(InputError, match=message):
         problem_sets.problem_set(name, count, seed)
+
+
+def test_two_crossed_cables_reach_a_square():
+    W, limits = np.repeat(np.eye(2)[None], 2, axis=0), (np.array([1.0, 1.0]), np.array([3.0, 3.0]))
+    np.testing.assert_allclose(largest_scale(W, np.array([[2.0, 2.0], [1.25, 2.0]]), *limits), [1.5, 1.5])
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (3, 5), (3, 12), (6, 8)])
+def test_furthest_agrees_with_linear_programming(n, m):
+    rng = np.random.default_rng(m)
+    W = structures(rng, n, m, 20)
+    lower, upper = rng.uniform(0.0, 1.0, (20, m)), rng.uniform(2.0, 9.0, (20, m))
+    w = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper))
+    expected = [largest_factor(*each) for each in zip(W, w, lower, upper, strict=True)]
+    np.testing.assert_allclose(largest_scale(W, w, lower, upper), expected, rtol=1e-9)
+
+
+def test_parallel_cables_do_no_harm():
+    W = np.array([[1.0, 1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 1.0]])[None]
+    w = np.array([[3.0, 1.0, 1.0]])
+    np.testing.assert_allclose(largest_scale(W, w, np.zeros(5), np.full(5, 2.0)), 2.0)
+
+
+def test_scaled_to_the_furthest_a_wrench_lies_in_a_facet():
+    rng = np.random.default_rng(0)
+    W, lower, upper = structures(rng, 6, 8, 30), np.full(8, 0.5), np.full(8, 6.0)
+    w = W @ rng.uniform(lower, upper)
+    edge = largest_scale(W, w, lower, upper)[:, None] * w
+    np.testing.assert_allclose(capacity_margin(W, (lower, upper), edge[:, None]), 0.0, atol=1e-12)

@@ -12,9 +12,9 @@ import tensionlab as tl
 from tensionlab import records
 from tensionlab.benchmark import results
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
-from tensionlab.benchmark.rows import EVIDENCE
-from tensionlab.benchmark.run import ONE_THREAD, Plan, measure_all, plan, run
-from tensionlab.errors import ShapeError, TensionlabError, UnknownSolver
+from tensionlab.benchmark.results import EVIDENCE
+from tensionlab.benchmark.run import ONE_THREAD, Plan, measure_here, plan, run
+from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
 
 
 def test_a_run_writes_one_table_with_its_manifest(bench_folder, bench_results):
@@ -79,7 +79,7 @@ def test_what_is_no_result_is_refused_by_name(tmp_path):
     other = tmp_path / "other.parquet"
     records.write_parquet(other, [{"solver": "newton"}], records.manifest([]))
     for path in (other, tmp_path / "nothing.parquet", tmp_path):
-        with pytest.raises(ShapeError, match="results of `tensionlab bench`"):
+        with pytest.raises(DataError, match="results of `tensionlab bench`"):
             results.read(path)
 
 
@@ -102,7 +102,7 @@ def test_a_plan_covers_everything_unless_told_otherwise():
     ],
 )
 def test_a_plan_that_cannot_be_measured_is_refused_before_any_work(wrong, message):
-    with pytest.raises(ShapeError, match=message):
+    with pytest.raises(InputError, match=message):
         plan(**wrong)
 
 
@@ -122,8 +122,8 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
                                  "rounds": 0}, "folder": str(tmp_path), "call": []})  # fmt: skip
     script = (
         "import os, sys; from tensionlab.benchmark import __main__ as worker; "
-        "old = worker.measure_all; "
-        "worker.measure_all = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
+        "old = worker.measure_here; "
+        "worker.measure_here = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
     )
     done = subprocess.run([sys.executable, "-c", script, order], capture_output=True, text=True, check=True)
     *shares, last = map(json.loads, done.stdout.splitlines())
@@ -135,7 +135,7 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
 
 def test_results_that_their_folder_does_not_take_are_kept_elsewhere(tmp_path):
     what = Plan(("edge",), ("closed-form",), count=2, seconds=0.01, repeats=1, rounds=0)
-    kept = measure_all(what, tmp_path / "gone", [], lambda done: None)
+    kept = measure_here(what, tmp_path / "gone", [], lambda done: None)
     assert kept != tmp_path / "gone"
     assert results.read(kept).sets.keys() == {"edge"}
     shutil.rmtree(kept)

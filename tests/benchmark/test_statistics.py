@@ -3,7 +3,7 @@ import pytest
 
 from tensionlab.benchmark.statistics import (
     jumps,
-    largest,
+    maximum,
     profile,
     quantile,
     shifted_geometric_mean,
@@ -25,8 +25,8 @@ def test_a_quantile_is_a_value_that_was_measured():
     assert [quantile(values, share) for share in (0.5, 0.99, 0.999, 1.0)] == [50.0, 99.0, 100.0, 100.0]
     assert quantile(np.array([7.0]), 0.999) == 7.0
     assert np.isnan(quantile(np.array([]), 0.5))
-    assert largest(np.array([1.0, NAN, 5.0])) == 5.0
-    assert np.isnan(largest(np.array([NAN])))
+    assert maximum(np.array([1.0, NAN, 5.0])) == 5.0
+    assert np.isnan(maximum(np.array([NAN])))
 
 
 def test_jumps_are_of_the_cable_that_changes_most_for_each_millimetre():

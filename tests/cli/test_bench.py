@@ -56,7 +56,7 @@ def test_json_is_for_programs(run, tmp_path):
     ("words", "message"),
     [
         (("--set", "edgy"), "'edgy'; choose one of"),
-        (("--solvers", "newtown"), "'newtown'.*peers are daqp"),
+        (("--solvers", "newtown"), "'newtown'.*baselines are daqp"),
         (("--count", "0"), "count"),
     ],
 )

@@ -161,7 +161,7 @@ def quick(monkeypatch):
         writing.require_folder(folder, parents=True)
         writing.make_folder(folder)
         brief = replace(what, count=2, seconds=0.01, repeats=1, rounds=0)
-        return bench.measure_all(brief, folder, call, progress)
+        return bench.measure_here(brief, folder, call, progress)
 
     def served(modules, speed, stopped, watchers, *_):
         for each in modules:

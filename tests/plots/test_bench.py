@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.rows import EVIDENCE
+from tensionlab.benchmark.results import EVIDENCE
 from tensionlab.errors import ShapeError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
 from tensionlab.plots.labels import _cost, _distance, _places

@@ -5,14 +5,14 @@ import pytest
 from scipy.optimize import lsq_linear
 
 import tensionlab as tl
-from tensionlab.benchmark.batches import LOWER, UPPER, beyond, random_problems
+from tensionlab.benchmark.speed import LOWER, UPPER, infeasible_wrenches, random_problems
 
 
 @pytest.mark.parametrize("weights", [None, (1.0, 4.0, 0.25)])
 @pytest.mark.parametrize("cables", [3, 4, 8, 12])
 def test_the_nearest_wrench_is_bounded_least_squares(cables, weights):
     structure, inside = random_problems(3, cables, 100, seed=1)
-    wrench = beyond(structure, inside, seed=1)
+    wrench = infeasible_wrenches(structure, inside, seed=1)
     found = tl.allocate(structure, wrench, (LOWER, UPPER), wrench_weights=weights)
     assert (found.status == tl.Status.NEAREST).all()
     root = np.sqrt(np.ones(3) if weights is None else weights)
@@ -23,7 +23,7 @@ def test_the_nearest_wrench_is_bounded_least_squares(cables, weights):
 
 def test_the_nearest_tension_is_bounded_least_squares_of_whitened_rows():
     structure, inside = random_problems(6, 8, 100, seed=2)
-    wrench = beyond(structure, inside, seed=2)
+    wrench = infeasible_wrenches(structure, inside, seed=2)
     found = tl.allocate(structure, wrench, (LOWER, UPPER), nearest="tension")
     assert (found.status == tl.Status.NEAREST).all()
     for W, w, tensions in zip(structure, wrench, found.tensions, strict=True):
@@ -60,6 +60,6 @@ def test_it_takes_about_as_many_steps_as_within_reach(components, cables):
     limits = (LOWER, UPPER)
     within = tl.allocate(structure, inside, limits).iterations.mean()
     for nearest in ("force", "tension"):
-        out = tl.allocate(structure, beyond(structure, inside, seed=3), limits, nearest=nearest)
+        out = tl.allocate(structure, infeasible_wrenches(structure, inside, seed=3), limits, nearest=nearest)
         assert (out.status == tl.Status.NEAREST).all()
         assert out.iterations.mean() < 2.2 * within

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.random_rigs import near_singular
+from tensionlab.benchmark.rigs import near_singular
 
 LOWER, UPPER = 0.5, 6.0
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import tensionlab
 from tensionlab.benchmark import results
-from tensionlab.benchmark.entries import contestants
-from tensionlab.benchmark.headline import headlines
+from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
+from tensionlab.benchmark.report import summaries
 from tools.generate_benchmark_table import COMMITTED, section
 
 ROOT = Path(__file__).parents[2]
@@ -27,7 +27,7 @@ def test_the_committed_results_are_of_the_solvers_and_sets_that_there_are():
     assert list(committed.sets) == list(PROBLEM_SETS), "run `make bench-readme` on an idle machine"
     for name, about in committed.sets.items():
         took_part = [(row.solver, row.setting, row.nearest) for row in committed.of_set(name)]
-        takers = [(each.solver, each.setting, each.nearest) for each in contestants(about["reachable"])]
+        takers = [(each.solver, each.setting, each.nearest) for each in entries(about["reachable"])]
         assert sorted(took_part, key=str) == sorted(takers, key=str), "run `make bench-readme` on an idle machine"
 
 
@@ -35,7 +35,7 @@ def test_the_table_says_what_was_measured_on_what_and_when(bench_results):
     text, about = section(bench_results), bench_results.manifest
     assert f"on one thread of {about['processor']}" in text
     assert f"{about['date'][:10]}, tensionlab {tensionlab.__version__}" in text
-    assert all(f"{line.label}" in text for line in headlines(bench_results))
+    assert all(f"{line.label}" in text for line in summaries(bench_results))
 
 
 def test_other_results_make_another_table(bench_results):

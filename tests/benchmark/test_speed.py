@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark import batches, daqp_direct
-from tensionlab.benchmark.batches import against_daqp, beyond, random_problems
+from tensionlab.benchmark import entries, speed
+from tensionlab.benchmark.speed import infeasible_wrenches, random_problems, time_batches, time_calls
 
 
-@pytest.mark.parametrize(("n", "m"), batches.SHAPES)
-def test_wrenches_are_within_or_out_of_reach_as_promised(n, m):
+@pytest.mark.parametrize(("n", "m"), speed.SHAPES)
+def test_wrenches_are_feasible_or_infeasible_as_promised(n, m):
     structure, wrench = random_problems(n, m, 300, seed=1)
     np.testing.assert_allclose(np.linalg.norm(structure[:, :3], axis=1), 1.0)
-    limits = (batches.LOWER, batches.UPPER)
+    limits = (speed.LOWER, speed.UPPER)
     assert (tl.allocate(structure, wrench, limits).status == tl.Status.EXACT).all()
-    far = beyond(structure, wrench, seed=1)
+    far = infeasible_wrenches(structure, wrench, seed=1)
     assert (tl.allocate(structure, far, limits).status == tl.Status.NEAREST).all()
     # At most twice as far as the furthest in the same direction.
     assert (tl.allocate(structure, far / 2.01, limits).status == tl.Status.EXACT).mean() > 0.7
@@ -24,9 +24,9 @@ def test_wrenches_are_within_or_out_of_reach_as_promised(n, m):
 
 @pytest.mark.parametrize("reachable", [True, False])
 def test_the_batch_and_daqp_agree_and_are_both_timed(monkeypatch, reachable):
-    monkeypatch.setattr(batches, "PEER_CALLS", 50)
+    monkeypatch.setattr(speed, "DAQP_CALLS", 50)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "3")
-    row = against_daqp(3, 5, reachable, count=200, rounds=2)
+    row = time_batches(3, 5, reachable, count=200, rounds=2)
     for seconds in (row.one_core_s, row.all_cores_s, row.daqp_c_s, row.daqp_loop_s):
         assert 1e-9 < seconds < 1e-2
     assert row.daqp_c_s < row.daqp_loop_s
@@ -37,7 +37,21 @@ def test_the_batch_and_daqp_agree_and_are_both_timed(monkeypatch, reachable):
 
 
 def test_without_daqp_its_columns_are_empty(monkeypatch):
-    monkeypatch.setattr(daqp_direct, "installed", lambda: False)
-    row = against_daqp(3, 4, count=200, rounds=1)
+    monkeypatch.setattr(entries, "daqp_installed", lambda: False)
+    row = time_batches(3, 4, count=200, rounds=1)
     assert row.one_core_s > 0
     assert np.isnan([row.daqp_c_s, row.daqp_loop_s, row.gap_max, row.ratio]).all()
+
+
+def test_single_calls_of_all_four_callers():
+    found = time_calls(3, 8, calls=45)
+    assert [call.caller for call in found] == [
+        "tl.Allocator", "tl.allocate", "daqp.solve", 'qpsolvers.solve_qp(solver="daqp")',
+    ]  # fmt: skip
+    assert all(1e-7 < call.median_s <= call.p999_s < 1.0 for call in found)
+    assert all(call.quiet_p999_s <= call.p999_s for call in found)
+
+
+def test_without_daqp_its_rows_are_missing(monkeypatch):
+    monkeypatch.setattr(entries, "daqp_installed", lambda: False)
+    assert [call.caller for call in time_calls(3, 4, calls=20)] == ["tl.Allocator", "tl.allocate"]

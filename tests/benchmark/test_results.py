@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.entries import contestants
-from tensionlab.benchmark.rows import empty_evidence, solved, summarise
+from tensionlab.benchmark.entries import entries
+from tensionlab.benchmark.results import empty_evidence, solved, summarise
 
 
 def test_a_problem_is_timed_by_the_best_of_its_repeats():
@@ -10,7 +10,7 @@ def test_a_problem_is_timed_by_the_best_of_its_repeats():
     evidence.tried[:2] = True
     evidence.calls[0] = [[4e-6, 3e-6, 2e-6, 1e-6], [2e-6, 1e-6, 5e-7, 4e-7]]
     evidence.calls[1] = [[1e-6, 5e-7, 3e-7, 2e-7], [9e-6, 8e-6, 7e-6, 6e-6]]
-    row = summarise("a", contestants("all", ["daqp"])[0], evidence)
+    row = summarise("a", entries("all", ["daqp"])[0], evidence)
     np.testing.assert_array_equal(row.call_s, [2e-6, 1e-6, np.nan])
     assert (row.median_s, row.worst_s, row.jitter_s) == (1e-6, 2e-6, 9e-6)
     # The parts are those of the same call.
@@ -21,7 +21,7 @@ def test_what_is_not_tried_is_not_in_the_shares():
     evidence = empty_evidence(np.ones(4), repeats=1)
     evidence.tried[:3] = True
     evidence.error[:3], evidence.violation[:3] = [0.0, 1e-4, np.nan], 0.0
-    row = summarise("a", contestants("all", ["newton"])[0], evidence)
+    row = summarise("a", entries("all", ["newton"])[0], evidence)
     assert (row.problems, row.tried, row.failed) == (4, 3, 1)
     assert (row.solved_1e3, row.solved_1e6) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
 

@@ -1,0 +1,281 @@
+"""Structure matrices and wrenches of the problem sets: random rigs, and rigs of `datasets/rigs`."""
+
+from __future__ import annotations
+
+import zlib
+from typing import NamedTuple
+
+import numpy as np
+
+from tensionlab import datasets
+from tensionlab.arrays import Floats
+from tensionlab.errors import RigError
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
+from tensionlab.workspace import capacity_margin
+
+ARM_M = 0.3
+"""Standard deviation of the coordinates of a platform's attachments, in m."""
+SCALING_ROUNDS = 6
+"""Corrections of a nearly singular rig, after which its condition is right ..."""
+CONDITION_ACCURACY = 1e-3
+"""... to this share, or the rig is drawn again."""
+
+GRAVITY = 9.81
+"""m/s²."""
+BOX_SHARE = 0.6
+"""Robots are placed up to this share of the way from home to their most distant anchor, along each axis."""
+TILT = np.radians(10.0)
+"""Robots are turned by up to this angle."""
+PUSH_SHARE = 0.05
+"""Robots are pushed with up to this share of their largest tension."""
+MARGIN_SHARE = 1e-4
+"""Least capacity margin of a robot's wrenches, as a share of its largest tension."""
+OVAL_WIDTH = 0.5
+"""Width of the oval loop of a path, as a share of its length."""
+SWING = np.radians(30.0)
+"""A turning force swings so far to either side."""
+FEASIBLE_SHARE = (0.1, 0.9)
+"""At least this share of the samples of a path is feasible, and at most that."""
+MAX_DRAWS = 200
+"""So many times random poses or paths are drawn before a rig is given up."""
+
+
+def unit_vectors(rng: np.random.Generator, *shape: int) -> Floats:
+    """Draw directions spread evenly over the sphere; the last axis holds the components."""
+    vectors = rng.normal(size=shape)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def structures(rng: np.random.Generator, n: int, m: int, count: int) -> Floats:
+    """Draw structure matrices (count, n, m) of random rigs with m cables.
+
+    Columns [u] or [u; r x u]; the directions u are spread evenly over the sphere. With n = 3 a point, with n = 6 a
+    platform whose attachments are spread normally about its reference point.
+    """
+    directions = unit_vectors(rng, count, m, 3)
+    return _columns(directions, None if n == 3 else rng.normal(scale=ARM_M, size=(count, m, 3)))
+
+
+class Stream(NamedTuple):
+    """Random numbers of a group of rigs: generator, wrench components and cables of each rig, number of rigs."""
+
+    rng: np.random.Generator
+    n: int
+    m: int
+    size: int
+
+    def rigs(self) -> Floats:
+        """Draw structure matrices, (size, n, m)."""
+        return structures(self.rng, self.n, self.m, self.size)
+
+    def log_uniform(self, ends: tuple[float, float]) -> Floats:
+        """Draw numbers spread evenly over the orders of magnitude between two ends, (size,)."""
+        return np.asarray(np.exp(self.rng.uniform(np.log(ends[0]), np.log(ends[1]), self.size)))
+
+
+def streams(name: str, shapes: list[tuple[int, int]], count: int, seed: int) -> list[Stream]:
+    """Return the random numbers of each group of the problem set of that name.
+
+    Each group has a generator of its own, so that another count or shape in one does not change another; sets with
+    the same seed have nothing in common. The count is spread evenly over the groups, which have the given wrench
+    components and cables, at least one rig in each.
+    """
+    sizes = [max(1, (count + i) // len(shapes)) for i in reversed(range(len(shapes)))]
+    return [
+        Stream(np.random.default_rng([zlib.crc32(name.encode()), seed, i]), n, m, size)
+        for i, ((n, m), size) in enumerate(zip(shapes, sizes, strict=True))
+    ]
+
+
+def near_singular(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
+    """Draw structure matrices (B, n, m) of random rigs with given conditions.
+
+    A point rig (n = 3) is nearly singular because its cables are nearly in the plane z = 0, a platform (n = 6)
+    because it is small.
+
+    Parameters
+    ----------
+    rng : Generator
+    n : {3, 6}
+    m : int
+        Cables of each rig, n or more.
+    condition : (B,) array
+        Largest over smallest singular value of each matrix, 100 or more.
+    """
+    matrices = np.empty((len(condition), n, m))
+    left = np.arange(len(condition))
+    while left.size:
+        matrices[left] = _squeezed(rng, n, m, condition[left])
+        # A draw that is singular for another reason as well may miss its condition.
+        left = left[np.abs(np.linalg.cond(matrices[left]) / condition[left] - 1.0) > CONDITION_ACCURACY]
+    return matrices
+
+
+def _squeezed(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
+    """Draw rigs so flat, or so small, that most have the condition: it goes with one over that size."""
+    directions = unit_vectors(rng, len(condition), m, 3)
+    arms = None if n == 3 else rng.normal(size=(len(condition), m, 3))
+    size = 1.0 / condition
+    for _ in range(SCALING_ROUNDS):
+        scale = size[:, None, None]
+        if arms is None:
+            flat = directions * np.concatenate([np.ones_like(scale), np.ones_like(scale), scale], axis=-1)
+            matrices = _columns(flat / np.linalg.norm(flat, axis=-1, keepdims=True), None)
+        else:
+            matrices = _columns(directions, scale * arms)
+        size = np.minimum(1.0, size * np.linalg.cond(matrices) / condition)
+    return matrices
+
+
+def _columns(directions: Floats, arms: Floats | None) -> Floats:
+    """Return structure matrices (B, n, m) of cables that pull at arms r in directions u, both (B, m, 3)."""
+    columns = directions if arms is None else np.concatenate([directions, np.cross(arms, directions)], axis=-1)
+    return np.ascontiguousarray(np.swapaxes(columns, 1, 2))
+
+
+def find_rig(name: str) -> Rig:
+    """Load a rig that comes with the package, by its name in `datasets/rigs`.
+
+    Raises
+    ------
+    ShapeError, RigError
+        If the data sets are not there, or the rig is not among them.
+    """
+    return load_rig(datasets.folder() / "rigs" / f"{name}.toml")
+
+
+def desired_wrenches(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
+    """Return the wrenches with which cables exert these forces and hold the weight.
+
+    Parameters
+    ----------
+    rig : Rig
+        In space. One whose platform has a mass must have an axis that is up.
+    force : (B, 3) array
+        In N, exerted on the centre of mass, or on the reference point if that is not known.
+    rotation : (B, 3, 3) array or None
+        Platform to world; None is the identity.
+
+    Returns
+    -------
+    (B, n) array
+        In N (and N·m, about the reference point).
+    """
+    total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY * rig.upward
+    if rig.n == 3:
+        return total
+    com = np.zeros(3) if rig.platform is None or rig.platform.com is None else np.asarray(rig.platform.com)
+    return np.concatenate([total, np.cross(com if rotation is None else rotation @ com, total)], axis=1)
+
+
+def workspace_samples(rng: np.random.Generator, rig: Rig, count: int) -> tuple[Floats, Floats]:
+    """Draw feasible wrenches at random poses of a robot: structure matrices (count, n, m), wrenches (count, n).
+
+    Positions are uniform in a box around home, the axis of the turn on the sphere, its angle up to `TILT`. The
+    robot holds its weight, and pushes with a random force and a random torque: the force up to `PUSH_SHARE` of its
+    largest tension, the torque up to that on an arm as long as the attachments are away on average. Draws
+    whose wrench is infeasible are drawn again. The rig is of kind platform, without body frames.
+
+    Raises
+    ------
+    RigError
+        If hardly any pose can hold its wrench.
+    """
+    half = BOX_SHARE * np.abs(rig.anchors - rig.home).max(axis=0)
+    strongest = float(rig.limits.upper.max())
+    arm = float(np.linalg.norm(rig.attachments, axis=1).mean())
+    matrices, wrenches, missing = [], [], count
+    for _ in range(MAX_DRAWS):
+        position = rig.home + rng.uniform(-half, half, size=(missing, 3))
+        rotation = rotations(unit_vectors(rng, missing, 3), rng.uniform(0.0, TILT, size=missing))
+        push, twist = PUSH_SHARE * strongest * rng.uniform(size=(2, missing, 1)) * unit_vectors(rng, 2, missing, 3)
+        structure, wrench = rig.structure_matrix(position, rotation), desired_wrenches(rig, push, rotation)
+        wrench[:, 3:] += arm * twist
+        kept = capacity_margin(structure, rig.limits, wrench[:, None]) > MARGIN_SHARE * strongest
+        matrices.append(structure[kept])
+        wrenches.append(wrench[kept])
+        missing -= int(kept.sum())
+        if not missing:
+            return np.concatenate(matrices), np.concatenate(wrenches)
+    raise RigError(f'rig "{rig.name}": hardly any random pose can hold its wrench; {missing} of {count} not found')
+
+
+def border_path(
+    rng: np.random.Generator, rig: Rig, count: int, speed: float, size: float, turning: bool
+) -> tuple[Floats, Floats, Floats]:
+    """Draw one loop around a point of the border of a rig's workspace.
+
+    Straight from home in a random direction there is a point where the wrench stops being feasible; the loop is
+    an oval around that point, first through the inside, at one pose. One sample is one millisecond.
+
+    Parameters
+    ----------
+    rng : Generator
+    rig : Rig
+        In space, without body frames.
+    count : int
+        Samples; the loop is closed by the next one.
+    speed : float
+        In m/s, on average; the length of the loop is that times its duration.
+    size : float
+        Of the force, in N; its direction is random. The weight, if there is one, is held as well.
+    turning : bool
+        Whether the force swings by `SWING` to either side on the way.
+
+    Returns
+    -------
+    structure : (count, n, m) array
+    wrench : (count, n) array
+        In N (and N·m).
+    length : (count,) array
+        Of the path so far, in mm.
+
+    Raises
+    ------
+    RigError
+        If no loop is found that lies partly within the workspace.
+    """
+    angle = np.pi + 2.0 * np.pi * np.arange(count) / count
+    oval = np.stack([np.cos(angle), OVAL_WIDTH * np.sin(angle)])
+    perimeter = np.linalg.norm(np.diff(oval, append=oval[:, :1]), axis=0).sum()
+    oval *= 1e-3 * count * speed / perimeter
+    for _ in range(MAX_DRAWS):
+        outward, axis, force = unit_vectors(rng, 3), unit_vectors(rng, 3), size * unit_vectors(rng, 3)
+        border = _border(rig, outward, force)
+        if border is None:
+            continue
+        across = np.cross(outward, axis)
+        position = border + oval.T @ [outward, across / np.linalg.norm(across)]
+        swing = SWING * np.sin(angle) if turning else np.zeros(count)
+        structure = rig.structure_matrix(position)
+        wrench = desired_wrenches(rig, rotations(np.broadcast_to(axis, (count, 3)), swing) @ force)
+        feasible = np.mean(capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0)
+        if FEASIBLE_SHARE[0] <= feasible <= FEASIBLE_SHARE[1]:
+            steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
+            return structure, wrench, 1e3 * np.append(0.0, np.cumsum(steps))
+    raise RigError(f'rig "{rig.name}": none of {MAX_DRAWS} random loops crosses the border of the workspace')
+
+
+def rotations(axis: Floats, angle: Floats) -> Floats:
+    """Return rotations (B, 3, 3) about unit axes (B, 3) by angles (B,) in rad, by Rodrigues' formula."""
+    cross = np.cross(axis[:, None], np.eye(3)).swapaxes(1, 2)
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + (1.0 - cosine) * cross @ cross)
+
+
+def _border(rig: Rig, outward: Floats, force: Floats) -> Floats | None:
+    """Return where the force stops being feasible on the way outward from home; None if it does not do so."""
+    inside, outside = 0.0, 2.0 * float(np.linalg.norm(rig.anchors - rig.home, axis=1).max())
+    wrench = desired_wrenches(rig, force[None])
+
+    def feasible(distance: float) -> bool:
+        structure = rig.structure_matrix((rig.home + distance * outward)[None])
+        return bool(capacity_margin(structure, rig.limits, wrench[:, None])[0] > 0.0)
+
+    if not feasible(inside) or feasible(outside):
+        return None
+    for _ in range(40):
+        middle = (inside + outside) / 2
+        inside, outside = (middle, outside) if feasible(middle) else (inside, middle)
+    return np.asarray(rig.home + inside * outward)

@@ -1,0 +1,206 @@
+"""Speed of the built-in exact solver beside DAQP: large batches and single calls, each in one run.
+
+`python -m tensionlab.benchmark.speed` prints both: a hundred thousand problems in one call, beside DAQP's C code
+and a Python loop over DAQP; and one call for one problem, beside qpsolvers on the same problems.
+"""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from tensionlab import _native
+from tensionlab.allocation import Allocator, allocate
+from tensionlab.arrays import Floats
+from tensionlab.benchmark import entries
+from tensionlab.benchmark.results import BatchRow, CallRow
+from tensionlab.benchmark.statistics import quantile
+from tensionlab.solvers.base import Status
+from tensionlab.solvers.quadratic import solve_qp
+
+LOWER, UPPER = 0.5, 6.0
+"""Tension limits of all problems, in N."""
+SHAPES = ((3, 4), (3, 8), (3, 12), (6, 8))
+"""Components and cables of the batches."""
+CALL_SHAPES = ((3, 8), (6, 8))
+"""Components and cables of the single calls."""
+THREADS = "TENSIONLAB_NUM_THREADS"
+"""Environment variable with the number of threads of the kernels."""
+DAQP_CALLS = 1000
+"""Problems that DAQP solves in each round."""
+BLOCK = 20
+"""Single calls in a row before the next caller's turn."""
+PASSES = 3
+"""Times that each caller gets each single problem."""
+
+
+def instruction_set() -> str:
+    """Return the instruction set that the kernels use on this machine."""
+    return _native.instruction_set()
+
+
+def random_problems(components: int, cables: int, count: int, seed: int) -> tuple[Floats, Floats]:
+    """Return random structure matrices (count, n, m) of unit cables, and feasible wrenches (count, n)."""
+    rng = np.random.default_rng(seed)
+    pulls = rng.normal(size=(count, 3, cables))
+    pulls /= np.linalg.norm(pulls, axis=1, keepdims=True)
+    arms = rng.normal(scale=0.3, size=(count, 3, cables))
+    structure = pulls if components == 3 else np.concatenate([pulls, np.cross(arms, pulls, axis=1)], axis=1)
+    tensions = rng.uniform(LOWER, UPPER, size=(count, cables))
+    return structure, np.einsum("bnm,bm->bn", structure, tensions)
+
+
+def infeasible_wrenches(structure: Floats, wrench: Floats, seed: int) -> Floats:
+    """Return wrenches in the same directions that are 1 % to 100 % larger than any tensions can render."""
+    far = 1e3 * wrench
+    scale = allocate(structure, far, (LOWER, UPPER), nearest="direction").scale
+    share = 1.0 + 10.0 ** np.random.default_rng(seed).uniform(-2.0, 0.0, len(wrench))
+    return np.asarray((np.nan_to_num(scale, nan=1e-2) * share)[:, None] * far)
+
+
+def time_batches(
+    components: int, cables: int, reachable: bool = True, count: int = 100_000, rounds: int = 7, seed: int = 0
+) -> BatchRow:
+    """Time a problem in one large batch, in DAQP's C code, and in a Python loop over DAQP.
+
+    All are timed in turn, ``rounds`` times, and the best of each counts: a busy machine takes more from a long
+    batch than from a short call. DAQP solves another `DAQP_CALLS` of the problems in each round; its C time is the
+    median of those. Without DAQP its columns are NaN.
+    """
+    structure, wrench = random_problems(components, cables, count, seed)
+    if not reachable:
+        wrench = infeasible_wrenches(structure, wrench, seed)
+    expected = Status.EXACT if reachable else Status.NEAREST
+    cores = os.cpu_count() or 1
+    one_core: list[float] = []
+    all_cores: list[float] = []
+    in_c: list[float] = []
+    in_loop: list[float] = []
+    gap = 0.0
+    daqp = daqp_loop(structure, wrench) if entries.daqp_installed() else None
+    for turn in range(rounds):
+        for threads, spent in ((1, one_core), (cores, all_cores)):
+            with using_threads(threads):
+                began = time.perf_counter()
+                result = allocate(structure, wrench, (LOWER, UPPER))
+                spent.append((time.perf_counter() - began) / count)
+        assert (result.status == expected).all()
+        if daqp is None:
+            continue
+        rows = np.arange(turn * DAQP_CALLS, (turn + 1) * DAQP_CALLS) % count
+        began = time.perf_counter()
+        answers = daqp(rows)
+        in_loop.append((time.perf_counter() - began) / len(rows))
+        in_c.append(quantile(np.array([info["setup_time"] + info["solve_time"] for *_, info in answers]), 0.5))
+        if reachable:
+            found = np.array([tensions for tensions, *_ in answers])
+            gap = max(gap, float(np.abs(found - result.tensions[rows]).max()))
+    return BatchRow(
+        components=components,
+        cables=cables,
+        count=count,
+        reachable=reachable,
+        one_core_s=min(one_core),
+        all_cores_s=min(all_cores),
+        cores=cores,
+        daqp_c_s=min(in_c, default=float("nan")),
+        daqp_loop_s=min(in_loop, default=float("nan")),
+        gap_max=gap if reachable and daqp else float("nan"),
+    )
+
+
+@contextmanager
+def using_threads(count: int) -> Iterator[None]:
+    """Let the kernels use so many threads inside a block; they read the environment in each call."""
+    before = os.environ.get(THREADS)
+    os.environ[THREADS] = str(count)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[THREADS]
+        else:
+            os.environ[THREADS] = before
+
+
+def daqp_loop(structure: Floats, wrench: Floats) -> Callable[[Any], list[Any]]:
+    """Return a function that solves the problems of some rows with DAQP, all stacking done beforehand."""
+    solve = entries.load_daqp().solve
+    count, n, m = structure.shape
+    cost, linear, sense = np.eye(m), np.zeros(m), entries.constraint_types(n, m)
+    above = np.hstack([np.full((count, m), UPPER), wrench])
+    below = np.hstack([np.full((count, m), LOWER), wrench])
+    return lambda rows: [solve(cost, linear, structure[row], above[row], below[row], sense) for row in rows]
+
+
+def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -> list[CallRow]:
+    """Time single calls, as of a control loop or a script, beside DAQP and qpsolvers on the same problems.
+
+    Callers take turns of `BLOCK` calls, in a new random order each time, after one that is not timed; each
+    problem comes up in `PASSES` passes.
+    """
+    structure, wrench = random_problems(components, cables, calls, seed)
+    lower, upper = np.full(cables, LOWER), np.full(cables, UPPER)
+    prepared = Allocator((lower, upper))
+    callers: dict[str, Callable[[int], Any]] = {
+        "tl.Allocator": lambda row: prepared(structure[row], wrench[row]),
+        "tl.allocate": lambda row: allocate(structure[row], wrench[row], (lower, upper)),
+    }
+    if entries.daqp_installed():
+        loop = daqp_loop(structure, wrench)
+        callers["daqp.solve"] = lambda row: loop((row,))
+        callers['qpsolvers.solve_qp(solver="daqp")'] = lambda row: solve_qp(
+            structure[row], wrench[row], lower, upper, "daqp"
+        )
+    names, rng = list(callers), np.random.default_rng(seed)
+    spent = {name: np.empty((PASSES, calls)) for name in names}
+    gc.collect()
+    gc.disable()
+    try:
+        for number, first in itertools.product(range(PASSES), range(0, calls, BLOCK)):
+            for name in rng.permutation(names):
+                call, times = callers[name], spent[name][number]
+                call(first)
+                for row in range(first, min(first + BLOCK, calls)):
+                    began = time.perf_counter()
+                    call(row)
+                    times[row] = time.perf_counter() - began
+    finally:
+        gc.enable()
+    return [
+        CallRow(components, cables, name, quantile(each, 0.5), quantile(each, 0.999), quantile(each.min(0), 0.999))
+        for name, each in spent.items()
+    ]
+
+
+def main() -> None:
+    """Print the tables of batches and of single calls."""
+    print(f"Instruction set: {instruction_set()}")
+    print("                   µs a problem:     batch       batch    DAQP  DAQP, loop   ratio to      max gap")
+    print("  n   m   wrenches            1 core   all cores    in C   in Python  DAQP in C            N")
+    for components, cables in SHAPES:
+        for reachable in (True, False):
+            row = time_batches(components, cables, reachable)
+            times = (row.one_core_s, row.all_cores_s, row.daqp_c_s, row.daqp_loop_s)
+            cells = [f"{1e6 * value:11.3f}" for value in times]
+            kind = "feasible   " if reachable else "infeasible "
+            print(f"{components:3d} {cables:3d}   {kind} {' '.join(cells)} {row.ratio:10.3f} {row.gap_max:12.1e}")
+    print("\nOne call, µs                               median   p99.9   p99.9 / median   uninterrupted")
+    for components, cables in CALL_SHAPES:
+        for call in time_calls(components, cables):
+            print(
+                f"n = {components}, m = {cables}  {call.caller:32s} {1e6 * call.median_s:7.1f} "
+                f"{1e6 * call.p999_s:7.1f} {call.p999_s / call.median_s:16.1f} "
+                f"{call.quiet_p999_s / call.median_s:15.1f}"
+            )
+
+
+if __name__ == "__main__":
+    main()
