@@ -1,4 +1,4 @@
-"""``tensionlab bench``: every solver and every baseline on the problem sets, as a table, a report and figures."""
+"""``tensionlab bench`` and ``tensionlab problems``: the benchmark of solvers, and its problem sets."""
 
 from __future__ import annotations
 
@@ -12,25 +12,33 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import Json
 from tensionlab.errors import ShapeError, WriteError
 from tensionlab.files.writing import make_folder, write_text
 
 if TYPE_CHECKING:
     from tensionlab.benchmark.results import Results
 
+problems = typer.Typer(
+    help="List the problem sets of the benchmark, show one, or export it for other benchmarks.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same problems.")]
 COLUMNS = (
-    "solver",
+    "<solver",
     "solved\n1e-6 N",
     "solved\n1e-9 N",
-    "else-\nwhere",
+    "other\nsets",
     "gap\nmax N",
     "call",
     "p99.9",
     "batch\neach",
 )
 LEGEND = """\
-solved: share of feasible wrenches, that accurate   elsewhere: to 1e-6 N, where wrenches are or may be infeasible
+solved: share of the feasible problems, that accurate   other sets: to 1e-6 N, where wrenches may be infeasible
 gap: largest difference of a tension to the verified optimum; † has another objective
 call: typical time of one; for built-in solvers, in bold, verification included"""
 
@@ -39,7 +47,7 @@ def bench(
     out: Annotated[
         Path,
         typer.Option(
-            callback=output.output_folder(parents=True),
+            callback=options.output_folder(parents=True),
             help="Folder for the results; made if it is not there.",
             show_default=False,
         ),
@@ -59,26 +67,26 @@ def bench(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of problems and order.", min=0)] = 0,
     quick: Annotated[bool, typer.Option("--quick", help="Two minutes instead of twenty.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+    json: Json = False,
 ) -> None:
-    """Compare every solver with every baseline: accuracy, speed and the worst case, on seeded problem sets.
+    """Benchmark all solvers and baselines: accuracy, speed and the worst case, on seeded problem sets.
 
-    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Runs in a process of its
-    own, on one thread. Built-in solvers run through the interface; baselines, at their defaults and tight, on
-    the plain program: daqp, qpsolvers:BACKEND, cvxpy:plain.
+    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Measured in a process of its
+    own, on one thread. Built-in solvers run through tensionlab's interface. The baselines solve the plain
+    quadratic program, at their default and at tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
     from tensionlab.benchmark.results import read
     from tensionlab.benchmark.run import measure, plan
 
-    what = plan(output.words(sets), output.words(solvers), count, seed, quick)
+    what = plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
-        kept = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    results = read(kept)
+        written = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
+    results = read(written)
     with output.Keeper(quiet=json) as keeper:
         _write(results, out, keeper)
         _print(results, out, json)
-    if kept != out:
-        raise WriteError(f"{out}: cannot be written; the results are in {kept}")
+    if written != out:
+        raise WriteError(f"{out}: cannot be written; the results are in {written}")
 
 
 def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
@@ -107,7 +115,7 @@ def _draw(draw: Callable[[Results, Path], None], results: Results, path: Path) -
 
 
 def _print(results: Results, out: Path, json: bool) -> None:
-    """Print the line of each entry, or JSON."""
+    """Print a line for each entry."""
     from tensionlab.benchmark import report
 
     lines = report.summaries(results)
@@ -123,9 +131,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
         return
     from rich.text import Text
 
-    grid = output.table(f"{len(results.sets)} problem sets, {len(lines)} entries", gap=1)
-    for heading in COLUMNS:
-        grid.add_column(heading, justify="left" if heading == "solver" else "right", no_wrap=True)
+    grid = output.table(f"{len(results.sets)} problem sets, {len(lines)} entries", COLUMNS, gap=1)
     for line in lines:
         name = Text(line.label, "bold" if line.built_in else "")
         if line.absent:
@@ -145,3 +151,85 @@ def _print(results: Results, out: Path, json: bool) -> None:
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")
+
+
+@problems.command("list")
+def list_sets(json: Json = False) -> None:
+    """List the sets: which of their wrenches are feasible by construction, and what each set tests."""
+    from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
+
+    found = [problem_set(name, 1) for name in PROBLEM_SETS]
+    if json:
+        output.print_json(
+            {"sets": [{"set": each.name, "reachable": each.reachable, "title": each.title} for each in found]}
+        )
+    else:
+        rows = ((each.name, each.reachable, each.title) for each in found)
+        output.print_table("", ("<set", "<feasible", "<what it is"), rows)
+
+
+@problems.command()
+def show(
+    name: Annotated[str, typer.Argument(metavar="SET", help="Name of a set.", show_default=False)],
+    count: Count = 1000,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
+    import numpy as np
+
+    from tensionlab.allocation import allocate
+    from tensionlab.benchmark.problem_sets import problem_set
+    from tensionlab.solvers.base import Status
+
+    found = problem_set(name, count, seed)
+    groups = []
+    for group in found.groups:
+        statuses = allocate(group.structure, group.wrench, (group.lower, group.upper)).counts()
+        groups.append(
+            {
+                "group": group.label,
+                "problems": len(group.wrench),
+                "components": group.structure.shape[1],
+                "cables": group.structure.shape[2],
+                "reachable": statuses[Status.EXACT],
+                "condition_median": float(np.median(np.linalg.cond(group.structure))),
+                "wrench_median": float(np.median(np.linalg.norm(group.wrench, axis=1))),
+            }
+        )
+    if json:
+        output.print_json(
+            {"set": found.name, "title": found.title, "reachable": found.reachable, "groups": groups}
+        )
+        return
+    output.console().print(f"{found.name}: {found.title}\n", soft_wrap=True)
+    rows = (
+        (label, *map(str, numbers), output.short(condition), output.short(wrench))
+        for label, *numbers, condition, wrench in (row.values() for row in groups)
+    )
+    headings = ("problems", "components", "cables", "feasible", "condition\nmedian", "wrench\nmedian N")
+    output.print_table("", ("<group", *headings), rows)
+
+
+@problems.command()
+def export(
+    name: Annotated[str, typer.Option("--set", help="Name of a set.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(
+            callback=options.output_file(".parquet"), help="The Parquet file to write.", show_default=False
+        ),
+    ],
+    count: Count = 1000,
+    seed: Seed = 0,
+) -> None:
+    """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
+    from tensionlab import records
+    from tensionlab.benchmark.problem_sets import problem_set, qp_rows
+
+    found = problem_set(name, count, seed)
+    rows = qp_rows(found)
+    manifest = records.manifest(["tensionlab", *sys.argv[1:]], seed)
+    description = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}
+    records.write_parquet(out, rows, manifest | description)
+    output.console().print(f"{found.name}, {len(rows)} problems: {out}", soft_wrap=True)

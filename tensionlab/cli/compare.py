@@ -1,20 +1,34 @@
-"""``tensionlab compare``: every solver on the same forces."""
+"""``tensionlab compare``: all solvers on the same forces; and its table, which ``log replay`` prints, too."""
 
 from __future__ import annotations
 
 import dataclasses
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.score_table import Column, print_scores
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
 
 if TYPE_CHECKING:
-    from tensionlab.comparison.compare import Comparison, Row
+    from tensionlab.comparison.compare import Row
+    from tensionlab.comparison.scores import Score
 
+RowType = TypeVar("RowType", bound="Score")
+Column = tuple[str, Callable[[RowType], str], bool]
+"""Heading, as in `output.table`; the text of a row; and whether a narrow terminal shows the column, too."""
+
+STATUSES: list[Column[Score]] = [
+    ("<solver", lambda row: row.solver, True),
+    ("<nearest", lambda row: row.nearest or "–", True),
+    ("exact", lambda row: str(row.exact), True),
+    ("near", lambda row: str(row.nearest_count), True),
+    ("limit", lambda row: str(row.iteration_limit), True),
+    ("fail", lambda row: str(row.failed), False),
+]
+"""The columns that each table of solvers begins with."""
 COLUMNS: list[Column[Row]] = [
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
     ("error\nmax N", lambda row: output.short(row.residual_max), True),
@@ -26,44 +40,43 @@ COLUMNS: list[Column[Row]] = [
     ("call\np99", lambda row: output.duration(row.call_p99_s), False),
     ("batch\neach", lambda row: output.duration(row.batch_s), True),
 ]
-"""Those after the statuses."""
 
-LEGEND = """\
-exact: limits kept, wrench rendered   near: proved out of reach, the policy's best substitute found
-limit: neither proved   fail: the solver broke   error: desired minus rendered   angle: between the two forces
-gap: largest difference of a tension to the exact optimum (newton's); without a policy, where reachable only
-call: one force, measured and proved   batch: all forces in one call, time for each"""
+STATUS_LEGEND = """\
+exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
+limit: unproven (iteration limit)   fail: the solver broke"""
+LEGEND = f"""\
+{STATUS_LEGEND}   error: desired minus rendered   angle: between the two forces
+gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
+call: one force, verification included   batch: all forces in one call, time for each"""
 
 
 def compare(
-    rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
-    at: Annotated[
-        str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")
-    ] = None,
+    rig: RigFile,
+    at: At = None,
     magnitude: Annotated[float, typer.Option(help="Size of each force in N.")] = 1.5,
     directions: Annotated[
         str | None,
         typer.Option(
             metavar="SET",
-            help="grid18, fibonacci:N, FILE.csv; planar: circle:N. Left out: grid18 or circle:72.",
+            help="Directions of the forces: grid18, fibonacci:N or FILE.csv; in a plane, circle:N. Left out: "
+            "grid18 or circle:72.",
         ),
     ] = None,
     solvers: Annotated[
         str | None, typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp; all if left out.")
     ] = None,
     nearest: Annotated[
-        str | None, typer.Option(help="Only this policy: force, tension or direction; all if left out.")
+        str | None,
+        typer.Option(
+            metavar="POLICY",
+            help="Only this policy for infeasible wrenches: force, tension or direction; all if left out.",
+        ),
     ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(callback=output.picture_file, help="Draw to this file (png, pdf, svg).")
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(callback=output.output_file(".parquet"), help="Write the rows to this Parquet file."),
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+    plot: Plot = None,
+    out: Rows = None,
+    json: Json = False,
 ) -> None:
-    """Compare every solver on one set of forces: what it renders, how far off it is, what it costs.
+    """Compare solvers on one set of forces: what each renders, how far off it is, how long it takes.
 
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
     count, the grid is inferred). Body frames stay at rest, at the origin of the world.
@@ -74,12 +87,12 @@ def compare(
     from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
-    names = None if solvers is None else [name.strip() for name in solvers.split(",") if name.strip()]
-    output.check_solvers(loaded, names, nearest)
+    names = None if solvers is None else options.parse_names([solvers])
+    options.check_solvers(loaded, names, nearest)
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
-            position=None if at is None else output.numbers(at),
+            position=None if at is None else options.parse_numbers(at),
             directions=None if directions is None else direction_sets.parse(directions),
             magnitude=magnitude,
             solvers=names,
@@ -90,7 +103,9 @@ def compare(
     manifest = records.manifest(["tensionlab", *sys.argv[1:]])
     with output.Keeper(quiet=json) as keeper:
         if plot:
-            keeper.write("plot", plot, lambda path: _draw(result, path))
+            from tensionlab.plots import plot_comparison
+
+            keeper.write("plot", plot, lambda path: plot_comparison(result, path))
         if out:
             keeper.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
         if json:
@@ -111,7 +126,42 @@ def compare(
         print_scores(f"{title} {where}", result.rows, COLUMNS, result.missing, LEGEND)
 
 
-def _draw(result: Comparison, path: Path) -> None:
-    from tensionlab.plots import plot_comparison
+def print_scores(
+    title: str,
+    rows: Sequence[RowType],
+    columns: Sequence[Column[RowType]],
+    missing: Mapping[str, str],
+    legend: str,
+    *,
+    first_apart: bool = False,
+) -> None:
+    """Print a table of solvers, what its words mean, and which solvers are left out, and why.
 
-    plot_comparison(result, path)
+    Parameters
+    ----------
+    title, legend : str
+    rows : sequence of Score
+    columns : sequence of Column
+        Those that follow `STATUSES`.
+    missing : mapping of str to str
+        Reasons by the names of solvers.
+    first_apart : bool
+        Whether to draw a line below the first row.
+    """
+    console = output.console()
+    narrow = console.width < output.PIPE_WIDTH
+    shown = [column for column in (*STATUSES, *columns) if column[2] or not narrow]
+    grid = output.table(title, [heading for heading, _, _ in shown], gap=1)
+    for index, row in enumerate(rows):
+        grid.add_row(*(text(row) for _, text, _ in shown), end_section=first_apart and index == 0)
+    for name in missing:
+        grid.add_row(name, "left out", style="dim")
+    console.print(grid)
+    console.print()
+    console.print(legend, style="dim")
+    for name, reason in missing.items():
+        console.print(f"left out: {name}, {reason}", style="dim", soft_wrap=True)
+    if narrow:
+        console.print(
+            f"A terminal of {output.PIPE_WIDTH} columns shows more of them; --json has all.", style="dim"
+        )

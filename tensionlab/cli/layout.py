@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import Json
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -30,16 +30,16 @@ def search(
         Path | None,
         typer.Option(
             metavar="RIG",
-            callback=output.output_file(".toml"),
+            callback=options.output_file(".toml"),
             help="Write the rig here; for several numbers of modules, one file each: RIG-4.toml, ...",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+    json: Json = False,
 ) -> None:
     """Search for the places on walls, floors and bodies from which modules render the most force.
 
-    The file says where modules may stand, how many there are, where the hand will be, and what counts.
+    The space file says where modules may stand, how many there are, where the hand will be, and what counts.
     """
     from tensionlab.records import manifest
     from tensionlab.workspace.layout.task import load_task
@@ -48,13 +48,15 @@ def search(
     if seed is not None:
         task = task._replace(seed=seed)
     counts = [count + len(task.space.fixed) for count in task.space.counts]
-    files = {} if out is None else _files(out, counts)
+    files: dict[int, Path] = {}
+    if out is not None:
+        files = {count: out.with_stem(f"{out.stem}-{count}") if len(counts) > 1 else out for count in counts}
     for file in files.values():
         writing.require_writable(file)
-    with output.progress("Layouts") as tell:
-        found = task.run(tell)
+    with output.progress("Layouts") as progress:
+        found = task.run(progress)
     with output.Keeper(quiet=json) as keeper:
-        kept = [
+        written = [
             str(files[each.rig.m])
             for each in found.layouts
             if files and keeper.write_text(each.rig.name, files[each.rig.m], each.to_toml())
@@ -65,17 +67,12 @@ def search(
                     "space": task.name,
                     "score": found.objective.describe(),
                     "layouts": [_plain(each, on_front=each in found.front) for each in found.layouts],
-                    "written": kept,
+                    "written": written,
                     "manifest": manifest(["tensionlab", *sys.argv[1:]], task.seed),
                 }
             )
         else:
             _print(found, task.name)
-
-
-def _files(out: Path, counts: Sequence[int]) -> dict[int, Path]:
-    """Return a file for each number of modules."""
-    return {count: out.with_stem(f"{out.stem}-{count}") if len(counts) > 1 else out for count in counts}
 
 
 def _plain(found: Layout, on_front: bool) -> dict[str, object]:
@@ -85,38 +82,33 @@ def _plain(found: Layout, on_front: bool) -> dict[str, object]:
         "worst_margin": found.worst,
         "on_front": on_front,
         "modules": [
-            {
-                "name": module.name,
-                "frame": module.frame,
-                "anchor": module.anchor,
-                "lower": module.lower,
-                "upper": module.upper,
-                "contribution": lost,
-            }
+            output.fields(module, "name", "frame", "anchor", "lower", "upper") | {"contribution": lost}
             for module, lost in zip(found.rig.modules, found.contributions, strict=True)
         ],
     }
 
 
 def _print(found: LayoutSearch, name: str) -> None:
-    """Print what each number of modules buys, and where the modules of the best layout stand."""
+    """Print what each number of modules gains, and where the modules of the best layout stand."""
     console = output.console()
     if len(found.layouts) > 1:
         console.print(f"{name}: the score is {found.objective.describe()}", soft_wrap=True)
-        front = output.table()
-        for heading in ("modules", "score", "worst\nmargin N", "beats fewer"):
-            front.add_column(heading, justify="left" if heading == "beats fewer" else "right")
-        for each in found.layouts:
-            better = "yes" if each in found.front else "no"
-            front.add_row(str(each.rig.m), f"{each.score:.4g}", f"{each.worst:.4g}", better)
-        console.print(front)
+        output.print_table(
+            "",
+            ("modules", "score", "worst\nmargin N", "<better than\nwith fewer"),
+            (
+                (str(each.rig.m), f"{each.score:.4g}", f"{each.worst:.4g}", "yes" if each in found.front else "no")
+                for each in found.layouts
+            ),
+        )
         console.print()
     best = found.best
-    title = f"{best.rig.name}: {best.score:.4g} is {found.objective.describe()}"
-    console.print(title, soft_wrap=True)
-    grid = output.table()
-    for heading in ("module", "frame", "anchor\nm", "score lost\nwithout it"):
-        grid.add_column(heading, justify="left" if heading in ("module", "frame") else "right", no_wrap=True)
-    for module, lost in zip(best.rig.modules, best.contributions, strict=True):
-        grid.add_row(module.name, module.frame, output.vector(module.anchor.round(4) + 0.0), f"{lost:.4g}")
-    console.print(grid)
+    console.print(f"{best.rig.name}: {best.score:.4g} is {found.objective.describe()}", soft_wrap=True)
+    output.print_table(
+        "",
+        ("<module", "<frame", "anchor\nm", "score lost\nwithout it"),
+        (
+            (module.name, module.frame, output.vector(module.anchor.round(4) + 0.0), f"{lost:.4g}")
+            for module, lost in zip(best.rig.modules, best.contributions, strict=True)
+        ),
+    )

@@ -1,4 +1,4 @@
-"""``tensionlab log``: what is in the log of a run, and what other solvers would have made of it."""
+"""``tensionlab log``: show, export, draw and replay the log of a run."""
 
 from __future__ import annotations
 
@@ -9,24 +9,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.score_table import Column, print_scores
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import Json, Rows
+from tensionlab.cli.compare import STATUS_LEGEND, Column, print_scores
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from tensionlab.comparison.replay import ReplayRow
     from tensionlab.hardware.log.reader import Run
     from tensionlab.hardware.log.report import ModuleReport, RunReport
 
 log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")]
-EVENTS = 12
-"""So many events are printed at most; JSON has all."""
+MAX_EVENTS = 12
+"""Events that are printed; JSON has all."""
 
 COLUMNS: list[Column[ReplayRow]] = [
-    ("repl", lambda row: str(row.replaced), False),
+    ("fall-\nback", lambda row: str(row.replaced), False),
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
     ("error\nmax N", lambda row: output.short(row.residual_max), True),
     ("angle\nmax °", lambda row: output.short(row.angle_max_deg), True),
@@ -37,18 +35,16 @@ COLUMNS: list[Column[ReplayRow]] = [
     ("iter\nmean", lambda row: output.short(row.iterations_mean), False),
     ("iter\nmax", lambda row: output.short(row.iterations_max), False),
 ]
-"""Of the table of solvers, those after the statuses."""
-
-LEGEND = """\
-exact: limits kept, wrench rendered   near: proved out of reach, the policy's best substitute found
-limit: neither proved   fail: the solver broke   repl: unproved, so that the exact solver's answer is counted here
+"""Of `replay`, those after the statuses."""
+LEGEND = f"""\
+{STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
 error: desired minus rendered   angle, size: between the two forces, and of one without the other
-t: tensions   jump: of a tension from one cycle to the next, before the runner slows it"""
+t: tensions   jump: of a tension from one cycle to the next, before the runner limits its slew rate"""
 
 
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
-    """Show how a run went: what it rendered, how punctual it was, what held the modules back."""
+    """Show how a run went: the answers of its solver, its timing, what limited the modules, and events."""
     from tensionlab.hardware.log.report import report
 
     run = _read(path)
@@ -67,7 +63,7 @@ def export(
     to: Annotated[
         Path,
         typer.Option(
-            callback=output.output_file(".nc", ".parquet"),
+            callback=options.output_file(".nc", ".parquet"),
             help="Write to this file: NetCDF (.nc) or Parquet.",
             show_default=False,
         ),
@@ -91,11 +87,11 @@ def plot(
     file: Annotated[
         Path,
         typer.Option(
-            "--plot", callback=output.picture_file, help="Draw to this file (png, pdf, svg).", show_default=False
+            "--plot", callback=options.picture_file, help="Draw to this file (png, pdf, svg).", show_default=False
         ),
     ],
 ) -> None:
-    """Draw a run: wrenches, tensions, what was proved and what held the modules back, and how punctual it was."""
+    """Draw a run: wrenches, tensions, the status of each answer, what limited the modules, and timing."""
     from tensionlab.plots import plot_run
 
     plot_run(_read(path), file)
@@ -109,23 +105,20 @@ def replay(
         list[str] | None,
         typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(callback=output.output_file(".parquet"), help="Write the rows to this Parquet file."),
-    ] = None,
+    out: Rows = None,
     json: Json = False,
 ) -> None:
-    """Ask other solvers for the forces of a run, at its poses and with its modules, and score them like the run.
+    """Solve the desired wrenches of a run with other solvers, at its poses and with its modules, and compare them.
 
-    The first row is the run as it was. The others say what each solver would have chosen, with its own policy for
-    forces out of reach; where the hand or the platform would have gone then is not asked.
+    The first row is the run as it was. The others show what each solver would have chosen, with its own policy for
+    infeasible wrenches. The hand or platform follows the recorded path in all of them.
     """
     from tensionlab import records
     from tensionlab.comparison import replay as replays
 
     run = _read(path)
-    names = output.words(solver)
-    output.check_solvers(run.rig, names, None)
+    names = options.parse_names(solver)
+    options.check_solvers(run.rig, names, None)
     with output.progress(f"Replaying {path.name}") as progress:
         found = replays.replay(run, names, progress)
     rows = [dataclasses.asdict(row) for row in found.rows]
@@ -161,51 +154,54 @@ def _print_info(found: RunReport) -> None:
     policy = f", nearest in {found.nearest}" if found.nearest else ""
     console.print(f"{found.rig}, {found.solver}{policy}", style="bold")
     console.print(
-        f"{found.cycles} cycles in {found.duration:.2f} s, {found.rate:g} a second wanted, {found.missed} missed"
+        f"{found.cycles} cycles in {found.duration:.2f} s, {found.rate:g} Hz desired, {found.missed} missed"
     )
     counts = ", ".join(f"{count} {name}" for name, count in found.statuses.items() if count) or "none"
-    console.print(
-        f"answers: {counts}; {found.replaced} replaced by newton's, {found.slewed} slowed by the slew limit"
-    )
-    for name, times, meaning in (
-        ("late", found.late, "begin after the deadline"),
-        ("work", found.work, "of the host"),
-    ):
+    console.print(f"answers: {counts}; {found.replaced} by newton as fallback, {found.slewed} slew-rate limited")
+    for name, times in (("start jitter", found.late), ("compute time", found.work)):
         written = ", ".join(output.duration(value) for value in times)
-        console.print(f"{name}: {written} (median, 99 %, largest), {meaning}")
+        console.print(f"{name}: {written} (median, 99 %, max)")
     if found.complete:
-        console.print(f"ended: {found.ended or 'the log does not say why'}")
+        console.print(f"finished: {found.ended or 'the log does not say why'}")
     else:
         console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
     console.print()
-    console.print(_modules(found.modules))
+    output.print_table(
+        "",
+        (
+            "<module",
+            "commanded N\nmin",
+            "\nmean",
+            "\nmax",
+            "telemetry age\nmedian",
+            "\n99 %",
+            "\nmax",
+            "<limited by",
+        ),
+        (
+            (
+                module.name,
+                *(output.short(value) for value in (module.sent_least, module.sent_mean, module.sent_most)),
+                *(output.duration(value) for value in module.age),
+                _limiters(module),
+            )
+            for module in found.modules
+        ),
+    )
     if found.events:
         console.print()
-        for event in found.events[:EVENTS]:
+        for event in found.events[:MAX_EVENTS]:
             who = f" {event.module}:" if event.module else ""
             console.print(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}", soft_wrap=True)
-        if len(found.events) > EVENTS:
-            console.print(f"and {len(found.events) - EVENTS} more events; --json has all", style="dim")
+        if len(found.events) > MAX_EVENTS:
+            console.print(f"and {len(found.events) - MAX_EVENTS} more events; --json has all", style="dim")
 
 
-def _modules(modules: tuple[ModuleReport, ...]) -> Table:
-    grid = output.table()
-    grid.add_column("module")
-    for heading in ("sent N\nleast", "\nmean", "\nmost", "telemetry age\nmedian", "\n99 %", "\nlargest"):
-        grid.add_column(heading, justify="right", no_wrap=True)
-    grid.add_column("held back by")
-    for module in modules:
-        held = [f"{name.lower()} {_share(share)}" for name, share in module.limits.items()]
-        faults = [f"fault {name}" for name in module.faults]
-        lost = [] if module.lost_at is None else [f"lost at {module.lost_at:.3f} s"]
-        grid.add_row(
-            module.name,
-            *(output.short(value) for value in (module.sent_least, module.sent_mean, module.sent_most)),
-            *(output.duration(value) for value in module.age),
-            ", ".join([*held, *faults, *lost]),
-        )
-    return grid
-
-
-def _share(share: float) -> str:
-    return f"{100 * share:.0f} %" if share >= 0.005 else "<1 %"
+def _limiters(module: ModuleReport) -> str:
+    """Return what limited a module in which share of the cycles, its faults, and when it was lost."""
+    limits = [
+        f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
+        for name, share in module.limits.items()
+    ]
+    lost = [] if module.lost_at is None else [f"lost at {module.lost_at:.3f} s"]
+    return ", ".join([*limits, *(f"fault {name}" for name in module.faults), *lost])

@@ -1,4 +1,4 @@
-"""``tensionlab module``: find modules, see how they are, and stop them."""
+"""``tensionlab module`` and ``tensionlab estop``: find modules, show how they are, and stop them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensionlab.cli.calibrate import calibrate
 from tensionlab.cli.common import output
-from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, complain, on_all, targets
+from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links
+from tensionlab.cli.common.options import Json, Links, ModulesFile
+from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_config import config
-from tensionlab.cli.module_monitor import monitor
-from tensionlab.cli.module_ping import ping
+from tensionlab.cli.module_monitor import monitor, ping
 
 if TYPE_CHECKING:
     from tensionlab.hardware.client.module import ModuleClient
@@ -21,27 +21,30 @@ if TYPE_CHECKING:
     from tensionlab.hardware.protocol.messages import Info, Message
 
 module = typer.Typer(
-    help="Find modules, see how they are, set them up and stop them.", no_args_is_help=True, rich_markup_mode=None
+    help="Find modules, show how they are, set them up and stop them.", no_args_is_help=True, rich_markup_mode=None
 )
+INFO = ("<module", "<serial\nnumber", "<firm-\nware", "<state", "<cali-\nbrated", "<length\nknown", "<started\nby",
+        "TTL\nms", "tension\nN", "gain\nN/A", "spool\nmm")  # fmt: skip
+"""Columns of `info`."""
 
 
 @module.command()
 def discover(
-    words: Words = None,
+    links: Links = None,
     modules: ModulesFile = None,
-    everything: Annotated[bool, typer.Option("--all", help="Ask every serial port.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Try every serial port.")] = False,
     json: Json = False,
 ) -> None:
     """Find the modules at this computer's ports: USB, and Bluetooth where they are paired.
 
-    Only ports that look like a module's are asked, unless told otherwise; those in use are only listed. With
-    links, those are asked. Exit status 1 if no module was found.
+    Only ports that look like a module's are tried, unless --all is given; ports in use are only listed. With
+    links, those are tried instead. Exit status 1 if no module was found.
     """
     from tensionlab.hardware.client.discovery import ask_all, ports
 
-    urls = ports(everything=everything) if not words and modules is None else None
+    urls = ports(everything=everything) if not links and modules is None else None
     if urls is None:
-        urls = {url: name if name != url else "" for name, url in targets(words, modules).items()}
+        urls = {url: name if name != url else "" for name, url in find_links(links, modules).items()}
     found = ask_all(urls)
     if json:
         output.print_json(
@@ -57,46 +60,38 @@ def discover(
             ]
         )
     elif not found:
-        output.console().print("no port looks like a module's; --all asks every serial port")
+        output.console().print("no port looks like a module's; --all tries every serial port")
     else:
-        grid = output.table()
-        for heading in ("link", "port", "serial\nnumber", "firm-\nware", "state"):
-            grid.add_column(heading, overflow="fold")
+        rows = []
         for each in found:
             if each.info is None:
-                grid.add_row(each.url, each.about, "", "", each.problem)
+                rows.append((each.url, each.about, "", "", each.problem))
             else:
                 state = each.info.state.name.lower() + ("" if each.info.calibrated else ", not calibrated")
-                grid.add_row(each.url, each.about, _serial(each.info), _firmware(each.info), state)
-        output.console().print(grid)
+                rows.append((each.url, each.about, _serial(each.info), _firmware(each.info), state))
+        output.print_table("", ("<link", "<port", "<serial\nnumber", "<firm-\nware", "<state"), rows)
     if not any(each.info or each.in_use for each in found):
         raise typer.Exit(1)
 
 
 @module.command()
-def info(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Show what modules say of themselves: versions, state, limits, calibration."""
+def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+    """Show what modules report of themselves: versions, state, limits, calibration."""
     from tensionlab.hardware.client.module import ModuleClient
 
-    links = targets(words, modules)
-    answers, failed = on_all(links, ModuleClient.hello)
+    urls = find_links(links, modules)
+    answers, failed = call_all(urls, ModuleClient.hello)
     if json:
         output.print_json(
             [
                 {"module": name, "url": url, "info": _plain(answers[name]) if name in answers else None}
                 | ({"error": str(failed[name])} if name in failed else {})
-                for name, url in links.items()
+                for name, url in urls.items()
             ]
         )
     elif answers:
-        grid = output.table(gap=1)
-        grid.add_column("module", overflow="fold")
-        for heading in ("serial\nnumber", "firm-\nware", "state", "cali-\nbrated", "length\nknown", "started\nby"):
-            grid.add_column(heading)
-        for heading in ("TTL\nms", "tension\nN", "gain\nN/A", "spool\nmm"):
-            grid.add_column(heading, justify="right", no_wrap=True)
-        for name, each in answers.items():
-            grid.add_row(
+        rows = (
+            (
                 name,
                 _serial(each),
                 _firmware(each),
@@ -109,16 +104,18 @@ def info(words: Words = None, modules: ModulesFile = None, json: Json = False) -
                 f"{each.newton_per_ampere:.3g}",
                 f"{1e3 * each.spool_radius:.3g}",
             )
-        output.console().print(grid)
-    complain(failed)
+            for name, each in answers.items()
+        )
+        output.print_table("", INFO, rows, gap=1)
+    exit_if_failed(failed)
 
 
 @module.command()
-def identify(words: Words = None, modules: ModulesFile = None) -> None:
+def identify(links: Links = None, modules: ModulesFile = None) -> None:
     """Pulse the cable of each module three times, gently, one module after another.
 
-    It is armed for that, with its taut minimum and half a newton more, and stopped at the end. A module that
-    somebody has armed is left alone.
+    Each module is armed for that, with its lower tension limit and half a newton more, and stopped at the end. A
+    module that is armed already is left alone.
     """
     from tensionlab.hardware.client.identify import identify as pulse
 
@@ -127,46 +124,46 @@ def identify(words: Words = None, modules: ModulesFile = None) -> None:
         pulse(client, lambda: typer.echo(f"{client.name}{url}: its cable pulses now"))
 
     failed = {}
-    for name, url in targets(words, modules).items():
-        failed.update(on_all({name: url}, job)[1])
-    complain(failed)
+    for name, url in find_links(links, modules).items():
+        failed.update(call_all({name: url}, job)[1])
+    exit_if_failed(failed)
 
 
 @module.command()
-def stop(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Have modules let go and be idle. Exit status 1 if one did not confirm it."""
+def stop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+    """Stop modules: they release their cables and are idle. Exit status 1 if one did not confirm it."""
     from tensionlab.hardware.protocol.messages import Stop
 
-    _tell(targets(words, modules), Stop(), json)
+    _command(find_links(links, modules), Stop(), json)
 
 
 @module.command()
-def estop(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Have modules let go at once, and stay so until cleared. Exit status 1 if one did not confirm it.
+def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+    """Stop modules at once, until they are cleared. Exit status 1 if one did not confirm it.
 
-    `tensionlab estop` reaches those that another process uses as well.
+    `tensionlab estop` also reaches modules that another process uses.
     """
     from tensionlab.hardware.protocol.messages import EmergencyStop
 
-    _tell(targets(words, modules), EmergencyStop(), json)
+    _command(find_links(links, modules), EmergencyStop(), json)
 
 
 @module.command()
-def clear(words: Words = None, modules: ModulesFile = None, json: Json = False) -> None:
+def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Have modules leave fault or emergency stop. Refused while what caused a fault is still there."""
     from tensionlab.hardware.protocol.messages import Clear
 
-    _tell(targets(words, modules), Clear(), json)
+    _command(find_links(links, modules), Clear(), json)
 
 
-def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
-    """Have all carry out a command, and show in which state that left them."""
+def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
+    """Send all modules a command, and print in which state that left them."""
     from tensionlab.errors import ModuleFault
     from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
     from tensionlab.hardware.protocol.codes import LATCHED_STATES
     from tensionlab.hardware.protocol.messages import Stop
 
-    def tell(client: ModuleClient) -> State | None:
+    def send(client: ModuleClient) -> State | None:
         try:
             client.command(command, PATIENT_TIMEOUTS_S)
         except ModuleFault:  # its driver is off already
@@ -174,7 +171,7 @@ def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
                 raise
         return client.state
 
-    states, failed = on_all(links, tell)
+    states, failed = call_all(urls, send)
     if json:
         output.print_json(
             [
@@ -185,24 +182,62 @@ def _tell(links: Mapping[str, str], command: Message, json: bool) -> None:
                     "state": getattr(states.get(name), "name", None),
                     "error": str(failed[name]) if name in failed else None,
                 }
-                for name, url in links.items()
+                for name, url in urls.items()
             ]
         )
     else:
         for name, state in states.items():
             off = ": driver off; `tensionlab module clear` leads out of it" if state in LATCHED_STATES else ""
             typer.echo(f"{name}: {'done' if state is None else state.name.lower()}{off}")
-    complain(failed)
+    exit_if_failed(failed)
+
+
+def estop_all(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+    """Stop modules at once, until they are cleared: also those that another process uses.
+
+    Without links and file: all modules that processes of yours use on this computer. Each such process gets some
+    seconds to stop and release its modules; then each module has to confirm. Exit status 1 if one did not.
+    `tensionlab module clear` leads out of it.
+
+    This is software. Whatever it says, only cutting the motors' supply protects.
+    """
+    from tensionlab.hardware.client.emergency_stop import emergency_stop
+    from tensionlab.hardware.client.locks import locked_links
+
+    urls = {url: url for url in locked_links()} if not links and modules is None else find_links(links, modules)
+    outcomes = emergency_stop(urls) if urls else {}
+    if json:
+        output.print_json(
+            [
+                {
+                    "module": name,
+                    "url": urls[name],
+                    "confirmed": not each.error,
+                    "process": each.holder and each.holder.pid,
+                    "error": each.error or None,
+                }
+                for name, each in outcomes.items()
+            ]
+        )
+    elif not urls:
+        typer.echo("no process of yours uses a module; name the modules that are to stop")
+    for name, each in outcomes.items():
+        if each.error:
+            output.print_error(f"{name}: NOT CONFIRMED: {each.error}")
+        elif not json:
+            typer.echo(f"{name}: estop" + (f"; {each.holder} had it" if each.holder else ""))
+    if not urls or any(each.error for each in outcomes.values()):
+        raise typer.Exit(1)
 
 
 def _plain(info: Info) -> dict[str, Any]:
-    """As JSON: codes by their names."""
+    """Return what a module reports of itself as JSON has it: codes by their names."""
     names = {"state": info.state.name, "reset_reason": info.reset_reason.name, "firmware": _firmware(info)}
     return {**asdict(info), **names}
 
 
 def _serial(info: Info) -> str:
-    """As in the module's Bluetooth name."""
+    """Return the serial number as in the module's Bluetooth name."""
     return f"{info.serial_number:08x}"
 
 

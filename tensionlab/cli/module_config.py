@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, complain, on_all, targets
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links
+from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.files.writing import make_folder, write_text
 
 if TYPE_CHECKING:
@@ -22,48 +23,47 @@ config = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-Mixed = Annotated[
+LinksAndParameters = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[URL...] [WHAT...]", help="Links, or names with --modules; and parameters."),
+    typer.Argument(
+        metavar="[URL...] [PARAMETER...]",
+        help="Links to modules, or with --modules names of modules; and parameters.",
+        show_default=False,
+    ),
 ]
 Save = Annotated[bool, typer.Option("--save", help="Store all parameters: they outlast the next start.")]
 
 
 @config.command()
-def get(words: Mixed = None, modules: ModulesFile = None, json: Json = False) -> None:
+def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
     from tensionlab.hardware.client.parameter_file import parameters, plain
     from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
 
-    wanted = [word for word in words or () if word in PARAMETERS]
-    links = targets([word for word in words or () if word not in PARAMETERS], modules)
-    answers, failed = on_all(links, parameters)
-    rows = wanted or list(PARAMETERS)
+    named = [word for word in words or () if word in PARAMETERS] or list(PARAMETERS)
+    links = find_links([word for word in words or () if word not in PARAMETERS], modules)
+    answers, failed = call_all(links, parameters)
     if json:
         output.print_json(
             [
-                {"module": name, "url": links[name], "parameters": {row: found[row].value for row in rows}}
+                {"module": name, "url": links[name], "parameters": {each: found[each].value for each in named}}
                 for name, found in answers.items()
             ]
         )
     elif answers:
-        grid = output.table()
-        grid.add_column("parameter", no_wrap=True)
-        for name in answers:
-            grid.add_column(name, justify="right", overflow="fold")
-        grid.add_column("unit")
+        grid = output.table("", ("<parameter", *answers, "<unit"))
         if len(answers) == 1:
             grid.add_column("what it is")
-        for row in rows:
-            values = (plain(found[row].value) for found in answers.values())
-            about = [PARAMETER_DESCRIPTIONS[row]] if len(answers) == 1 else []
-            grid.add_row(row, *values, PARAMETERS[row].unit, *about)
+        for each in named:
+            values = (plain(found[each].value) for found in answers.values())
+            about = [PARAMETER_DESCRIPTIONS[each]] if len(answers) == 1 else []
+            grid.add_row(each, *values, PARAMETERS[each].unit, *about)
         output.console().print(grid)
-    complain(failed)
+    exit_if_failed(failed)
 
 
 @config.command(name="set")
-def set_(words: Mixed = None, modules: ModulesFile = None, save: Save = False) -> None:
+def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Save = False) -> None:
     """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
     from tensionlab.hardware.client.parameter_file import change, checked
 
@@ -77,18 +77,19 @@ def set_(words: Mixed = None, modules: ModulesFile = None, save: Save = False) -
         except ValueError:
             raise typer.BadParameter(f"{name}={value}: give a number, such as {name}=50") from None
     checked(values, "set")
-    links = targets([word for word in words or () if "=" not in word], modules)
+    links = find_links([word for word in words or () if "=" not in word], modules)
     _change(links, lambda client: change(client, values, "set"), save)
 
 
 @config.command()
 def dump(
-    words: Words = None,
+    links: Links = None,
     modules: ModulesFile = None,
     folder: Annotated[
         Path | None,
         typer.Option(
-            callback=output.output_folder(), help="Write NAME.toml there for each module; made if it is not there."
+            callback=options.output_folder(),
+            help="Write NAME.toml for each module to this folder; made if it is not there.",
         ),
     ] = None,
 ) -> None:
@@ -96,12 +97,12 @@ def dump(
     from tensionlab.hardware.client.parameter_file import dump as text_of
     from tensionlab.hardware.client.parameter_file import file_of
 
-    links = targets(words, modules)
-    if folder is None and len(links) > 1:
+    urls = find_links(links, modules)
+    if folder is None and len(urls) > 1:
         raise typer.BadParameter("more than one module; give --folder DIRECTORY, for a file of each")
     if folder is not None and modules is None:
         raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
-    texts, failed = on_all(links, text_of)
+    texts, failed = call_all(urls, text_of)
     if folder is None:
         for text in texts.values():
             typer.echo(text, nl=False)
@@ -112,8 +113,8 @@ def dump(
                 file = file_of(folder, name)
                 if keeper.write("", file, partial(write_text, text=text)):
                     typer.echo(file)
-            complain(failed)
-    complain(failed)
+            exit_if_failed(failed)
+    exit_if_failed(failed)
 
 
 @config.command()
@@ -121,11 +122,11 @@ def restore(
     path: Annotated[
         Path, typer.Argument(metavar="FILE", help="What dump wrote, or a part of it; a folder with --modules.")
     ],
-    words: Words = None,
+    links: Links = None,
     modules: ModulesFile = None,
     save: Save = False,
 ) -> None:
-    """Give modules the parameters in a file, until the next start, or for good with --save.
+    """Set the parameters of modules from a file, until the next start, or for good with --save.
 
     What the file does not name stays as it is. All values are checked before the first is changed. One file serves
     several modules; in a folder, each has its NAME.toml.
@@ -134,17 +135,17 @@ def restore(
     from tensionlab.files.reading import read_text
     from tensionlab.hardware.client.parameter_file import change, file_of, parse
 
-    links = targets(words, modules)
-    files = {name: file_of(path, name) if path.is_dir() else path for name in links}
+    urls = find_links(links, modules)
+    files = {name: file_of(path, name) if path.is_dir() else path for name in urls}
     values = {
         name: parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
         for name, file in files.items()
     }
-    _change(links, lambda client: change(client, values[client.name], str(files[client.name])), save)
+    _change(urls, lambda client: change(client, values[client.name], str(files[client.name])), save)
 
 
 def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:
-    """Change all, store it if asked to, and say what changed."""
+    """Change parameters of all modules, store them if ``save``, and print what changed."""
     from tensionlab.hardware.client.parameter_file import FORGETTING, plain
 
     def change_and_save(client: ModuleClient) -> list[Change]:
@@ -153,7 +154,7 @@ def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]
             client.save()
         return changes
 
-    answers, failed = on_all(links, change_and_save)
+    answers, failed = call_all(links, change_and_save)
     for name, changes in answers.items():
         for each in changes:
             typer.echo(f"{name}: {each.name} {plain(each.before)} -> {plain(each.after)}")
@@ -163,4 +164,4 @@ def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]
             typer.echo(f"{name}: stored")
         if FORGETTING & {each.name for each in changes}:
             typer.echo(f"{name}: it no longer knows how long its cable is; calibrate that")
-    complain(failed)
+    exit_if_failed(failed)

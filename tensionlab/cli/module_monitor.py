@@ -1,4 +1,4 @@
-"""``tensionlab module monitor``: a live table of what modules say."""
+"""``tensionlab module monitor`` and ``module ping``: telemetry of modules, and the latency of their links."""
 
 from __future__ import annotations
 
@@ -6,59 +6,68 @@ import math
 import sys
 import time
 from contextlib import ExitStack, nullcontext
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tensionlab.cli.common import output
-from tensionlab.cli.common.module_targets import Json, ModulesFile, Words, complain, targets, until_interrupted
+from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, until_interrupted
+from tensionlab.cli.common.options import Json, Links, ModulesFile
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from tensionlab.errors import HardwareError
+    from tensionlab.hardware.client.latency import Trips
     from tensionlab.hardware.client.module import ModuleClient
 
-PERIOD = 0.05
-"""Of the telemetry, in s."""
-REFRESH = 0.2
-"""Of the table, in s."""
+TELEMETRY_PERIOD_MS = 50
+REFRESH_PERIOD_S = 0.2
+"""Of the table."""
+TELEMETRY = ("<module", "<state", "tension\nN", "current\nA", "length\nm", "speed\nm/s", "<limit", "<faults",
+             "heat\n%", "supply\nV", "age\nms", "bad/\nlost")  # fmt: skip
+"""Columns of `monitor`."""
+TRIPS = ("<module", "pings", "lost", "p50\nms", "p95\nms", "p99\nms", "max\nms", "TTL\nms", "safe rate\nHz",
+         "clock\ns")  # fmt: skip
+"""Columns of `ping`."""
+PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 
 
 def monitor(
-    words: Words = None,
+    links: Links = None,
     modules: ModulesFile = None,
     seconds: Annotated[float, typer.Option(help="How long; until Ctrl-C if left out.", min=0.1)] = math.inf,
     json: Json = False,
 ) -> None:
     """Show how modules are, in a table that is kept up to date. Nothing is changed, nothing pulls.
 
-    In a file or a pipe only the last table is printed. Exit status 1 where a link broke, or none came about.
+    In a file or a pipe only the last table is printed. Exit status 1 where a link broke or could not be opened.
     """
     from rich.live import Live
 
-    links = targets(words, modules)
+    urls = find_links(links, modules)
     with ExitStack() as stack:
-        clients, failed = _reach(links, stack)
+        clients, failed = _connect(urls, stack)
         end = time.monotonic() + seconds
         shown = sys.stdout.isatty() and not json
-        live = Live(_picture(clients, failed), console=output.console(), auto_refresh=False)
+        live = Live(_telemetry_table(clients, failed), console=output.console(), auto_refresh=False)
         with until_interrupted() as interrupted, live if shown else nullcontext():
             while clients.keys() - failed.keys() and not interrupted() and time.monotonic() < end:
-                time.sleep(REFRESH)
+                time.sleep(REFRESH_PERIOD_S)
                 for name, client in clients.items():
-                    client.listen(REFRESH)
+                    client.listen(REFRESH_PERIOD_S)
                     _check(name, client, failed)
-                live.update(_picture(clients, failed), refresh=shown)
+                live.update(_telemetry_table(clients, failed), refresh=shown)
         if json:
-            output.print_json([_plain(name, client) for name, client in clients.items()])
+            output.print_json([_telemetry_json(name, client) for name, client in clients.items()])
         elif not shown:
-            output.console().print(_picture(clients, failed))
-    complain(failed)
+            output.console().print(_telemetry_table(clients, failed))
+    exit_if_failed(failed)
 
 
-def _reach(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleClient], dict[str, HardwareError]]:
-    """Open all and have them report; they are closed with the stack."""
+def _connect(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleClient], dict[str, HardwareError]]:
+    """Open all modules and have them report; they are closed with the stack."""
     from concurrent.futures import ThreadPoolExecutor
 
     from tensionlab.errors import HardwareError
@@ -66,17 +75,17 @@ def _reach(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleCli
 
     failed: dict[str, HardwareError] = {}
 
-    def reach(name: str) -> ModuleClient | None:
+    def connect(name: str) -> ModuleClient | None:
         client = None
         try:
             client = ModuleClient(name, links[name])
-            client.telemetry_every(round(1e3 * PERIOD))
+            client.telemetry_every(TELEMETRY_PERIOD_MS)
         except HardwareError as error:
             failed[name] = error
         return client
 
     with ThreadPoolExecutor(len(links)) as threads:
-        reached = dict(zip(links, threads.map(reach, links), strict=True))
+        reached = dict(zip(links, threads.map(connect, links), strict=True))
     clients = {name: client for name, client in reached.items() if client is not None}
     for client in clients.values():
         stack.callback(client.close)
@@ -84,7 +93,7 @@ def _reach(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleCli
 
 
 def _check(name: str, client: ModuleClient, failed: dict[str, HardwareError]) -> None:
-    """Take note of a link that broke; whether the module has let go is in the table."""
+    """Take note of a link that broke; whether the module has released its cable is in the table."""
     from tensionlab.errors import LinkError, ModuleFault
 
     try:
@@ -95,72 +104,144 @@ def _check(name: str, client: ModuleClient, failed: dict[str, HardwareError]) ->
         pass
 
 
-def _picture(clients: dict[str, ModuleClient], failed: dict[str, HardwareError]) -> RenderableType:
-    """The table, and below it what the limits and faults in it mean."""
+def _telemetry_table(clients: dict[str, ModuleClient], failed: dict[str, HardwareError]) -> RenderableType:
+    """Return the table, and below it what the limits and faults in it mean."""
     from rich.console import Group
     from rich.text import Text
 
     from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
 
-    grid = output.table(gap=1)
-    grid.add_column("module", overflow="fold")
-    grid.add_column("state")
-    for heading in ("pull\nN", "current\nA", "length\nm", "speed\nm/s"):
-        grid.add_column(heading, justify="right", no_wrap=True)
-    grid.add_column("limit")
-    grid.add_column("faults")
-    for heading in ("heat\n%", "supply\nV", "age\nms", "bad/\nlost"):
-        grid.add_column(heading, justify="right", no_wrap=True)
+    grid = output.table("", TELEMETRY, gap=1)
     faults = Fault(0)
-    shown: set[Limit] = set()
+    limits: set[Limit] = set()
     for name, client in clients.items():
-        heard = client.telemetry
+        last = client.telemetry
         if name in failed:
             grid.add_row(name, "lost")
-        elif heard is None:
+        elif last is None:
             grid.add_row(name, "silent")
         else:
-            said = heard.message
-            shown.add(said.limit)
-            faults |= said.faults
+            message = last.message
+            limits.add(message.limit)
+            faults |= message.faults
             grid.add_row(
                 name,
-                said.state.name.lower(),
-                f"{said.tension:.2f}",
-                f"{said.current:.2f}",
-                f"{said.length:.3f}",
-                f"{said.speed:+.2f}",
-                "" if said.limit is Limit.NONE else said.limit.name.lower(),
-                ", ".join(fault.name.lower() for fault in said.faults if fault.name),
-                f"{100 * said.thermal:.0f}",
-                f"{said.supply:.1f}",
-                f"{1e3 * (client.link.clock() - heard.time):.0f}",
-                f"{client.bad_frames + said.bad_frames}/{said.lost_frames}",
+                message.state.name.lower(),
+                f"{message.tension:.2f}",
+                f"{message.current:.2f}",
+                f"{message.length:.3f}",
+                f"{message.speed:+.2f}",
+                "" if message.limit is Limit.NONE else message.limit.name.lower(),
+                ", ".join(fault.name.lower() for fault in message.faults if fault.name),
+                f"{100 * message.thermal:.0f}",
+                f"{message.supply:.1f}",
+                f"{1e3 * (client.link.clock() - last.time):.0f}",
+                f"{client.bad_frames + message.bad_frames}/{message.lost_frames}",
             )
-    lines = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(shown - {Limit.NONE})]
+    lines = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(limits - {Limit.NONE})]
     lines += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
     return Group(grid, Text("\n".join(lines).replace("`", ""), style="dim"))
 
 
-def _plain(name: str, client: ModuleClient) -> dict[str, Any]:
-    """As JSON: what the module said last, codes by their names."""
-    from dataclasses import asdict
-
-    heard = client.telemetry
-    said: dict[str, Any] = {}
-    if heard is not None:
-        message = heard.message
-        said = asdict(message) | {
+def _telemetry_json(name: str, client: ModuleClient) -> dict[str, Any]:
+    """Return the last telemetry as JSON has it: codes by their names."""
+    last = client.telemetry
+    telemetry: dict[str, Any] | None = None
+    if last is not None:
+        message = last.message
+        telemetry = asdict(message) | {
             "state": message.state.name,
             "faults": [fault.name for fault in message.faults],
             "limit": message.limit.name,
             "brake": message.brake.name,
         }
-    age = None if heard is None else client.link.clock() - heard.time
     return {
         "module": name,
         "url": client.link.url,
-        "age": age,
+        "age": None if last is None else client.link.clock() - last.time,
         "bad_frames_here": client.bad_frames,
-        "telemetry": said or None,
+        "telemetry": telemetry,
+    }
+
+
+def ping(
+    links: Links = None,
+    modules: ModulesFile = None,
+    count: Annotated[int, typer.Option(help="Pings to each module.", min=1)] = 200,
+    json: Json = False,
+) -> None:
+    """Measure how long messages take to modules and back, and which cycle rates are safe over these links.
+
+    A set-point must outlive the wait for the next. At the lowest safe rate, three set-points are sent within the
+    module's time to live (TTL), less the 99th percentile of the time to the module (half of the trip); more, where
+    so many pings are lost that all three could be. The highest is 100 Hz over Bluetooth and 1000 Hz over anything
+    else. All modules are measured at the same time. Ctrl-C ends it early. Exit status 1 where a module does not
+    answer, or no rate is safe.
+
+    The clock is how much the module's is ahead of this computer's, as exact as half the shortest trip; it wraps
+    around after 71 minutes.
+    """
+    from tensionlab.hardware.client.latency import is_bluetooth, measure, safe_rates
+
+    urls = find_links(links, modules)
+    done = dict.fromkeys(urls, 0)
+    ttls: dict[str, float] = {}
+
+    with until_interrupted() as interrupted, output.progress("pinging") as progress:
+
+        def job(client: ModuleClient) -> Trips:
+            ttls[client.name] = 1e-3 * client.hello().ttl_ms
+
+            def go_on(now: int) -> bool:
+                done[client.name] = now
+                progress(min(done.values()) / count)
+                return not interrupted()
+
+            return measure(client, count, go_on)
+
+        trips, failed = call_all(urls, job)
+    rates = {
+        name: safe_rates(each, ttls[name], bluetooth=is_bluetooth(urls[name])) for name, each in trips.items()
+    }
+    if json:
+        output.print_json([_trips_json(name, urls[name], trips[name], rates[name], ttls[name]) for name in trips])
+    elif trips:
+        rows = []
+        for name, each in trips.items():
+            rate = rates[name]
+            rows.append(
+                (
+                    name,
+                    str(len(each.times) + each.lost),
+                    str(each.lost),
+                    *(output.short(1e3 * each.percentile(share)) for share in PERCENTILES),
+                    f"{1e3 * ttls[name]:.0f}",
+                    "none" if rate is None else f"{rate[0]:.0f} to {rate[1]:.0f}",
+                    f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else "–",
+                )
+            )
+        output.print_table("", TRIPS, rows, gap=1)
+    for name, rate in rates.items():
+        if rate is None:
+            output.print_error(
+                f"{name}: no rate is safe over this link; make it better, or raise the module's "
+                f"parameter ttl (`tensionlab module config set {urls[name]} ttl=...`)"
+            )
+    exit_if_failed(failed)
+    if None in rates.values():
+        raise typer.Exit(1)
+
+
+def _trips_json(name: str, url: str, trips: Trips, rate: tuple[float, float] | None, ttl: float) -> dict[str, Any]:
+    return {
+        "module": name,
+        "url": url,
+        "pings": len(trips.times) + trips.lost,
+        "lost": trips.lost,
+        "seconds": {f"p{share:.0f}": trips.percentile(share) for share in PERCENTILES[:-1]}
+        | {"max": trips.percentile(100.0)},
+        "ttl": ttl,
+        "safe_rate": rate,
+        "clock_offset": trips.offset,
+        "clock_offset_error": trips.offset_error,
     }

@@ -1,4 +1,4 @@
-"""``tensionlab run``: render forces on the modules of a rig."""
+"""``tensionlab run``: render forces on the modules of a rig; tables of a run and of its end."""
 
 from __future__ import annotations
 
@@ -9,61 +9,74 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.modules import begin_log, reach_modules
+from tensionlab.cli.common.options import Log, Modules, Nearest, RigFile, Solver
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+    from tensionlab.arrays import Floats
     from tensionlab.demand import DemandSource
-    from tensionlab.hardware.runner.runner import Tracker
+    from tensionlab.hardware.runner.runner import Runner, Tracker
+    from tensionlab.hardware.runner.statistics import Statistics
     from tensionlab.model.rig import Rig
 
-REFRESH = 5.0
-"""How often a second the live table is drawn anew."""
+REFRESH_RATE_HZ = 5.0
+"""Of the live table."""
 
 
 def run(
-    rig: Annotated[Path, typer.Argument(help="Rig file (TOML).", show_default=False)],
+    rig: RigFile,
     modules: Modules = None,
     solver: Solver = "newton",
-    nearest: Annotated[
-        str | None, typer.Option(help="Out of reach: force, tension or direction; the solver's own if left out.")
-    ] = None,
+    nearest: Nearest = None,
     force: Annotated[
-        str | None, typer.Option(metavar="X Y Z", help="Force in N; torques in N·m after it, else none.")
+        str | None,
+        typer.Option(
+            metavar="X Y Z", help="Desired force in N; torques in N·m may follow, and are 0 if left out."
+        ),
     ] = None,
     program: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Program (TOML): wrenches one after another.")
+        Path | None, typer.Option(metavar="FILE", help="Program (TOML): desired wrenches one after another.")
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option(metavar="X Y Z", help="Where the point is, in m; told by the lengths if left out."),
+        typer.Option(
+            metavar="X Y Z", help="Position of the point in m; computed from the cable lengths if left out."
+        ),
     ] = None,
-    rate: Annotated[float, typer.Option(callback=positive, help="Cycles a second.")] = 50.0,
+    rate: Annotated[float, typer.Option(callback=options.require_positive, help="Cycles per second.")] = 50.0,
     ttl: Annotated[
         float,
         typer.Option(
-            callback=positive, help="How long a set-point lives in a module, in s; so long may one be silent."
+            callback=options.require_positive,
+            help="Time to live of a set-point in a module, in s; a module that is silent for longer is lost.",
         ),
     ] = 0.25,
     seconds: Annotated[
         float | None,
-        typer.Option(callback=positive, help="How long; until the program's end or Ctrl-C if left out."),
+        typer.Option(
+            callback=options.require_positive, help="Duration; until the program's end or Ctrl-C if left out."
+        ),
     ] = None,
     on_loss: Annotated[
-        str, typer.Option(help="When a module drops out: stop all, or continue with the others.")
+        str,
+        typer.Option(
+            metavar="stop|continue", help="When a module is lost: stop all, or continue with the others."
+        ),
     ] = "stop",
-    log: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print how it went as JSON; no live table.")] = False,
+    log: Log = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and no live table.")] = False,
 ) -> None:
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
 
-    Ctrl-C ends the run; all modules are stopped then, and whatever else ends it. Exit status 1 where something
-    went wrong with a module, a module did not confirm that it has stopped, or an emergency stop ended the run.
+    Ctrl-C ends the run. However it ends, all modules are stopped. Exit status 1 where something went wrong with a
+    module, a module did not confirm that it has stopped, or an emergency stop ended the run.
     """
-    from tensionlab.cli.common.run_table import Screen, summary_table
+    from rich.live import Live
+
     from tensionlab.errors import HardwareError
     from tensionlab.hardware.runner.runner import Runner
     from tensionlab.hardware.runner.settings import RunSettings
@@ -72,16 +85,21 @@ def run(
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
-    check_solver(loaded, solver, nearest)
-    place = _place(loaded, at)
-    group, clock, links = reach_modules(loaded, modules, place)
+    options.check_solvers(loaded, [solver], nearest)
+    tracker = _tracker(loaded, at)
+    group, clock, links = reach_modules(loaded, modules, tracker)
     failure: HardwareError | None = None
     try:
-        runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=place)
+        runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
-            runner.log = log_of(log, loaded, solver, settings, links)
-        shown = sys.stdout.isatty() and not json
-        with Screen(runner, REFRESH) if shown else nullcontext():
+            runner.log = begin_log(log, loaded, solver, settings, links)
+        live = Live(
+            get_renderable=lambda: live_table(runner),
+            console=output.console(),
+            refresh_per_second=REFRESH_RATE_HZ,
+            transient=True,
+        )
+        with live if sys.stdout.isatty() and not json else nullcontext():
             try:
                 runner.run(seconds)
             except HardwareError as error:
@@ -102,7 +120,7 @@ def run(
 
 
 def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
-    """What is to be rendered?"""
+    """Return what is to be rendered."""
     import numpy as np
 
     from tensionlab.demand import Demand
@@ -114,25 +132,110 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
         return load_program(program, rig)
     if force is None:
         return lambda state: Demand()
-    wrench = np.array(output.numbers(force))
+    wrench = np.array(options.parse_numbers(force))
     if not np.isfinite(wrench).all():
         raise typer.BadParameter(f"--force is {force}; give finite numbers, in N and N·m")
-    if wrench.size not in (rig.dimension, rig.n):
-        names = ", ".join(output.components(rig))
-        raise typer.BadParameter(f"--force has {wrench.size} components; {rig.name} needs {rig.n}: {names}")
+    if wrench.size != rig.dimension:
+        options.check_components("--force", wrench.tolist(), output.components(rig), rig.name)
     constant = Demand(np.pad(wrench, (0, rig.n - wrench.size)))
     return lambda state: constant
 
 
-def _place(rig: Rig, at: str | None) -> Tracker | None:
-    """Where is the point at each time? None if the cable lengths are to tell."""
+def _tracker(rig: Rig, at: str | None) -> Tracker | None:
+    """Return where the point is at each time; None if the cable lengths are to show it."""
     import numpy as np
 
     from tensionlab.demand import Pose
 
     if at is None:
         return None
-    position = np.array(output.numbers(at))
-    rig.lengths(position, frames=rig.at_rest)  # refuses what is no place
+    position = np.array(options.parse_numbers(at))
+    rig.lengths(position, frames=rig.at_rest)  # refuses what is no position
     pose = Pose(position, frames=rig.at_rest)
     return lambda time: pose
+
+
+def live_table(runner: Runner) -> RenderableType:
+    """Return a table of how each module is now, and how the run goes."""
+    from rich.console import Group
+    from rich.text import Text
+
+    from tensionlab.hardware.protocol.codes import Fault, Limit, State
+
+    cycle = runner.latest
+    if cycle is None:
+        return Text("arming ...")
+    state = cycle.state
+    desired = "taut cables" if cycle.demand.wrench is None else _components(cycle.demand.wrench)
+    measured = _components(state.structure @ state.tensions)
+    rows = []
+    for index, module in enumerate(runner.rig.modules):
+        limit, faults = Limit(int(state.limits[index])), Fault(int(state.faults[index]))
+        active = state.active[index]
+        rows.append(
+            (
+                module.name,
+                f"{cycle.sent[index]:.2f} N",
+                f"{state.tensions[index]:.2f} N",
+                limit.name.lower() if active and limit is not Limit.NONE else "",
+                State(int(state.states[index])).name.lower() if active else f"lost {faults.name or ''}",
+                f"{100.0 * state.thermal[index]:.0f} %",
+                f"{1e3 * state.ages[index]:.0f} ms",
+            )
+        )
+    times, statistics = runner.statistics.percentiles(), runner.statistics
+    figures = [_counts(statistics), f"start jitter {output.duration(times['late'][1])}"]
+    figures.append(f"compute time {output.duration(times['work'][1])} (p99)")
+    if statistics.missed:
+        figures.append(f"{statistics.missed} deadlines missed")
+    title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"
+    headings = ("<module", "commanded", "measured", "<limited by", "<state", "heat", "age")
+    return Group(
+        Text(title, style="bold"), output.table("", headings, rows), Text(" · ".join(figures), style="dim")
+    )
+
+
+def summary_table(runner: Runner) -> Table:
+    """Return a table of how a run went."""
+    statistics = runner.statistics
+    times = statistics.percentiles()
+    rows = [
+        ("answers", _counts(statistics)),
+        ("start jitter", _spread(times["late"])),
+        ("compute time of a cycle", _spread(times["work"])),
+        ("deadlines missed", str(statistics.missed)),
+    ]
+    if statistics.slewed:
+        rows.append(("cycles that were slew-rate limited", str(statistics.slewed)))
+    for name, count in statistics.late_telemetry.items():
+        rows.append((f"cycles with late telemetry of {name}", str(count)))
+    for client in runner.modules.clients:
+        if client.bad_frames:
+            rows.append((f"damaged frames of {client.name}", str(client.bad_frames)))
+    for name, upper in statistics.derated.items():
+        rows.append((f"derated: {name}", f"down to {upper:.2f} N, so that it did not get too hot"))
+    rows += [(f"lost: {name}", why) for name, why in statistics.lost.items()]
+    title = f"{runner.rig.name}: {statistics.cycles} cycles, finished: {statistics.ended}"
+    table = output.table(title, ("<", "<"), rows)
+    table.show_header = False
+    return table
+
+
+def _components(wrench: Floats) -> str:
+    """Return components that keep their width from one drawing to the next."""
+    return "(" + ", ".join(f"{value + 0.0:5.2f}" for value in wrench.round(2)) + ")"
+
+
+def _counts(statistics: Statistics) -> str:
+    """Return how many answers have which status."""
+    from tensionlab.solvers.base import Status
+
+    counts = [f"{statistics.statuses[status]} {status.name}" for status in Status if statistics.statuses[status]]
+    if statistics.replaced:
+        counts.append(f"{statistics.replaced} by newton, as fallback of the solver")
+    return ", ".join(counts) or "none"
+
+
+def _spread(times: tuple[float, ...]) -> str:
+    median, p99, largest = map(output.duration, times[:3])
+    return f"{median} median, {p99} p99, {largest} max"

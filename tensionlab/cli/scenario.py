@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, module_links, note_simulated, positive
-from tensionlab.cli.ending import INTERRUPTED, say
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.modules import module_links, print_simulated
+from tensionlab.cli.common.options import Modules, Solver
+from tensionlab.cli.common.output import INTERRUPTED
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def scenario(
     modules: Modules = None,
     solver: Solver = "newton",
     seconds: Annotated[
-        float | None, typer.Option(callback=positive, help="How much of it; all if left out.")
+        float | None, typer.Option(callback=options.require_positive, help="How much of it; all if left out.")
     ] = None,
     osc: Annotated[
         int | None,
@@ -43,12 +44,12 @@ def scenario(
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
+        typer.Option(metavar="FILE.mcap", callback=options.output_file(".mcap"), help="Keep every cycle there."),
     ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", callback=output.picture_file, help="The picture.  [default: scenario-NAME.png]"
+            metavar="FILE", callback=options.picture_file, help="The picture.  [default: scenario-NAME.png]"
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print what was felt as JSON.")] = False,
@@ -69,7 +70,7 @@ def scenario(
         _list(json)
         return
     played_one = load_scenario(name)
-    check_solver(played_one.rig, solver, played_one.nearest)
+    options.check_solvers(played_one.rig, [solver], played_one.nearest)
     if seconds is not None and not 0.0 < seconds <= played_one.seconds:
         raise typer.BadParameter(f"--seconds is above 0 and at most {played_one.seconds:g}; got {seconds:g}")
     picture = plot or Path(f"scenario-{played_one.name}.png")
@@ -80,7 +81,7 @@ def scenario(
             call = ["tensionlab", *sys.argv[1:]]
             played = play(played_one, reached, solver, seconds, log, call, progress)
         except HardwareError as error:
-            say(str(error))
+            output.print_error(str(error))
             raise typer.Exit(1) from None
     interrupted = played.statistics.ended.startswith("signal") and not played.statistics.emergency
     whole = seconds in (None, played_one.seconds) and not interrupted
@@ -95,7 +96,7 @@ def scenario(
             if not whole:
                 typer.echo("What it should feel like is judged when it is played as a whole.")
     if interrupted:
-        say(f"interrupted after {len(played.run)} cycles; its modules have been stopped")
+        output.print_error(f"interrupted after {len(played.run)} cycles; its modules have been stopped")
         raise typer.Exit(INTERRUPTED)
     wrong = not all(row.met for row in rows) or found.reasons["unexplained"] > 0
     if wrong or played.statistics.unconfirmed or played.statistics.lost or played.statistics.emergency:
@@ -115,7 +116,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     if modules is None:
         if osc is not None:
             raise typer.BadParameter("--osc is for real modules; of a simulated person it is known where it is")
-        note_simulated()
+        print_simulated()
         reached = simulated(scenario)
         opened.callback(reached.group.close)
         return reached
@@ -151,9 +152,8 @@ def _list(json: bool) -> None:
             for each in loaded
         ])  # fmt: skip
         return
-    table = output.table("Layouts and numbers are proposals of this project, after the publication's scenarios.")
-    for heading in ("name", "what", "room", "body", "s"):
-        table.add_column(heading, justify="right" if heading in ("room", "body", "s") else "left")
+    title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
+    table = output.table(title, ("<name", "<what", "room", "body", "s"))
     for each in loaded:
         worn = sum(module.frame in each.rig.frames for module in each.rig.modules)
         table.add_row(each.name, each.about, str(each.rig.m - worn), str(worn), f"{each.seconds:g}")
@@ -163,9 +163,8 @@ def _list(json: bool) -> None:
 def _show(played: play.Played, rows: tuple[feel.Row, ...], found: Directions) -> None:
     """Print what was felt, and where forces pointed."""
     console = output.console()
-    table = output.table(f"{played.scenario.title}: {played.scenario.about}")
-    for heading in ("", "felt", "expected", "", ""):
-        table.add_column(heading, justify="right" if heading in ("felt", "expected") else "left")
+    title = f"{played.scenario.title}: {played.scenario.about}"
+    table = output.table(title, ("<", "measured", "expected", "<", "<"))
     for row in rows:
         unit = "" if row.unit == "1" else row.unit
         bounds = f"{output.short(row.low)} to {output.short(row.high)}"

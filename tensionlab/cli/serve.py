@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, log_of, positive, reach_modules
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.modules import begin_log, reach_modules
+from tensionlab.cli.common.options import Modules, Solver
 
 if TYPE_CHECKING:
     from tensionlab.hardware import Runner, RunSettings
@@ -42,11 +43,13 @@ def serve(
     rate: Annotated[
         float | None,
         typer.Option(
-            callback=positive, help="Cycles a second.  [default: 50, or the scenario's]", show_default=False
+            callback=options.require_positive,
+            help="Cycles a second.  [default: 50, or the scenario's]",
+            show_default=False,
         ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(callback=positive, help="How long; until Ctrl-C if left out.")
+        float | None, typer.Option(callback=options.require_positive, help="How long; until Ctrl-C if left out.")
     ] = None,
     host: Annotated[
         str, typer.Option(help=f"Where to listen; beyond this machine with a token only: {TOKEN} or --token-file.")
@@ -74,14 +77,14 @@ def serve(
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.mcap", callback=output.output_file(".mcap"), help="Keep every cycle there."),
+        typer.Option(metavar="FILE.mcap", callback=options.output_file(".mcap"), help="Keep every cycle there."),
     ] = None,
 ) -> None:
     """Let a program drive a rig over a WebSocket: poses and effects in, the state out. BRIDGE.md has the messages.
 
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
-    from tensionlab.cli.common.run_table import summary_table
+    from tensionlab.cli.run import summary_table
     from tensionlab.haptics.bridge.client_state import HAND, Mailbox
     from tensionlab.haptics.bridge.events import News
     from tensionlab.haptics.bridge.messages import Welcome
@@ -97,7 +100,7 @@ def serve(
 
     loaded, played_one = _loaded(rig, scenario)
     settings, mailbox = _settings(played_one, rate), Mailbox(loaded)
-    check_solver(loaded, solver, settings.nearest)
+    options.check_solvers(loaded, [solver], settings.nearest)
     follow = tracked_pose(loaded, mailbox)
     welcome = Welcome(
         rig=loaded.name,
@@ -133,7 +136,7 @@ def serve(
         tracker = follow if played_one is not None or needs_tracker(loaded) else None
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
-            runner.log = log_of(log, loaded, solver, settings, links)
+            runner.log = begin_log(log, loaded, solver, settings, links)
         failed = _run(runner, seconds)
         news.note("ended", runner.statistics.ended)
     output.console().print(summary_table(runner))

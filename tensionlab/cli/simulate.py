@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
+from tensionlab.cli.common import options
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def simulate(
     pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
     modules: Annotated[
         Path | None,
-        typer.Option(callback=output.output_file(".toml"), help="Write the modules file there as well."),
+        typer.Option(callback=options.output_file(".toml"), help="Write the modules file there as well."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all noise and accidents.", min=0)] = 0,
     latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.")] = 0.0,
@@ -60,7 +60,7 @@ def simulate(
     record: Annotated[
         Path | None,
         typer.Option(
-            callback=output.output_file(".csv"), help="Write there (CSV) what the cables really pull with."
+            callback=options.output_file(".csv"), help="Write there (CSV) what the cables really pull with."
         ),
     ] = None,
     scenario: Annotated[
@@ -94,7 +94,7 @@ def simulate(
     config_file: Annotated[
         Path | None,
         typer.Option(
-            callback=output.output_file(),
+            callback=options.output_file(),
             help="Settings, read at the start and written when the module saves. In a rig, -1, -2, ... is put "
             "before the suffix.",
         ),
@@ -137,7 +137,7 @@ def simulate(
         person = None if played is None else _person(played, tracker, opened)
         far_ends = {} if person is None else person.far_ends
         if orbit is not None:
-            far_ends = _orbit(loaded, output.numbers(orbit))
+            far_ends = _orbit(loaded, options.parse_numbers(orbit))
         simulated = (
             one_module(seed, config_file)
             if loaded is None

@@ -1,23 +1,20 @@
-"""``tensionlab solvers``: which ways to choose there are."""
+"""``tensionlab solvers``: the solvers, and what each minimises."""
 
 from __future__ import annotations
 
 import inspect
 import re
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from tensionlab.cli.common import output
+from tensionlab.cli.common.options import Json
 
 # How the docstrings of solvers name their publications: "Source: ...", or a section "References".
 SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.DOTALL)
 
 
-def solvers(
-    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
-) -> None:
-    """List the solvers: what each minimises, which policies it honours, where it was published."""
+def solvers(json: Json = False) -> None:
+    """List the solvers: what each minimises, its policies for infeasible wrenches, where it was published."""
     from tensionlab.solvers import SOLVERS, make, plugins
     from tensionlab.solvers.selection import every_solver
 
@@ -40,20 +37,27 @@ def solvers(
     if json:
         output.print_json({"solvers": entries, "broken": broken})
         return
-    grid = output.table()
-    for heading in ("solver", "installed", "nearest", "minimises, among tensions that render the wrench"):
-        grid.add_column(heading, no_wrap=heading == "solver")
-    for entry in entries:
-        grid.add_row(
-            entry["solver"],
-            "yes" if entry["installed"] else "no",
-            ", ".join(entry["nearest"]) or "–",
-            entry["objective"],
-        )
     from rich.text import Text
 
+    output.print_table(
+        "",
+        (
+            "<solver",
+            "<installed",
+            "<if infeasible, nearest in",
+            "<minimises, among tensions that render the wrench",
+        ),
+        (
+            (
+                entry["solver"],
+                "yes" if entry["installed"] else "no",
+                ", ".join(entry["nearest"]) or "–",
+                entry["objective"],
+            )
+            for entry in entries
+        ),
+    )
     console = output.console()
-    console.print(grid)
     console.print()
     families: dict[str, str] = {}
     for entry in entries:
@@ -61,6 +65,6 @@ def solvers(
     for family, source in families.items():
         if source:
             console.print(Text.assemble((family, "bold"), f": {source}"))
-    console.print('\nA missing one: pip install "tensionlab[solvers]" brings every QP backend.', style="dim")
+    console.print('\nTo install all QP backends: pip install "tensionlab[solvers]"', style="dim")
     for fault in broken.values():
         console.print(f"Left out: {fault}", style="red", soft_wrap=True)

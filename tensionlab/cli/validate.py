@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tensionlab.cli.common import output
-from tensionlab.cli.common.rig_modules import Modules, Solver, check_solver, module_links, note_simulated
-from tensionlab.cli.ending import INTERRUPTED, say
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.modules import module_links, print_simulated
+from tensionlab.cli.common.options import Modules, Solver
+from tensionlab.cli.common.output import INTERRUPTED
 
 if TYPE_CHECKING:
     from contextlib import ExitStack
@@ -54,7 +55,7 @@ def validate(
         Path | None,
         typer.Option(
             metavar="DIR",
-            callback=output.output_folder(),
+            callback=options.output_folder(),
             help="Folder for measurements and report.",
             show_default=False,
         ),
@@ -77,7 +78,7 @@ def validate(
     plan = _plan(rig, modules, sensor, solver, preset, seed, hold)
     total = len(plan.protocol.forces)
     if modules is None:
-        note_simulated()
+        print_simulated()
     with ExitStack() as opened, output.progress(f"{total} forces") as progress:
         reached = None if modules is None else _reached(plan, modules, sensor, opened)
         try:
@@ -85,10 +86,10 @@ def validate(
         except LogError:
             raise  # the folder is not the right one
         except HardwareError as error:
-            say(str(error))
+            output.print_error(str(error))
             raise typer.Exit(1) from None
     if len(measurements) < total:
-        say(
+        output.print_error(
             f"interrupted: {len(measurements)} of {total} forces are measured; the same command goes on with the "
             "others"
         )
@@ -106,13 +107,9 @@ def _show(result: Result, plan: Plan) -> None:
     """Print measured beside published values."""
     from tensionlab.validation.report import HEADINGS, remarks, rows
 
-    table = output.table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces")
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if not heading else "right")
-    for row in rows(result):
-        table.add_row(*row)
+    headings = [heading or "<" for heading in HEADINGS]
+    output.print_table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces", headings, rows(result))
     console = output.console()
-    console.print(table)
     console.print()
     for remark in remarks(result):
         console.print(remark)
@@ -148,7 +145,7 @@ def _plan(
         raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     loaded = ring_plus_top(1.0) if rig is None else load_rig(rig)
     require_point(loaded)
-    check_solver(loaded, solver, None)
+    options.check_solvers(loaded, [solver], None)
     chosen = (preset or "paper-like") if modules is None else None
     return Plan(loaded, solver, Protocol(hold=hold), chosen, seed)
 

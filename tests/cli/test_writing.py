@@ -153,7 +153,7 @@ def prepared(tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """Leave out what takes long, wants hardware or never ends; all that writes is real."""
-    from tensionlab.cli import calibrate_rig, rig
+    from tensionlab.cli import module_calibrate, rig
     from tensionlab.hardware.calibration import lengths
     from tensionlab.model import caspr
 
@@ -178,7 +178,7 @@ def quick(monkeypatch):
 
     monkeypatch.setattr(bench, "measure", measured)
     monkeypatch.setattr(serving, "serve", served)
-    monkeypatch.setattr(calibrate_rig, "_group", nobody)
+    monkeypatch.setattr(module_calibrate, "_group", nobody)
     monkeypatch.setattr(lengths, "record_lengths", lambda *_: np.ones((3, 4)))
     monkeypatch.setattr(caspr, "load_caspr", lambda *_: load_rig(RIG))
     assert rig

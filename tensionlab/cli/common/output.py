@@ -1,4 +1,4 @@
-"""What the verbs share: numbers from words, files to write, words from numbers, tables, JSON and progress."""
+"""What verbs print and write: tables, JSON, numbers as text, progress, files, and messages on stderr."""
 
 from __future__ import annotations
 
@@ -6,120 +6,44 @@ import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import typer
 
-from tensionlab.errors import WriteError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, WriteError
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, RenderableType
     from rich.table import Table
 
     from tensionlab.model.rig import Rig
 
-WIDTH = 120
+PIPE_WIDTH = 120
 """Columns of a table where stdout is no terminal."""
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 + SIGINT, as a shell has it."""
 
 
-def numbers(text: str) -> list[float]:
-    """Which numbers a word lists; separated by commas or spaces.
-
-    Raises
-    ------
-    BadParameter
-        If one of them is not a number, or there is none.
-    """
-    parts = text.replace(",", " ").split()
-    try:
-        values = [float(part) for part in parts]
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is not a list of numbers; write them like 0 -0.1 0.3") from None
-    if not values:
-        raise typer.BadParameter("no numbers; write them like 0 -0.1 0.3")
-    return values
+def print_error(text: str) -> None:
+    """Print one line about what went wrong on stderr: of limited length, with nothing that moves a cursor."""
+    with contextlib.suppress(OSError, ValueError):
+        print(clip(f"tensionlab: {text}"), file=sys.stderr, flush=True)
 
 
-def words(options: list[str] | None) -> list[str] | None:
-    """Which words an option lists, given once or repeatedly, each with commas or not; None if left out."""
-    if options is None:
-        return None
-    return [word.strip() for option in options for word in option.split(",") if word.strip()]
-
-
-def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
-    """Whether these solvers serve the rig with that policy; asked before the work.
-
-    Raises
-    ------
-    BadParameter
-        If one does not, or there is no such policy.
-    UnknownSolver, MissingDependency, PluginError
-        As `lineup`.
-    """
-    from tensionlab.solvers.selection import lineup
-
-    try:
-        lineup(names, nearest, (rig.n, rig.m))
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from None
-
-
-def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback for an option that names a file to write, which is checked before the work.
-
-    Parameters
-    ----------
-    suffixes : str
-        Those that the file may have, in lower case.
-    """
-
-    def check(path: Path | None) -> Path | None:
-        if path is not None:
-            with _as_bad_parameter():
-                writing.require_writable(path, suffixes)
-        return path
-
-    return check
-
-
-def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
-    """Return a callback for an option that names a folder to write to; as `output_file`."""
-
-    def check(path: Path | None) -> Path | None:
-        if path is not None:
-            with _as_bad_parameter():
-                if path.suffix.lower() != suffix and suffix:
-                    raise WriteError(f"{path}: the name must end in {suffix}")
-                writing.require_folder(path, parents=parents)
-        return path
-
-    return check
-
-
-def picture_file(path: Path | None) -> Path | None:
-    """Check that a picture can be written there; as the callback of `output_file`."""
-    if path is None:
-        return None
-    from tensionlab.plots import METADATA
-
-    return output_file(*METADATA)(path)
-
-
-@contextlib.contextmanager
-def _as_bad_parameter() -> Iterator[None]:
-    """Have the parser say which option it was."""
-    try:
-        yield
-    except WriteError as error:
-        raise typer.BadParameter(str(error)) from None
+def clip(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
+    """Return a text as one line of so many characters at most; what is left out is in its middle."""
+    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in " ".join(text.split()))
+    if len(line) <= length:
+        return line
+    end = length // 3
+    return f"{line[: length - end - 5]} ... {line[-end:]}"
 
 
 class Keeper:
-    """Writes results to files; says where they are, and what could not be written, when they have been shown.
+    """Writer of result files, which says where they are, or could not be written, after the results are shown.
 
     A context manager: its block shows the results.
 
@@ -135,11 +59,11 @@ class Keeper:
         self._failed: list[WriteError] = []
 
     def __enter__(self) -> Self:
-        """Write, and show meanwhile."""
+        """Return itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Say where files are.
+        """Print where files are.
 
         Raises
         ------
@@ -153,7 +77,7 @@ class Keeper:
             raise self._failed[0]
 
     def write(self, name: str, path: Path, write: Callable[[Path], object]) -> bool:
-        """Write a file, and return whether that went well. Without a name, it is not shown where."""
+        """Write a file, and return whether that went well. Without a name, its place is not printed."""
         try:
             write(path)
         except WriteError as error:
@@ -174,7 +98,7 @@ class Keeper:
 
 
 def short(value: float) -> str:
-    """Two significant digits in at most six characters; a dash for NaN."""
+    """Return a number with two significant digits in at most six characters; a dash for NaN."""
     if math.isnan(value):
         return "–"
     size = abs(value)
@@ -188,7 +112,7 @@ def short(value: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A time with the unit that suits it."""
+    """Return a time with the unit that suits it; a dash for NaN."""
     for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
         if seconds >= 0.9995 * size:
             value = seconds / size
@@ -197,12 +121,12 @@ def duration(seconds: float) -> str:
 
 
 def vector(values: Any) -> str:
-    """Components in brackets, without trailing zeros."""
+    """Return components in brackets, without trailing zeros."""
     return "(" + ", ".join(f"{float(value):.4g}" for value in values) + ")"
 
 
 def components(rig: Rig) -> list[str]:
-    """Names and units of the components of a rig's wrench."""
+    """Return names and units of the components of a rig's wrench."""
     axes = "xyz"[: rig.dimension]
     torques = axes if rig.n == 6 else "z" if rig.n > rig.dimension else ""
     return [f"F{axis} (N)" for axis in axes] + [f"M{axis} (N·m)" for axis in torques]
@@ -217,19 +141,33 @@ def console(*, stderr: bool = False) -> Console:
 
     class Screen(Console):
         def on_broken_pipe(self) -> None:
-            """Let `tensionlab.cli.ending` see it."""
+            """Let `tensionlab.cli.main` see it."""
             raise  # noqa: PLE0704 - rich calls this where it has caught the error
 
-    width = None if sys.stdout.isatty() or stderr else WIDTH
+    width = None if sys.stdout.isatty() or stderr else PIPE_WIDTH
     return Screen(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
 
 
-def table(title: str = "", gap: int = 2) -> Table:
-    """Make an empty table in the house's style, with so many spaces between columns."""
+def table(
+    title: str, headings: Sequence[str], rows: Iterable[Sequence[RenderableType]] = (), *, gap: int = 2
+) -> Table:
+    """Return a table in the style of all verbs.
+
+    Parameters
+    ----------
+    title : str
+        Above the table; none if empty.
+    headings : sequence of str
+        One for each column. Columns are for numbers, to the right and on one line; those whose heading begins
+        with ``<`` are for text, to the left and on several lines where there is no room.
+    rows : iterable of sequences
+    gap : int
+        Spaces between columns.
+    """
     from rich import box
     from rich.table import Table
 
-    return Table(
+    grid = Table(
         title=title or None,
         title_justify="left",
         title_style="bold",
@@ -238,6 +176,21 @@ def table(title: str = "", gap: int = 2) -> Table:
         pad_edge=False,
         show_edge=False,
     )
+    for heading in headings:
+        text = heading.startswith("<")
+        grid.add_column(
+            heading.removeprefix("<"), justify="left" if text else "right", overflow="fold", no_wrap=not text
+        )
+    for row in rows:
+        grid.add_row(*row)
+    return grid
+
+
+def print_table(
+    title: str, headings: Sequence[str], rows: Iterable[Sequence[RenderableType]], *, gap: int = 2
+) -> None:
+    """Print a table; parameters as `table`."""
+    console().print(table(title, headings, rows, gap=gap))
 
 
 def print_json(value: Any) -> None:
@@ -246,7 +199,7 @@ def print_json(value: Any) -> None:
 
 
 def plain(value: Any) -> Any:
-    """The same in lists, dicts, strings, whole numbers and finite floats."""
+    """Return the same in lists, dicts, strings, whole numbers and finite floats, as JSON has them."""
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, float):
@@ -258,6 +211,11 @@ def plain(value: Any) -> Any:
     return value
 
 
+def fields(thing: object, *names: str) -> dict[str, Any]:
+    """Return some attributes of a thing by their names, for JSON."""
+    return {name: getattr(thing, name) for name in names}
+
+
 @contextlib.contextmanager
 def progress(what: str) -> Iterator[Callable[[float], None]]:
     """Show a bar on stderr while the work lasts, if that is a terminal; it vanishes when done.
@@ -265,7 +223,7 @@ def progress(what: str) -> Iterator[Callable[[float], None]]:
     Yields
     ------
     callable
-        To be told the share that is done, from 0 to 1.
+        Called with the share that is done, from 0 to 1.
     """
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 

@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from benchmarks.processes import simulated
-from tensionlab.cli.common.rig_modules import module_links, reach_modules
+from tensionlab.cli.common.modules import module_links, reach_modules
 from tensionlab.demand import Pose
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import load_rig

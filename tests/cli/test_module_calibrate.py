@@ -59,10 +59,10 @@ def test_what_is_sure_is_written_and_what_is_vague_is_not(run, monkeypatch):
     assert code == 0
     assert "Written and saved" in out
     assert "tension for each ampere" in out
-    monkeypatch.setattr(sys.modules["tensionlab.cli.calibrate"], "SURE", 1e-6)
+    monkeypatch.setattr(sys.modules["tensionlab.cli.module_calibrate"], "LARGEST_UNCERTAINTY", 1e-6)
     code, out, err = run("gain", "sim:", "--mass", 0.1, "--repeat", 2, "--write")
     assert code == 1
-    assert "not written: N/A is only sure to" in err
+    assert "not written: N/A is only certain to" in err
     assert "Written" not in out
 
 

@@ -1,0 +1,182 @@
+"""Modules that a verb reaches: by links, by a modules file, or simulated in this process."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+import typer
+
+from tensionlab.cli.common.output import print_error
+
+if TYPE_CHECKING:
+    from tensionlab.errors import HardwareError
+    from tensionlab.hardware.client.group import ModuleGroup
+    from tensionlab.hardware.client.module import ModuleClient
+    from tensionlab.hardware.log.writer import RunLog
+    from tensionlab.hardware.runner.settings import Clock, RunSettings
+    from tensionlab.hardware.simulation.world import Motion
+    from tensionlab.model.rig import Rig
+
+Answer = TypeVar("Answer")
+
+
+def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
+    """Return the URLs of the modules that are meant, by their names. Without a file, a URL is its own name.
+
+    Raises
+    ------
+    BadParameter
+        For a name that the file does not have, for a module that is there twice, and if none is meant.
+    LinkError
+        For what is no URL.
+    """
+    from tensionlab.hardware.client.links import KINDS, require_known
+    from tensionlab.hardware.client.locks import normalised
+    from tensionlab.hardware.client.modules_file import load_modules
+
+    if file is not None:
+        links = load_modules(file)
+        for word in words or ():
+            if word not in links:
+                raise typer.BadParameter(f"{file} has no module {word!r}; it has {', '.join(links)}")
+        found = {name: links[name] for name in words or links}
+    elif words:
+        found = {url: url for url in words}
+    else:
+        raise typer.BadParameter(f"no modules; give --modules FILE, or links:\n{KINDS}")
+    if words and len(found) < len(words):
+        raise typer.BadParameter("a module is there twice; give each once")
+    for url in found.values():
+        require_known(url)
+    reached = [normalised(url) for url in found.values() if url != "sim:"]
+    if len(set(reached)) < len(reached):
+        raise typer.BadParameter("two of these links reach the same module; give each once")
+    return found
+
+
+def call_all(
+    links: Mapping[str, str], job: Callable[[ModuleClient], Answer]
+) -> tuple[dict[str, Answer], dict[str, HardwareError]]:
+    """Carry out a job on all modules at the same time, and return answers and errors by the modules' names.
+
+    Parameters
+    ----------
+    links : mapping of str to str
+        URLs by names.
+    job : callable
+        What to do with each module; called from a thread of its own.
+    """
+    from concurrent.futures import ThreadPoolExecutor
+
+    from tensionlab.errors import HardwareError
+    from tensionlab.hardware.client.module import ModuleClient
+
+    answers: dict[str, Answer] = {}
+    failed: dict[str, HardwareError] = {}
+
+    def call(name: str) -> None:
+        try:
+            with ModuleClient(name, links[name]) as client:
+                answers[name] = job(client)
+        except HardwareError as error:
+            failed[name] = error
+
+    with ThreadPoolExecutor(len(links)) as threads:
+        list(threads.map(call, links))
+    return {name: answers[name] for name in links if name in answers}, {
+        name: failed[name] for name in links if name in failed
+    }
+
+
+def exit_if_failed(failed: Mapping[str, HardwareError]) -> None:
+    """Print each error on a line, and leave with exit status 1 if there is one."""
+    for name, error in failed.items():
+        text = str(error)
+        print_error(text if name in text else f"module {name!r}: {text}")
+    if failed:
+        raise typer.Exit(1)
+
+
+@contextmanager
+def until_interrupted() -> Iterator[Callable[[], bool]]:
+    """Let Ctrl-C, and SIGTERM, end the work in good order; yield whether one has come."""
+    came: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda number, _: came.append(number)) for number in numbers]
+    try:
+        yield lambda: bool(came)
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+class Reached(NamedTuple):
+    """All modules of a rig, open: their clients, the clock that they go by, and where each was reached."""
+
+    group: ModuleGroup
+    clock: Clock
+    links: dict[str, str]
+
+
+def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reached:
+    """Reach all modules of a rig, or simulate them in this process, which is printed.
+
+    Parameters
+    ----------
+    modules : str or None
+        Value of ``--modules``; simulated ones if it is left out.
+    motion : callable or None
+        Where the platform is that simulated modules hold, at a time in s; at the rig's home if None.
+
+    Raises
+    ------
+    BadParameter
+        For a number of links that is not that of the modules.
+    HardwareError
+        As `load_modules` and `connect` do.
+    """
+    from tensionlab.hardware.client.group import connect
+    from tensionlab.hardware.runner.settings import RealClock, WorldClock
+    from tensionlab.hardware.simulation.world import World
+
+    if modules is None:
+        print_simulated()
+        world = World(rig, motion)
+        links = dict.fromkeys((module.name for module in rig.modules), "sim:")
+        return Reached(world.group(), WorldClock(world, paced=True), links)
+    links = module_links(rig, modules)
+    return Reached(connect(rig, links), RealClock(), links)
+
+
+def print_simulated() -> None:
+    """Print that the modules are simulated, so that nobody waits for real ones to pull."""
+    typer.echo("no --modules: these are simulated, in this process", err=True)
+
+
+def module_links(rig: Rig, modules: str) -> dict[str, str]:
+    """Return the URL of each module of a rig, from the value of ``--modules``."""
+    from tensionlab.hardware.client.modules_file import load_modules
+
+    if modules.endswith(".toml"):
+        return load_modules(modules)
+    urls = [url.strip() for url in modules.split(",") if url.strip()]
+    if len(urls) != rig.m:
+        names = ", ".join(module.name for module in rig.modules)
+        raise typer.BadParameter(
+            f"--modules has {len(urls)} links, {rig.name} has {rig.m} modules ({names}); give a link for each, "
+            "or a file that ends in .toml"
+        )
+    return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
+
+
+def begin_log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
+    """Begin the log of a run."""
+    from tensionlab.hardware.log.writer import RunLog
+    from tensionlab.records import manifest
+
+    return RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)

@@ -1,0 +1,174 @@
+"""Arguments and options that several verbs share, and how their values are read and checked."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.errors import WriteError
+from tensionlab.files import writing
+
+if TYPE_CHECKING:
+    from tensionlab.model.rig import Rig
+
+
+def parse_numbers(text: str) -> list[float]:
+    """Return the numbers in a text, separated by commas or spaces.
+
+    Raises
+    ------
+    BadParameter
+        If one of them is not a number, or there is none.
+    """
+    parts = text.replace(",", " ").split()
+    try:
+        values = [float(part) for part in parts]
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a list of numbers; write them like 0 -0.1 0.3") from None
+    if not values:
+        raise typer.BadParameter("no numbers; write them like 0 -0.1 0.3")
+    return values
+
+
+def parse_names(values: list[str] | None) -> list[str] | None:
+    """Return the names in an option, given once or repeatedly, each with commas or not; None if left out."""
+    if values is None:
+        return None
+    return [name.strip() for value in values for name in value.split(",") if name.strip()]
+
+
+def require_positive(value: float | None) -> float | None:
+    """Refuse a number that is not finite and above 0, as the callback of an option."""
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter(f"give a finite number above 0; got {value:g}")
+    return value
+
+
+def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
+    """Refuse solvers that do not serve the rig with that policy, before the work.
+
+    Raises
+    ------
+    BadParameter
+        If one does not, or there is no such policy.
+    UnknownSolver, MissingDependency, PluginError
+        If one does not exist, is not installed, or cannot be used.
+    """
+    from tensionlab.solvers.selection import lineup
+
+    try:
+        lineup(names, nearest, (rig.n, rig.m))
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+def check_components(option: str, values: list[float], names: list[str], owner: str) -> None:
+    """Refuse an option that has another number of values than what it is about has components."""
+    if len(values) != len(names):
+        raise typer.BadParameter(
+            f"{option} has {len(values)} components; {owner} needs {len(names)}: {', '.join(names)}"
+        )
+
+
+def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
+    """Return a callback for an option that names a file to write, which is checked before the work.
+
+    Parameters
+    ----------
+    suffixes : str
+        Those that the file may have, in lower case.
+    """
+
+    def check(path: Path | None) -> Path | None:
+        if path is not None:
+            with _as_bad_parameter():
+                writing.require_writable(path, suffixes)
+        return path
+
+    return check
+
+
+def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
+    """Return a callback for an option that names a folder to write to; as `output_file`."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is not None:
+            with _as_bad_parameter():
+                if path.suffix.lower() != suffix and suffix:
+                    raise WriteError(f"{path}: the name must end in {suffix}")
+                writing.require_folder(path, parents=parents)
+        return path
+
+    return check
+
+
+def picture_file(path: Path | None) -> Path | None:
+    """Check that a picture can be written there; as the callback of `output_file`."""
+    if path is None:
+        return None
+    from tensionlab.plots import METADATA
+
+    return output_file(*METADATA)(path)
+
+
+@contextlib.contextmanager
+def _as_bad_parameter() -> Iterator[None]:
+    """Have the parser say which option it was."""
+    try:
+        yield
+    except WriteError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
+At = Annotated[str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")]
+Solver = Annotated[str, typer.Option(help="Name of a solver, as `tensionlab solvers` lists them.")]
+Nearest = Annotated[
+    str | None,
+    typer.Option(
+        metavar="POLICY",
+        help="What to render where the wrench is infeasible: the nearest in force, tension or direction. "
+        "The solver's own choice if left out.",
+    ),
+]
+Plot = Annotated[
+    Path | None, typer.Option(metavar="FILE", callback=picture_file, help="Draw to this file (png, pdf, svg).")
+]
+Rows = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="FILE", callback=output_file(".parquet"), help="Write the rows to this Parquet file."
+    ),
+]
+Log = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.mcap",
+        callback=output_file(".mcap"),
+        help="Log every cycle to this file; see `tensionlab log`.",
+    ),
+]
+Modules = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE|URL,...",
+        help="Modules file, or one link for each module, in the rig's order. Left out: modules simulated in this "
+        "process.",
+    ),
+]
+Links = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[URL...]", help="Links to modules; with --modules, names of modules.", show_default=False
+    ),
+]
+ModulesFile = Annotated[
+    Path | None,
+    typer.Option("--modules", metavar="FILE", help="Modules file (TOML): all of its modules, or those named."),
+]

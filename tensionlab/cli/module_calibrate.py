@@ -1,0 +1,379 @@
+"""``tensionlab module calibrate``: gain and friction of modules, lengths of cables, anchors of rigs."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import Json, RigFile
+
+if TYPE_CHECKING:
+    from tensionlab.hardware.calibration.anchors import AnchorEstimate
+    from tensionlab.hardware.calibration.gain import Balance, GainEstimate
+    from tensionlab.hardware.client.group import ModuleGroup
+    from tensionlab.hardware.client.module import ModuleClient
+    from tensionlab.model.rig import Rig
+
+calibrate = typer.Typer(
+    help="Calibrate modules (N/A, friction, zero, lengths) and rigs (anchors).",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+Url = Annotated[
+    str, typer.Argument(metavar="URL", help="Link to the module, or sim: for a simulated one with a mass on it.")
+]
+ModulesOfRig = Annotated[
+    Path, typer.Option("--modules", metavar="FILE", help="Modules file (TOML): the link to each module.")
+]
+SIMULATED_CONSTANT = 1.1
+"""Torque constant of ``sim:`` divided by the data sheet's, so that there is something to find."""
+LARGEST_UNCERTAINTY = 0.05
+"""Share of a gain: one that is less certain is not written to a module."""
+
+
+@calibrate.command()
+def gain(
+    url: Url,
+    mass: Annotated[
+        list[float] | None, typer.Option(metavar="KG", help="Mass to hang on the cable; two or more are better.")
+    ] = None,
+    repeat: Annotated[int, typer.Option(help="How often each mass is lifted.", min=2, max=100)] = 5,
+    sensor: Annotated[
+        Path | None,
+        typer.Option(metavar="CSV", help="Recording of a force sensor: columns time (s) and force (N)."),
+    ] = None,
+    staircase: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="What the module measured meanwhile: from `staircase`.")
+    ] = None,
+    lag: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="How far the sensor's clock is ahead, in s; estimated if left out."),
+    ] = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Write the N/A to the module, and have it saved.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Find N/A, friction and zero current of a module, from masses on its cable or from a force sensor.
+
+    The module stands above, and the mass hangs still or stands on something, with 5 cm to rise. It is lifted and
+    lowered slowly, some mm each time. Exit status 1 if the result is too uncertain to be written.
+    """
+    from tensionlab.hardware.calibration.gain import gain_from_sensor, gain_from_weights
+
+    if (mass is None) == (sensor is None):
+        raise typer.BadParameter("give either --mass, once or repeatedly, or --sensor with --staircase")
+    if (sensor is None) != (staircase is None):
+        raise typer.BadParameter("--sensor and --staircase belong together; `staircase` records the latter")
+    for each in mass or []:
+        if not 0.0 < each < 100.0:
+            raise typer.BadParameter(f"--mass {each:g}: give kg, above 0")
+    measured = _sensor_balances(sensor, staircase, lag) if sensor and staircase else []
+    with _client(url) as client:
+        before = client.hello().newton_per_ampere
+        if mass:
+            found = gain_from_weights(_weigh_all(client, mass, repeat), before)
+        else:
+            found = gain_from_sensor(measured, before)
+        certain = found.gain.half_width <= LARGEST_UNCERTAINTY * found.gain.value
+        if write and certain:
+            _write_gain(client, found.gain.value)
+    if json:
+        output.print_json(_gain_json(url, found, written=write and certain))
+    else:
+        _print_gain(url, found)
+        if write and certain:
+            typer.echo(
+                "\nWritten and saved. Saving may make a module forget its cable's length: calibrate that next."
+            )
+    if write and not certain:
+        typer.echo(
+            f"not written: N/A is only certain to {100 * found.gain.half_width / found.gain.value:.1f} %; take "
+            "masses that differ more, or more repeats",
+            err=True,
+        )
+        raise typer.Exit(1)
+
+
+@calibrate.command()
+def staircase(
+    url: Url,
+    out: Annotated[
+        Path, typer.Option(metavar="CSV", callback=options.output_file(".csv"), help="Write to this file.")
+    ],
+) -> None:
+    """Pull at a force sensor in steps, up and down, and record what the module measures.
+
+    Tie the cable to the sensor, start the sensor's recording, run this, and stop the recording; then
+    `gain URL --sensor FILE --staircase CSV`.
+    """
+    from tensionlab.hardware.calibration.staircase import climb
+    from tensionlab.hardware.calibration.tables import table_text
+
+    with _client(url) as client, output.progress("staircase") as progress:
+        record = climb(client, progress)
+    with output.Keeper() as keeper:
+        keeper.write_text(
+            f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N", out, table_text(vars(record))
+        )
+
+
+def _client(url: str) -> ModuleClient:
+    """Reach a module; behind ``sim:`` hangs a mass."""
+    from tensionlab.hardware.calibration.hanging import HangingMass
+    from tensionlab.hardware.client.module import ModuleClient
+    from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+    from tensionlab.hardware.simulation.simulated_module import PLANT
+
+    if url != "sim:":
+        return ModuleClient(url, url)
+    constant = SIMULATED_CONSTANT * PLANT["torque_constant"].standard
+    typer.echo(
+        f"Simulated: a module with {constant / PLANT['radius'].standard:.4g} N/A and a mass on its cable.",
+        err=True,
+    )
+    return ModuleClient("sim", SimulatedLink(HangingMass(0.1, plant={"torque_constant": constant})))
+
+
+def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[Balance]:
+    from tensionlab.hardware.calibration.hanging import HangingMass
+    from tensionlab.hardware.calibration.weighing import weigh
+    from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+
+    balances = []
+    for mass in masses:
+        if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
+            client.link.module.mass = mass
+        else:
+            typer.prompt(
+                f"Hang {mass:g} kg on the cable, still, with 5 cm to rise; then press Enter",
+                default="",
+                show_default=False,
+                prompt_suffix=" ",
+                err=True,
+            )
+        with output.progress(f"{mass:g} kg") as progress:
+            balances += weigh(client, mass, repeat, progress)
+    return balances
+
+
+def _sensor_balances(sensor: Path, staircase: Path, ahead: float | None) -> list[Balance]:
+    from tensionlab.hardware.calibration.staircase import balances, lag, load_sensor, load_staircase
+
+    taken = load_staircase(staircase)
+    time, force = load_sensor(sensor)
+    return balances(taken, time, force, lag(taken, time, force) if ahead is None else ahead)
+
+
+def _write_gain(client: ModuleClient, value: float) -> None:
+    from tensionlab.hardware.protocol.codes import Calibration
+
+    client.calibrate(Calibration.NEWTON_PER_AMPERE, value)
+    client.save()
+
+
+def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, object]:
+    numbers = {"newton_per_ampere": found.gain, "friction": found.friction, "zero": found.zero}
+    return {
+        "url": url,
+        "newton_per_ampere_before": found.believed,
+        **{name: None if each is None else vars(each) for name, each in numbers.items()},
+        "error_before": found.before,
+        "error_after": found.after,
+        "balances": [vars(each) for each in found.balances],
+        "written": written,
+    }
+
+
+def _print_gain(url: str, found: GainEstimate) -> None:
+    numbers = [("tension for each ampere, N/A", f"{found.believed:.4g}", found.gain, 4)]
+    numbers.append(("friction and cogging, N", "", found.friction, 3))
+    if found.zero is not None:
+        numbers.append(("current at zero tension, A", "", found.zero, 4))
+    rows = [
+        (name, before, f"{each.value:.{digits}f}", f"{each.lower:.{digits}f} to {each.upper:.{digits}f}")
+        for name, before, each, digits in numbers
+    ]
+    rows.append(("error of tension (rms), N", f"{found.before:.3f}", f"{found.after:.3f}", ""))
+    title = f"{len(found.balances)} balances at {url}"
+    output.print_table(title, ("<", "before", "now", "95 % interval"), rows)
+
+
+@calibrate.command()
+def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
+    """Set the cable lengths of all modules of a rig: hold the platform at the rig's home meanwhile.
+
+    Modules forget them when they restart, and perhaps when they save.
+    """
+    from tensionlab.hardware.calibration.lengths import zero_lengths
+    from tensionlab.hardware.runner.settings import RealClock
+    from tensionlab.model.files import load_rig
+
+    rig = load_rig(path)
+    typer.echo(
+        f"Hold the platform at {output.vector(rig.home)} m, not turned. Its cables are pulled tight.", err=True
+    )
+    with _group(rig, modules) as group:
+        before = zero_lengths(group, rig, RealClock())
+    after = rig.lengths(rig.home, frames=rig.at_rest)
+    changes = list(zip((module.name for module in rig.modules), before, after, strict=True))
+    if json:
+        changed = [{"name": name, "before": old, "length": new} for name, old, new in changes]
+        output.print_json({"rig": rig.name, "modules": changed})
+        return
+    rows = (
+        (name, "–", f"{new:.4f}", "–")
+        if math.isnan(old)
+        else (name, f"{old:.4f}", f"{new:.4f}", f"{1e3 * (new - old):+.1f}")
+        for name, old, new in changes
+    )
+    output.print_table(f"{rig.name} at home", ("<module", "before\nm", "now\nm", "change\nmm"), rows)
+
+
+@calibrate.command()
+def record(
+    path: RigFile,
+    modules: ModulesOfRig,
+    out: Annotated[
+        Path,
+        typer.Option(metavar="CSV", callback=options.output_file(".csv"), help="Write the lengths to this file."),
+    ],
+    poses: Annotated[int, typer.Option(help="End after so many poses.", min=1)] = 30,
+    seconds: Annotated[float, typer.Option(help="End after that time at the latest.", min=1.0)] = 300.0,
+) -> None:
+    """Record cable lengths while a person moves the platform: hold it still for half a second at each pose.
+
+    Spread the poses over the whole workspace. The result is for `anchors`; columns x, y and z may be added to it.
+    """
+    from tensionlab.hardware.calibration.lengths import columns, record_lengths
+    from tensionlab.hardware.calibration.tables import table_text
+    from tensionlab.hardware.runner.settings import RealClock
+    from tensionlab.model.files import load_rig
+
+    rig = load_rig(path)
+    with _group(rig, modules) as group:
+        measured = record_lengths(
+            group, rig, RealClock(), poses, seconds, lambda count: typer.echo(f"pose {count}", err=True)
+        )
+    with output.Keeper() as keeper:
+        keeper.write_text(f"{len(measured)} poses", out, table_text(columns(rig, measured)))
+
+
+@calibrate.command()
+def anchors(
+    path: RigFile,
+    measured: Annotated[
+        Path,
+        typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.", show_default=False),
+    ],
+    known: Annotated[
+        bool, typer.Option("--known", help="The file's x, y, z (and rotation) are where the platform was.")
+    ] = False,
+    offsets: Annotated[
+        bool, typer.Option("--offsets", help="Also find a constant error of each cable's length.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RIG", callback=options.output_file(".toml"), help="Write the calibrated rig to this file."
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Find the anchors of a rig from cable lengths, at known or unknown poses.
+
+    Lengths come from `record`, or from a tape measure. At unknown poses the rig needs more cables than degrees of
+    freedom, and its place and rotation are kept as in the rig file: lengths cannot show them. Nor do they show an
+    error that is the same share of all lengths. For a platform, give rough poses all the same: the search starts
+    from them.
+    """
+    from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
+    from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
+    from tensionlab.hardware.calibration.lengths import load_lengths
+    from tensionlab.model.files import load_rig, rig_to_toml
+
+    rig = load_rig(path)
+    values, poses = load_lengths(measured, rig)
+    if known and poses is None:
+        raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
+    found = calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
+    misfits = {
+        "before": nominal_misfit(rig, values, found.poses, known=known),
+        "after": found.sigma,
+        "held_out": held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
+    }
+    how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
+    with output.Keeper(quiet=json) as keeper:
+        written = out and keeper.write_text("rig", out, rig_to_toml(calibrated_rig(rig, found, how)))
+        if json:
+            output.print_json(
+                {
+                    "rig": rig.name,
+                    "poses": len(found.residuals),
+                    "known": known,
+                    "freedom": found.freedom,
+                    "length_deviation": found.sigma,
+                    "misfit": misfits,
+                    "modules": [
+                        {
+                            "name": module.name,
+                            "nominal": module.anchor,
+                            "anchor": found.anchors[j],
+                            "deviation": found.deviations[j],
+                            "interval": found.intervals[j],
+                            "length_offset": found.offsets[j] if offsets else None,
+                        }
+                        for j, module in enumerate(rig.modules)
+                    ],
+                    "written": str(out) if written else None,
+                }
+            )
+        else:
+            _print_anchors(rig, found, misfits, known=known, offsets=offsets)
+
+
+def _print_anchors(
+    rig: Rig, found: AnchorEstimate, misfits: dict[str, float], *, known: bool, offsets: bool
+) -> None:
+    import numpy as np
+
+    moved = np.linalg.norm(found.anchors - rig.anchors, axis=1)
+    rows = []
+    for j, module in enumerate(rig.modules):
+        places = [
+            f"{x:.4f} ± {'–' if math.isnan(width) else f'{width:.4f}'}"
+            for x, width in zip(found.anchors[j], found.intervals[j], strict=True)
+        ]
+        extra = [f"{1e3 * found.offsets[j]:+.1f}"] if offsets else []
+        rows.append((module.name, *places, f"{1e3 * moved[j]:.1f}", *extra))
+    axes = [f"{axis}\nm" for axis in "xyz"[: rig.dimension]]
+    output.print_table(
+        f"{rig.name}: anchors from {len(found.residuals)} {'known' if known else 'unknown'} poses (± 95 %)",
+        ("<module", *axes, "moved\nmm", *(["length error\nmm"] if offsets else [])),
+        rows,
+    )
+    before, after, held = (
+        "–" if math.isnan(misfits[key]) else f"{1e3 * misfits[key]:.2f} mm"
+        for key in ("before", "after", "held_out")
+    )
+    how = "rms" if known else "rms, beyond what the poses take up"
+    console = output.console()
+    console.print(
+        f"\nError of the lengths: {before} before, {after} now, {held} at poses that were held out ({how}).",
+        soft_wrap=True,
+    )
+    if not known:
+        console.print("The rig's place and rotation are kept as in the rig file: lengths cannot show them.")
+
+
+def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:
+    """Reach all modules of a rig, to be closed at the end."""
+    from tensionlab.hardware.client.group import connect
+    from tensionlab.hardware.client.modules_file import load_modules
+
+    return closing(connect(rig, load_modules(modules)))
