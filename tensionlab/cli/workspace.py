@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_text
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -119,8 +120,8 @@ def workspace(
             from tensionlab import plots
 
             drawn = names[0] if measures else DRAWN_METRIC
-            draw = {View.slices: plots.plot_slices, View.volume: plots.plot_volume, View.shares: plots.plot_shares}
-            keeper.write("plot", plot, lambda path: draw[view](data, path, measure=drawn))
+            draw: Callable[..., None] = getattr(plots, f"plot_{view}")
+            keeper.write("plot", plot, lambda path: draw(data, path, measure=drawn))
         if json:
             output.print_json(
                 {

@@ -22,8 +22,8 @@ def test_info_says_how_the_run_went(run, file):
     assert code == 0
     for words in (
         "seven-modules, dykstra, nearest in tension",
-        "120 cycles in 2.38 s, 50 a second wanted",
-        "ended: the demand",
+        "120 cycles in 2.38 s, 50 Hz desired",
+        "finished: the demand",
         "fault ENCODER, lost at 1.200 s",
         "lost: back-floor: module",
     ):

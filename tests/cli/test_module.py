@@ -105,7 +105,7 @@ def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, mon
     monkeypatch.setattr(discover, "serial_ports", list)
     status, out, _ = run("module", "discover")
     assert status == 1
-    assert out == "no port looks like a module's; --all asks every serial port\n"
+    assert out == "no port looks like a module's; --all tries every serial port\n"
 
 
 def test_ping_tells_percentiles_and_the_safe_rate(call):
