@@ -17,7 +17,7 @@ from tensionlab.haptics.brakes.cones import blocks_withdrawal
 from tensionlab.haptics.brakes.map import brake_map
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.files import load_rig
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 
 RIGS = Path("datasets/rigs")

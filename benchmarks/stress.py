@@ -14,8 +14,8 @@ from tensionlab.arrays import Floats, Integers
 from tensionlab.benchmark.optimum import at_limits, distance_bound, largest_limit
 from tensionlab.benchmark.rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Nearest, Problem, Status
-from tensionlab.solvers.linear import times
-from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.least_squares import Newton
+from tensionlab.solvers.programs import times
 from tensionlab.verification import verify
 
 SHAPES = ((3, 3), (3, 4), (3, 5), (3, 8), (3, 12), (6, 6), (6, 7), (6, 8), (6, 12))

@@ -21,8 +21,8 @@ from benchmarks.exact_check import flaw
 from benchmarks.hostile_problems import SHAPES, hostile_problems
 from tensionlab.benchmark.speed import instruction_set
 from tensionlab.solvers.base import POLICIES, Answer, Problem, Status
-from tensionlab.solvers.linear import times
-from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.least_squares import Newton
+from tensionlab.solvers.programs import times
 from tensionlab.verification import verify
 
 TIME_LIMIT = 10e-3

@@ -15,25 +15,18 @@ from tensionlab.errors import (
     Unreachable,
 )
 from tensionlab.model.files import load_rig, save_rig
-from tensionlab.model.forward import PoseEstimate
+from tensionlab.model.kinematics import PoseEstimate
 from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
-from tensionlab.model.limits import TensionLimits
-from tensionlab.model.module import Module, Platform
+from tensionlab.model.module import Module, Platform, TensionLimits
 from tensionlab.model.pose import Frame
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import SOLVERS, Solver, Status
-from tensionlab.solvers.analytic_centre import AnalyticCentre
-from tensionlab.solvers.closed_form import ClosedForm
+from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
 from tensionlab.solvers.convex import ConvexProgram
-from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
-from tensionlab.solvers.newton import Newton
-from tensionlab.solvers.polygon import Polygon
-from tensionlab.solvers.pseudoinverse import Pseudoinverse
-from tensionlab.solvers.puncture import Puncture
+from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
 from tensionlab.solvers.quadratic import QuadraticProgram
-from tensionlab.solvers.slack_norm import SlackNorm
-from tensionlab.solvers.spidar import Spidar
 from tensionlab.workspace.sweep import sweep
 
 __version__ = "0.1.0"

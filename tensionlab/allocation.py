@@ -39,6 +39,7 @@ from tensionlab.solvers.base import (
     Status,
     Verified,
     refusal,
+    resolve_policy,
 )
 from tensionlab.verification import verify
 
@@ -174,7 +175,9 @@ class Allocator:
                 f"solver is {solver!r:.60}; give a name in tensionlab.SOLVERS or an instance of a solver"
             )
         self.solver: Solver = make(solver) if isinstance(solver, str) else solver
-        self.nearest = _policy(self.solver, nearest)
+        if nearest is not None and not isinstance(nearest, str):
+            raise TypeError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
+        self.nearest = resolve_policy(self.solver, nearest, type(self.solver).__name__)
         self._fused = fused(self.solver)
         self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)
@@ -347,18 +350,3 @@ def _weights(weights: ArrayLike | None) -> Floats:
             f"wrench_weights must be positive numbers, one for each wrench component; got {values!s:.60}"
         )
     return frozen(values)
-
-
-def _policy(solver: Solver, nearest: Nearest | None) -> Nearest | None:
-    name = type(solver).__name__
-    if nearest is None:
-        return solver.policies[0] if solver.policies else None
-    if not isinstance(nearest, str):
-        raise TypeError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
-    if nearest in solver.policies:
-        return nearest
-    honoured = ", ".join(repr(policy) for policy in solver.policies)
-    raise InputError(
-        f"{name} cannot honour nearest={nearest!r}; "
-        + (f"it honours {honoured}" if honoured else "it promises no best substitute, so leave nearest out")
-    )

@@ -13,7 +13,7 @@ from tensionlab import _native
 from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Problem, Status, Verified
-from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.least_squares import Newton
 
 
 def verify(problem: Problem, answer: Answer) -> Verified:

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import tensionlab as tl
-from tensionlab.solvers import make, plugins
+from tensionlab.solvers import find_plugins, make
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, refusal
-from tensionlab.solvers.linear import whitener
+from tensionlab.solvers.programs import whitener
 from tensionlab.solvers.quadratic import installed_backends
 from tests.support.oracle import Truth, UnsureError, solve, support
 from tests.support.problems import Case, batches, one, random_cases
@@ -36,7 +36,7 @@ VARIANTS = [
     "polygon:centroid",
     "polygon:1-norm",
     "polygon:2-norm",
-    *(name for name, found in plugins.find_all(tl.SOLVERS).items() if isinstance(found, type)),
+    *(name for name, found in find_plugins().items() if isinstance(found, type)),
 ]
 PAIRS = [(name, nearest) for name in VARIANTS for nearest in make(name).policies or (None,)]
 every_solver = pytest.mark.parametrize("name", VARIANTS)

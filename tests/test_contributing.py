@@ -16,7 +16,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.model.directions import grid18
-from tensionlab.solvers.selection import lineup
+from tensionlab.solvers import select_solvers
 from tests.support.distribution import install
 
 ROOT = Path(__file__).parents[1]
@@ -44,7 +44,7 @@ def test_the_guide_names_what_the_tests_use() -> None:
 
 @pytest.mark.usefixtures("dual_ascent")
 def test_the_comparison_knows_it() -> None:
-    assert ("dual-ascent", "force") in lineup()[0]
+    assert ("dual-ascent", "force") in select_solvers()[0]
 
 
 @pytest.mark.usefixtures("dual_ascent")

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers import make
+from tensionlab.solvers import every_solver, make
 from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Solver
+from tensionlab.solvers.baselines import TIGHT, Baseline, PlainProgram, Reply, finite_tensions
 from tensionlab.solvers.convex import PlainConvex
-from tensionlab.solvers.newton import Newton
-from tensionlab.solvers.peer import Peer, Reply, own_tensions
-from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
-from tensionlab.solvers.selection import every_solver
+from tensionlab.solvers.least_squares import Newton
+from tensionlab.solvers.quadratic import BACKENDS
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective
@@ -129,7 +128,7 @@ def _baseline_entries(name: str) -> list[Entry]:
     return [Entry(name, setting, None, LEAST_SQUARES, missing) for setting in settings]
 
 
-def _baseline(name: str, setting: Literal["default", "tight"]) -> Peer:
+def _baseline(name: str, setting: Literal["default", "tight"]) -> Baseline:
     if name == "daqp":
         return DirectDaqp(setting)
     if name == "cvxpy:plain":
@@ -198,7 +197,7 @@ class _BuiltIn:
 class _Baseline:
     """Driver of a baseline on the plain program."""
 
-    solver: Peer
+    solver: Baseline
 
     def answers(self, problem: Problem) -> Answer:
         tensions = np.full(problem.lower.shape, np.nan)
@@ -264,7 +263,7 @@ class DirectDaqp:
     Parameters
     ----------
     settings : {"default", "tight"}
-        Its own defaults, or those of `tensionlab.solvers.quadratic.TIGHT`.
+        Its own defaults, or those of `tensionlab.solvers.baselines.TIGHT`.
     """
 
     settings: Literal["default", "tight"] = "default"
@@ -282,7 +281,7 @@ class DirectDaqp:
         """Solve a program of `build`."""
         options = TIGHT["daqp"] if self.settings == "tight" else {}
         found, _, flag, info = load_daqp().solve(*program, **options)
-        tensions = own_tensions(found, len(program[1]))
+        tensions = finite_tensions(found, len(program[1]))
         return Reply(
             tensions,
             iterations=int(info["iterations"]),

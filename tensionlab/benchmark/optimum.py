@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.solvers.base import Problem, Status
-from tensionlab.solvers.linear import times, whitener
-from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.least_squares import Newton
+from tensionlab.solvers.programs import times, whitener
 from tensionlab.verification import verify
 
 Flags = NDArray[np.bool_]

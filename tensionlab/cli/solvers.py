@@ -15,10 +15,9 @@ SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.D
 
 def solvers(json: Json = False) -> None:
     """List the solvers: what each minimises, its policies for infeasible wrenches, where it was published."""
-    from tensionlab.solvers import SOLVERS, make, plugins
-    from tensionlab.solvers.selection import every_solver
+    from tensionlab.solvers import every_solver, find_plugins, make
 
-    broken = {name: str(found) for name, found in plugins.find_all(SOLVERS).items() if not isinstance(found, type)}
+    broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}
     entries: list[dict[str, Any]] = []
     for name, installed in every_solver().items():
         if name in broken:

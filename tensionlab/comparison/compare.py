@@ -15,9 +15,8 @@ from tensionlab.comparison.scores import Score, finite, score
 from tensionlab.errors import ShapeError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import make
+from tensionlab.solvers import make, select_solvers
 from tensionlab.solvers.base import POLICIES, Nearest, Status
-from tensionlab.solvers.selection import lineup
 
 TIMED_CALLS = 200
 """At most so many vectors are timed one by one, evenly spread over the set."""
@@ -105,7 +104,7 @@ def compare(
     magnitude : float
         Size of each force in N. 1.5 N is the published validation's.
     solvers, nearest
-        As in `lineup`.
+        As in `select_solvers`.
     progress : callable, optional
         Told the share of the work that is done, from 0 to 1.
 
@@ -116,9 +115,9 @@ def compare(
     Raises
     ------
     ValueError, UnknownSolver, MissingDependency
-        As `lineup`; ShapeError if position or directions do not fit the rig.
+        As `select_solvers`; ShapeError if position or directions do not fit the rig.
     """
-    runs, missing = lineup(solvers, nearest, (rig.n, rig.m))
+    runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
     structure = rig.structure_matrix(place, frames=rig.at_rest)
     if directions is None:

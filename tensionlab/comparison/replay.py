@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.scores import Score, finite, score
 from tensionlab.hardware.log.reader import Run
-from tensionlab.solvers import make
+from tensionlab.solvers import make, select_solvers
 from tensionlab.solvers.base import Nearest
-from tensionlab.solvers.selection import lineup
 
 
 @dataclass(frozen=True)
@@ -76,16 +75,16 @@ def replay(
     ----------
     run : Run
     solvers : sequence of str, optional
-        Names, as in `lineup`; None for all that serve this rig.
+        Names, as in `select_solvers`; None for all that serve this rig.
     progress : callable, optional
         Told the share of the work that is done, from 0 to 1.
 
     Raises
     ------
     ValueError, UnknownSolver, MissingDependency, PluginError
-        As `lineup`.
+        As `select_solvers`.
     """
-    runs, missing = lineup(solvers, None, (run.rig.n, run.rig.m))
+    runs, missing = select_solvers(solvers, None, (run.rig.n, run.rig.m))
     own: dict[str, Nearest | None] = {}
     for name, policy in runs:  # a solver's own policy is its first
         own.setdefault(name, policy)

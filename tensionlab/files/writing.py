@@ -14,9 +14,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
-from tensionlab.errors import WriteError
+from tensionlab.errors import MissingDependency, WriteError
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
+
 
 PROBE_BYTES = 4096
 """So many bytes must fit beside a file's place before the work that makes the file."""
@@ -195,3 +199,38 @@ def _probe(folder: Path) -> None:
     finally:
         with suppress(OSError):
             new.unlink()
+
+
+def acquire_lock(path: Path, timeout: float, extra: str) -> BaseFileLock | None:
+    """Lock a file, which is made if it is not there.
+
+    Parameters
+    ----------
+    path : path
+    timeout : float
+        How long to wait for somebody who holds it, in s.
+    extra : str
+        Of this package that brings what is needed, for messages.
+
+    Returns
+    -------
+    lock or None
+        To be released; None if somebody else has it for longer than that.
+
+    Raises
+    ------
+    MissingDependency
+        If filelock is not installed.
+    OSError
+        If the file cannot be written.
+    """
+    try:
+        from filelock import FileLock, Timeout
+    except ImportError as missing:
+        raise MissingDependency(f'locks need filelock: pip install "tensionlab[{extra}]"') from missing
+    lock = FileLock(path, thread_local=False, poll_interval=0.01)
+    try:
+        lock.acquire(timeout=timeout)
+    except Timeout:
+        return None
+    return lock

@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
-from tensionlab.model import forward, kinematics, pose
-from tensionlab.model.forward import PoseEstimate
-from tensionlab.model.limits import TensionLimits
-from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, require_name, same, vector
+from tensionlab.model import kinematics, pose
+from tensionlab.model.kinematics import PoseEstimate
+from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, TensionLimits, require_name, same, vector
 from tensionlab.model.pose import Frames
 
 
@@ -292,7 +291,9 @@ class Rig:
         if (measured <= 0).any():
             raise ShapeError(f"lengths{pose.first(measured <= 0)} is not positive; give cable lengths in m")
         guess, turn, anchors = self._pose(self.home if position is None else position, rotation, frames)
-        return forward.estimate(anchors, self.attachments if self._kind.turns else None, measured, guess, turn)
+        return kinematics.estimate_pose(
+            anchors, self.attachments if self._kind.turns else None, measured, guess, turn
+        )
 
     def _pose(
         self, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None

@@ -1,5 +1,5 @@
 // Where is a platform whose cables have these lengths, if it was near here a moment ago? Gauss and Newton's method
-// on the twist, as tensionlab/model/forward.py has it for a pose that nobody knows.
+// on the twist, as tensionlab/model/kinematics.py has it for a pose that nobody knows.
 //
 // The derivative of the lengths is -W' (W: structure matrix). What the known lengths leave open stays as it was:
 // the step is the shortest one, by the eigenvalues of W W'.

@@ -1,26 +1,38 @@
-"""Every way to choose tensions: the table of solvers, and the names by which they are asked for."""
+"""Solvers by name: the table of built-in ones, plug-ins, and the selection for a comparison.
+
+Plug-ins are solvers of other distributions, in the entry point group ``tensionlab.solvers``. None of their code
+runs before one is wanted by its name, or all solvers are listed.
+"""
 
 from __future__ import annotations
 
 import difflib
-from dataclasses import fields
-from typing import Any, cast
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any, cast, get_args
 
-from tensionlab.errors import UnknownSolver
-from tensionlab.solvers import plugins
-from tensionlab.solvers.analytic_centre import AnalyticCentre
-from tensionlab.solvers.base import Answer, FusedSolver, Nearest, Problem, Solver, Status
-from tensionlab.solvers.closed_form import ClosedForm
+from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
+from tensionlab.solvers.base import (
+    POLICIES,
+    Answer,
+    FusedSolver,
+    Nearest,
+    Problem,
+    Solver,
+    Status,
+    refusal,
+    resolve_policy,
+)
+from tensionlab.solvers.closed_form import ClosedForm, Polygon, PolygonGoal, Pseudoinverse, Puncture
 from tensionlab.solvers.convex import ConvexProgram
-from tensionlab.solvers.dykstra import Dykstra
+from tensionlab.solvers.least_squares import Dykstra, Newton
 from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
-from tensionlab.solvers.newton import Newton
-from tensionlab.solvers.polygon import Polygon
-from tensionlab.solvers.pseudoinverse import Pseudoinverse
-from tensionlab.solvers.puncture import Puncture
-from tensionlab.solvers.quadratic import QuadraticProgram
-from tensionlab.solvers.slack_norm import SlackNorm
-from tensionlab.solvers.spidar import Spidar
+from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
+from tensionlab.solvers.quadratic import BACKENDS, QuadraticProgram, installed_backends
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 SOLVERS: dict[str, type[Any]] = {
     "newton": Newton,
@@ -38,17 +50,21 @@ SOLVERS: dict[str, type[Any]] = {
     "qp": QuadraticProgram,
     "cvxpy": ConvexProgram,
 }
-"""The house's own solvers by name. A new one is a file and a line here; `plugins` finds those of others."""
+"""Built-in solvers by name."""
+
+PLUGIN_GROUP = "tensionlab.solvers"
+PARTS: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
+"""Attributes that the class of a solver has, and of which kind."""
 
 
 def make(name: str) -> Solver:
-    """Which solver does this name mean?
+    """Return a solver by its name.
 
     Parameters
     ----------
     name : str
-        A name in `SOLVERS`, or one that another distribution offers. What follows a colon sets the solver's
-        first hyper-parameter: ``"qp:osqp"`` is ``QuadraticProgram(backend="osqp")``.
+        A name in `SOLVERS`, or of a plug-in. What follows a colon sets the solver's first hyper-parameter:
+        ``"qp:osqp"`` is ``QuadraticProgram(backend="osqp")``.
 
     Raises
     ------
@@ -60,9 +76,9 @@ def make(name: str) -> Solver:
         If the solver refuses the hyper-parameter.
     """
     family, colon, choice = name.partition(":")
-    solver_class = SOLVERS.get(family) or plugins.find(family)
+    solver_class = SOLVERS.get(family) or _find_plugin(family)
     if solver_class is None:
-        names = [*SOLVERS, *plugins.offered()]
+        names = [*SOLVERS, *offered_plugins()]
         close = difflib.get_close_matches(family, names, n=1)
         hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
         raise UnknownSolver(f"no solver is called {family!r}; {hint}")
@@ -91,4 +107,175 @@ def fused(solver: Solver) -> FusedSolver | None:
     return cast(FusedSolver, solver) if built_in else None
 
 
-__all__ = ["SOLVERS", "Answer", "Nearest", "Problem", "Solver", "Status", "fused", "make"]
+# Selection
+
+
+def every_solver() -> dict[str, bool]:
+    """Return the names of all solvers, each variant by its own, and whether it can be used.
+
+    Returns
+    -------
+    dict of str to bool
+        In the order of `SOLVERS`; ``qp``, ``pseudoinverse`` and ``polygon`` in all their variants; then plug-ins.
+        False where a library is not installed, or a plug-in is broken.
+    """
+    others = {name: isinstance(found, type) for name, found in find_plugins().items() if name not in SOLVERS}
+    return _built_in() | others
+
+
+def _built_in() -> dict[str, bool]:
+    """Return the names of the built-in solvers, and whether their libraries are installed."""
+    installed = installed_backends()
+    variants = {
+        "qp": {f"qp:{backend}": backend in installed for backend in BACKENDS},
+        "pseudoinverse": {"pseudoinverse:reference": True, "pseudoinverse:middle": True},
+        "polygon": {f"polygon:{goal}": True for goal in get_args(PolygonGoal)},
+    }
+    names: dict[str, bool] = {}
+    for name in SOLVERS:
+        names |= variants.get(name, {name: True})
+    return names
+
+
+def select_solvers(
+    solvers: Sequence[str] | None = None, nearest: str | None = None, size: tuple[int, int] | None = None
+) -> tuple[list[tuple[str, Nearest | None]], dict[str, str]]:
+    """Choose which solvers run with which policies.
+
+    Parameters
+    ----------
+    solvers : sequence of str, optional
+        Names that `make` knows; None for every solver.
+    nearest : str, optional
+        Only this policy, and only solvers that honour it; None for all policies of each solver.
+    size : (int, int), optional
+        Wrench components n and cables m of the rig, for solvers that do not serve every size.
+
+    Returns
+    -------
+    runs : list of (str, str or None)
+        Solver and policy, None if it honours none, in the order given.
+    missing : dict of str to str
+        Solvers left out, and why: the library is not installed, a plug-in is broken, or the solver does not serve
+        this size. Only where `solvers` is None: one that is named must be there.
+
+    Raises
+    ------
+    InputError
+        If the policy does not exist, or a named solver does not honour it or does not serve this size, or no
+        solver is named.
+    UnknownSolver, MissingDependency, PluginError
+        If a named solver does not exist, is not installed, or is a broken plug-in.
+    """
+    if nearest is not None and nearest not in POLICIES:
+        raise InputError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")
+    if isinstance(solvers, str):
+        raise InputError(f"solvers is {solvers!r}; give a list of names, such as [{solvers!r}]")
+    usable = every_solver() if solvers is None else _built_in()
+    names = list(usable) if solvers is None else list(dict.fromkeys(solvers))
+    if not names:
+        raise InputError("no solver is named; leave the option out for all, or see `tensionlab solvers`")
+    runs: list[tuple[str, Nearest | None]] = []
+    missing: dict[str, str] = {}
+    for name in names:
+        if solvers is None and not usable[name]:
+            missing[name] = "not installed" if name.partition(":")[0] in SOLVERS else "broken"
+            continue
+        solver = make(name)
+        if not usable.get(name, True):
+            raise MissingDependency(f'{name} is not installed; pip install "tensionlab[solvers]" brings it')
+        if size is not None and (reason := refusal(solver, *size)):
+            if solvers is not None:
+                raise InputError(f"solver {name} does not serve this rig: {reason}")
+            missing[name] = reason
+        elif nearest is None:
+            runs += [(name, policy) for policy in solver.policies] or [(name, None)]
+        elif solvers is not None or nearest in solver.policies:
+            runs.append((name, resolve_policy(solver, nearest, f"solver {name}")))
+    return runs, missing
+
+
+# Plug-ins
+
+
+def offered_plugins() -> dict[str, list[EntryPoint]]:
+    """Return what other distributions offer, by the name of the solver; none of their code is run."""
+    from importlib.metadata import entry_points
+
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in entry_points(group=PLUGIN_GROUP):
+        found.setdefault(entry.name, []).append(entry)
+    return found
+
+
+def find_plugins() -> dict[str, type[Any] | PluginError]:
+    """Return the solvers of other distributions by name; in place of one that cannot be used, what is wrong."""
+    found: dict[str, type[Any] | PluginError] = {}
+    for name, entries in offered_plugins().items():
+        try:
+            if name in SOLVERS:
+                raise PluginError(
+                    f"{_origins(entries)} offers a solver {name!r}; tensionlab has its own of that name"
+                )
+            found[name] = _load_only(entries)
+        except PluginError as error:
+            found[name] = error
+    return found
+
+
+def _find_plugin(name: str) -> type[Any] | None:
+    """Load the one class that is offered under a name; None if none is."""
+    entries = offered_plugins().get(name)
+    return _load_only(entries) if entries else None
+
+
+def _origins(entries: list[EntryPoint]) -> str:
+    """Return names and versions of the distributions that entry points belong to."""
+    return " and ".join(f"{each.dist.name} {each.dist.version}" if each.dist else "nobody" for each in entries)
+
+
+def _load_only(entries: list[EntryPoint]) -> type[Any]:
+    entry, *others = entries
+    if others:
+        raise PluginError(f"a solver {entry.name!r} is offered by {_origins(entries)}; uninstall all but one")
+    if ":" in entry.name:
+        raise PluginError(
+            f"{_origins(entries)} offers a solver {entry.name!r}; no name has a colon, it sets a variant"
+        )
+    return _load(entry)
+
+
+@functools.cache
+def _load(entry: EntryPoint) -> type[Any]:
+    """Load the class of an entry point, once, and check that it is a solver."""
+    where = f"solver {entry.name!r} of {_origins([entry])} ({entry.value})"
+    try:
+        found = entry.load()
+        if isinstance(found, type):
+            found()
+    except Exception as error:  # the code of others may raise anything
+        raise PluginError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
+    lacks = [name for name, kind in PARTS.items() if not isinstance(getattr(found, name, None), kind)]
+    if not (isinstance(found, type) and is_dataclass(found)) or lacks:
+        what = f"lacks {', '.join(lacks)}" if lacks else "is no dataclass"
+        raise PluginError(f"{where} {what}; tensionlab.solvers.base says what a solver is")
+    solver_class: type[Any] = found
+    if unknown := [each for each in solver_class.policies if each not in POLICIES]:
+        raise PluginError(f"{where} has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")
+    return solver_class
+
+
+__all__ = [
+    "SOLVERS",
+    "Answer",
+    "Nearest",
+    "Problem",
+    "Solver",
+    "Status",
+    "every_solver",
+    "find_plugins",
+    "fused",
+    "make",
+    "offered_plugins",
+    "select_solvers",
+]

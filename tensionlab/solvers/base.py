@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats, Integers
+from tensionlab.errors import InputError
 
 Nearest = Literal["force", "tension", "direction"]
 POLICIES: tuple[Nearest, ...] = get_args(Nearest)
@@ -171,6 +172,26 @@ class FusedSolver(Solver, Protocol):
     ) -> SingleSolver:
         """Return the same for single problems that have these limits, (m,), reference, weights and policy."""
         ...
+
+
+def resolve_policy(solver: Solver, nearest: str | None, name: str) -> Nearest | None:
+    """Return a policy that the solver honours: the one given, or its own; None if it honours none.
+
+    Raises
+    ------
+    InputError
+        If the solver cannot honour the policy given; calls it by ``name``.
+    """
+    if nearest is None:
+        return solver.policies[0] if solver.policies else None
+    for policy in solver.policies:
+        if policy == nearest:
+            return policy
+    honoured = ", ".join(repr(policy) for policy in solver.policies)
+    raise InputError(
+        f"{name} cannot honour nearest={nearest!r}; "
+        + (f"it honours {honoured}" if honoured else "it promises no best substitute, so leave nearest out")
+    )
 
 
 def refusal(solver: Solver, n: int, m: int) -> str | None:

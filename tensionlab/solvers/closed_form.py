@@ -1,12 +1,64 @@
-"""Pott's improved closed form: fix the worst cable at its limit and solve again for the others."""
+"""Solvers without a search for an optimum: pseudo-inverses, the puncture method, the polygon."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
 
 from tensionlab import _native
 from tensionlab.solvers.base import RANK_TOLERANCE, Answer, Nearest, Problem
+
+Start = Literal["reference", "middle"]
+
+
+@dataclass(frozen=True)
+class Pseudoinverse:
+    """Which tensions render the wrench with the least change from a starting point, limits aside.
+
+    Minimises ``|t - t_s|²`` subject to ``W t = w`` only, by ``t = t_s + W⁺ (w - W t_s)``, and then clips t to
+    the limits. Where the clipping changes nothing the answer is exact; elsewhere it renders another wrench,
+    and that proves nothing about the wrench asked for.
+
+    Source: Pott, Bruckmann and Mikelsons, "Closed-form force distribution for parallel wire robots", 2009, for
+    the start in the middle.
+
+    Parameters
+    ----------
+    start : {"reference", "middle"}
+        The starting point t_s. "reference" is the reference of the problem: with the usual reference 0 that
+        is the plain least-norm solution, which wants negative tensions on most rigs. "middle" is
+        (lower + upper) / 2, Pott's closed form: it keeps away from both limits, whatever the reference.
+    """
+
+    start: Start = "reference"
+
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def __post_init__(self) -> None:
+        if self.start not in get_args(Start):
+            raise ValueError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
+
+    @property
+    def objective(self) -> str:
+        """What it minimises, before the limits are looked at."""
+        start = "reference" if self.start == "reference" else "middle of the limits"
+        return f"least squared change from the {start}, then clipped"
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        tensions, _ = _native.closed_form(
+            problem.structure,
+            problem.wrench,
+            problem.lower,
+            problem.upper,
+            (problem.lower + problem.upper) / 2 if self.start == "middle" else problem.reference,
+            problem.weights,
+            False,
+            RANK_TOLERANCE,
+        )
+        return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))
 
 
 @dataclass(frozen=True)
@@ -40,3 +92,118 @@ class ClosedForm:
             RANK_TOLERANCE,
         )
         return Answer(tensions=tensions, iterations=iterations)
+
+
+@dataclass(frozen=True)
+class Puncture:
+    """Which low tensions render the wrench, between the least-norm solution and the closed form?
+
+    Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which wants
+    negative tensions on most rigs, and ``t_cf = t_m + W⁺ (w - W t_m)``, the one closest to the middle of the
+    limits. All tensions between the two render the wrench: ``t = t_p + s (t_cf - t_p)``. The answer is where
+    this line punctures the limits first, the least s in [0, 1] with ``lower <= t <= upper``. (The source
+    looks at the lower limits alone; where an upper one is kept at their s, the answers are the same.) Where
+    no s keeps the limits, the answer is t_cf, clipped to them, and that proves nothing about the wrench. The
+    answer changes continuously with the wrench as long as t_cf keeps the limits.
+
+    A cable whose limits are equal pulls what it must, and the others share the rest. The reference plays no
+    part.
+
+    Source: Müller, Reichert and Bruckmann, "Analysis of a real-time capable cable force computation method",
+    2015.
+    """
+
+    objective: ClassVar[str] = "least share of the way from the least norm to the middle of the limits"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        tensions = _native.puncture(
+            problem.structure, problem.wrench, problem.lower, problem.upper, problem.weights, RANK_TOLERANCE
+        )
+        return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))
+
+
+PolygonGoal = Literal["centroid", "1-norm", "2-norm"]
+
+OBJECTIVES: dict[PolygonGoal, str] = {
+    "centroid": "centroid of the polygon of possible tensions",
+    "1-norm": "least sum of tensions",
+    "2-norm": "least squared change from the reference",
+}
+
+LARGEST_REDUNDANCY = 2
+"""Dimensions of a polygon."""
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """Which point of the polygon of all possible tensions: its centre, its least sum, its least squares?
+
+    With two cables more than the wrench has components, the tensions that render it are the plane
+    ``t = t_p + N l`` with two numbers l, N a basis of the null space of W. On that plane each cable leaves a
+    strip between the line of its lower limit and that of its upper one, and the strips have a convex polygon
+    in common. Its corners are found by walking along the lines from a crossing of two of them
+    (`tensionlab/native/polygon.hpp` states the walk), so an answer is found wherever there is one, at the
+    edge of the workspace too, where the polygon is an edge or a point. Iterations are the lines walked.
+
+    With one cable more the polygon is a segment, and with none a point. A cable whose limits are equal does
+    not count. More redundancy than two is refused; where it is only a rank-deficient structure matrix that
+    leaves more, that problem of the batch has FAILED, with the reason. Out of reach the answer is where
+    the walk missed the limits by least, clipped to them, and it is no best substitute.
+
+    Source: Gouttefarde, Lamaury, Reichert and Bruckmann, "A versatile tension distribution algorithm for
+    n-DOF parallel robots driven by n+2 cables", 2015.
+
+    Parameters
+    ----------
+    goal : {"centroid", "1-norm", "2-norm"}
+        "centroid" is the centre of area of the polygon (the middle of a segment), far from all limits. It is
+        continuous where the polygon has an area. "1-norm" is the least sum of tensions, at a corner; where a
+        whole edge has the least sum, the middle of the edge, and where all of the polygon has it, the
+        centroid. "2-norm" is the point closest to the reference, with reference 0 the least sum of squares;
+        the reference plays no part in the other two.
+    """
+
+    goal: PolygonGoal = "centroid"
+
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def __post_init__(self) -> None:
+        if self.goal not in get_args(PolygonGoal):
+            raise ValueError(f"Polygon(goal={self.goal!r}): must be one of {', '.join(get_args(PolygonGoal))}")
+
+    @property
+    def objective(self) -> str:
+        """What it minimises among the tensions that render the wrench."""
+        return OBJECTIVES[self.goal]
+
+    def refuses(self, n: int, m: int) -> str | None:
+        """Why are these too many cables? None if they are not."""
+        if m - n <= LARGEST_REDUNDANCY:
+            return None
+        return (
+            f"{m} cables for {n} wrench components have redundancy {m - n}, and a polygon has "
+            f"{LARGEST_REDUNDANCY} dimensions"
+        )
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        tensions, iterations, redundancy = _native.polygon(
+            problem.structure,
+            problem.wrench,
+            problem.lower,
+            problem.upper,
+            problem.reference,
+            problem.weights,
+            get_args(PolygonGoal).index(self.goal),
+            RANK_TOLERANCE,
+        )
+        beyond = np.flatnonzero(redundancy > LARGEST_REDUNDANCY)
+        tensions[beyond] = np.nan
+        failures = {
+            int(row): f"the structure matrix has a rank so low that the redundancy is {redundancy[row]}; "
+            f"a polygon has {LARGEST_REDUNDANCY} dimensions"
+            for row in beyond
+        }
+        return Answer(tensions=tensions, iterations=iterations, failures=failures)

@@ -13,9 +13,8 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
-from tensionlab.solvers.grazing import Ray
-from tensionlab.solvers.linear import whitener
-from tensionlab.solvers.peer import Reply, own_tensions
+from tensionlab.solvers.baselines import Reply, finite_tensions
+from tensionlab.solvers.programs import Ray, whitener
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
@@ -33,8 +32,8 @@ class ConvexProgram:
     Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Where the measured answer misses w,
     the policy says what to render instead ("force": the least ``(W t - w)' Q (W t - w)``, Q the weights;
     "tension": the same with ``(W W')⁺`` for Q; "direction": the largest s in [0, 1] with ``W t = s w``, and
-    "force" without any such s, see `tensionlab.solvers.grazing`), and the first program is solved again for
-    that wrench. The programs are in `_Blackboard`.
+    "force" without any such s, see `tensionlab.solvers.programs`), and the first program is solved again for
+    that wrench. The programs are in `CompiledPrograms`.
 
     Sources: Oh and Agrawal, "Cable suspended planar robots with redundant cables: controllers with positive
     tensions", 2005, for the program; Diamond and Boyd, "CVXPY: a Python-embedded modeling language for convex
@@ -63,7 +62,7 @@ class ConvexProgram:
         except ModuleNotFoundError as error:
             raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
         size, n, m = problem.structure.shape
-        board = _blackboard(n, m, threading.get_ident())
+        board = compiled_programs(n, m, threading.get_ident())
         tensions = np.full((size, m), np.nan)
         iterations = np.zeros(size, dtype=np.int64)
         failures: dict[int, str] = {}
@@ -85,7 +84,7 @@ class ConvexProgram:
         return Answer(tensions=tensions, iterations=iterations, failures=failures)
 
 
-class _Blackboard:
+class CompiledPrograms:
     """The programs for n wrench components and m cables; W, w, ... are parameters, t and s are found.
 
     ``held`` is the wrench of cables that have no play, and ``root`` a root of the metric of the policy, here
@@ -118,16 +117,16 @@ class _Blackboard:
 
 
 @lru_cache(maxsize=32)
-def _blackboard(n: int, m: int, thread: int) -> _Blackboard:
+def compiled_programs(n: int, m: int, thread: int) -> CompiledPrograms:
     """Which compiled programs serve this shape; a set for each thread, which writes its parameters there."""
-    return _Blackboard(n, m)
+    return CompiledPrograms(n, m)
 
 
 @dataclass
 class _Run:
     """The programs with one backend, the iterations it has spent on one problem, and why it failed if it did."""
 
-    board: _Blackboard
+    board: CompiledPrograms
     backend: str
     unit: float = 1.0
     iterations: int = 0
@@ -243,16 +242,16 @@ class PlainConvex:
         except ModuleNotFoundError as error:
             raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
 
-    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> _Blackboard:
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> CompiledPrograms:
         """Fill the numbers into the program of this shape."""
         n, m = structure.shape
-        board = _blackboard(n, m, threading.get_ident())
+        board = compiled_programs(n, m, threading.get_ident())
         board.W.value, board.w.value, board.held.value = structure, wrench, np.zeros(n)
         board.lower.value, board.upper.value, board.reference.value = lower, upper, np.zeros(m)
         board.t.value = None
         return board
 
-    def run(self, program: _Blackboard) -> Reply:
+    def run(self, program: CompiledPrograms) -> Reply:
         """Solve it."""
         from cvxpy.error import SolverError
 
@@ -263,7 +262,7 @@ class PlainConvex:
             closest.solve(warm_start=False, **options)
         except (SolverError, ValueError) as error:
             return Reply(None, failure=f"{type(error).__name__}: {error}")
-        tensions, stats = own_tensions(program.t.value, program.t.size), closest.solver_stats
+        tensions, stats = finite_tensions(program.t.value, program.t.size), closest.solver_stats
         return Reply(
             tensions,
             iterations=stats.num_iters or 0,

@@ -16,7 +16,7 @@ from typing import ClassVar, Literal
 
 from tensionlab import _native
 from tensionlab.solvers.base import Answer, Nearest, Problem
-from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.least_squares import Newton
 
 Program = Literal["sum", "largest", "margin"]
 PROGRAMS: tuple[Program, ...] = ("sum", "largest", "margin")

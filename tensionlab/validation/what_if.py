@@ -26,9 +26,9 @@ from tensionlab.arrays import Floats
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
 from tensionlab.records import manifest
+from tensionlab.solvers import select_solvers
 from tensionlab.solvers.base import Solver, Status
-from tensionlab.solvers.dykstra import Dykstra
-from tensionlab.solvers.selection import lineup
+from tensionlab.solvers.least_squares import Dykstra
 from tensionlab.validation.calibration import MODELS
 from tensionlab.validation.error_model import PRESETS, ErrorModel, draw
 from tensionlab.validation.protocol import BASIS, Protocol
@@ -55,7 +55,7 @@ RIGS = 200
 
 def solvers(rig: Rig) -> dict[str, str | Solver]:
     """Which solvers are tried? Those that serve the rig, and Dykstra's algorithm cut short."""
-    found: dict[str, str | Solver] = {name: name for name, _ in lineup(size=(rig.n, rig.m))[0]}
+    found: dict[str, str | Solver] = {name: name for name, _ in select_solvers(size=(rig.n, rig.m))[0]}
     return found | {f"dykstra, {count} iterations": Dykstra(iteration_limit=count) for count in ITERATIONS}
 
 

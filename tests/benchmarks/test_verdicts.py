@@ -7,7 +7,7 @@ from benchmarks import verdicts
 from benchmarks.exact_check import flaw
 from benchmarks.hostile_problems import GEOMETRIES, SHAPES, hostile_problems
 from tensionlab.solvers.base import POLICIES, Status
-from tensionlab.solvers.newton import Newton
+from tensionlab.solvers.least_squares import Newton
 from tensionlab.verification import verify
 
 

@@ -8,9 +8,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import tensionlab as tl
+from tensionlab import solvers
 from tensionlab.cli import join_numbers
 from tensionlab.cli.common import output
-from tensionlab.solvers import selection as lineup
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 PUBLISHED = str(RIGS / "bartels2026-validation.toml")
@@ -108,7 +108,9 @@ def test_compare_writes_json_a_picture_and_a_table_with_its_manifest(run, tmp_pa
 
 
 def test_what_does_not_serve_the_rig_is_left_out_with_a_reason_and_refused_by_name(run, monkeypatch):
-    monkeypatch.setattr(lineup, "every_solver", lambda: {"newton": True, "polygon:1-norm": True, "qp:osqp": False})
+    monkeypatch.setattr(
+        solvers, "every_solver", lambda: {"newton": True, "polygon:1-norm": True, "qp:osqp": False}
+    )
     reason = "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
     code, out, _ = run("compare", CUBE)
     assert code == 0
@@ -265,7 +267,7 @@ def test_bad_input_is_one_line_and_status_2(run, words, message):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["compare", PUBLISHED, "--solvers", "dykstra", "--nearest", "force"], "honours tension"),
+        (["compare", PUBLISHED, "--solvers", "dykstra", "--nearest", "force"], "honours 'tension'"),
         (["compare", PUBLISHED, "--nearest", "closest"], "force, tension, direction"),
         (["compare", PUBLISHED, "--plot", "picture.bmp"], ".png"),
         (["compare", PUBLISHED, "--out", "no/such/folder/t.parquet"], "no folder"),

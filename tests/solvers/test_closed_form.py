@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tensionlab.solvers.base import RANK_TOLERANCE
-from tensionlab.solvers.closed_form import ClosedForm
-from tensionlab.solvers.linear import times
-from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.closed_form import ClosedForm, Pseudoinverse
+from tensionlab.solvers.programs import times
 from tests.support.batch import problem, random_problem
 
 

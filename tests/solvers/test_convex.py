@@ -98,9 +98,9 @@ def test_random_rigs_agree_with_the_exact_solver(nearest):
 def test_programs_are_compiled_once_for_a_shape():
     batch = problem(PLANAR, [[1, 1], [2, 1], [12, 6]], 1, 10)
     ConvexProgram().solve(batch)
-    before = convex._blackboard.cache_info().misses
+    before = convex.compiled_programs.cache_info().misses
     ConvexProgram().solve(batch)
-    assert convex._blackboard.cache_info().misses == before
+    assert convex.compiled_programs.cache_info().misses == before
     board = convex._Blackboard(2, 3)
     assert all(program.is_dcp(dpp=True) for program in (board.closest, board.least_error, board.furthest))
 

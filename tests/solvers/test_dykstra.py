@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import linprog
 
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE
-from tensionlab.solvers.dykstra import Dykstra
-from tensionlab.solvers.linear import times
+from tensionlab.solvers.least_squares import Dykstra
+from tensionlab.solvers.programs import times
 from tests.support.batch import problem, random_problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"

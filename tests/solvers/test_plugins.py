@@ -11,8 +11,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.cli import main
 from tensionlab.errors import PluginError, UnknownSolver
-from tensionlab.solvers import make, plugins
-from tensionlab.solvers.selection import every_solver, lineup
+from tensionlab.solvers import every_solver, make, offered_plugins, select_solvers
 from tests.support.distribution import install
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
@@ -62,7 +61,7 @@ def offer(tmp_path, monkeypatch):
 
 
 def test_nobody_offers_a_solver_here():
-    assert plugins.offered() == {}
+    assert offered_plugins() == {}
 
 
 def test_a_solver_of_another_distribution_is_one_like_any(offer):
@@ -72,8 +71,8 @@ def test_a_solver_of_another_distribution_is_one_like_any(offer):
     assert found.tensions.tolist() == [2.0, 2.0]
     assert make("fixed:3.5").newtons == 3.5
     assert every_solver()["fixed"]
-    assert ("fixed", None) in lineup()[0]
-    assert lineup(["fixed"]) == ([("fixed", None)], {})
+    assert ("fixed", None) in select_solvers()[0]
+    assert select_solvers(["fixed"]) == ([("fixed", None)], {})
     assert "fixed" not in tl.SOLVERS
 
 
@@ -121,14 +120,14 @@ BROKEN = {
 @pytest.mark.parametrize(("text", "target", "message"), BROKEN.values(), ids=BROKEN)
 def test_a_broken_solver_is_an_error_only_when_asked_for(offer, capsys, text, target, message):
     offer("fixed", text, target)
-    for ask in (lambda: make("fixed"), lambda: lineup(["fixed"])):
+    for ask in (lambda: make("fixed"), lambda: select_solvers(["fixed"])):
         with pytest.raises(PluginError, match=rf"fixed.* of fable-solvers 1\.0 .*({message})"):
             ask()
     assert every_solver()["fixed"] is False
-    runs, missing = lineup()
+    runs, missing = select_solvers()
     assert "fixed" in missing
     assert "fixed" not in {name for name, _ in runs}
-    assert lineup(["newton"], "force") == ([("newton", "force")], {})
+    assert select_solvers(["newton"], "force") == ([("newton", "force")], {})
     with pytest.raises(SystemExit) as left:
         main(["solvers", "--json"])
     assert not left.value.code
@@ -148,7 +147,7 @@ def test_one_name_from_two_distributions_is_an_error_that_names_both(offer):
 def test_a_name_with_a_colon_is_left_out(offer):
     offer("fixed:2")
     assert every_solver()["fixed:2"] is False
-    assert "fixed:2" in lineup()[1]
+    assert "fixed:2" in select_solvers()[1]
 
 
 def run(folder, *words):

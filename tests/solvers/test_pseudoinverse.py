@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tensionlab.solvers.base import RANK_TOLERANCE
-from tensionlab.solvers.linear import times
-from tensionlab.solvers.pseudoinverse import Pseudoinverse
+from tensionlab.solvers.closed_form import Pseudoinverse
+from tensionlab.solvers.programs import times
 from tests.support.batch import problem, random_problem
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"

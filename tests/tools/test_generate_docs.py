@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tensionlab.comparison import compare as comparison
-from tensionlab.solvers import SOLVERS, make
-from tensionlab.solvers.selection import every_solver
+from tensionlab.solvers import SOLVERS, every_solver, make
 
 ROOT = Path(__file__).parents[2]
 spec = importlib.util.spec_from_file_location("generate_docs", ROOT / "tools" / "generate_docs.py")

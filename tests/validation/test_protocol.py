@@ -9,7 +9,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import HardwareError, RigError
 from tensionlab.model.directions import grid18
-from tensionlab.solvers.selection import lineup
+from tensionlab.solvers import select_solvers
 from tensionlab.validation.alignment import angle
 from tensionlab.validation.error_model import PRESETS, ErrorModel, draw, true_rig, turned
 from tensionlab.validation.protocol import BASIS, Protocol, measure
@@ -21,7 +21,7 @@ RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = tl.load_rig(RIGS / "bartels2026-validation.toml")
 QUICK = Protocol(hold=0.4)
 FEW = Protocol(hold=0.4, directions=grid18()[::9])
-SOLVERS = list(dict.fromkeys(name for name, _ in lineup(size=(RIG.n, RIG.m))[0]))
+SOLVERS = list(dict.fromkeys(name for name, _ in select_solvers(size=(RIG.n, RIG.m))[0]))
 
 
 def run(protocol, errors, solver="newton", rig=RIG, seed=0):

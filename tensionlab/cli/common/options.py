@@ -59,10 +59,10 @@ def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> Non
     UnknownSolver, MissingDependency, PluginError
         If one does not exist, is not installed, or cannot be used.
     """
-    from tensionlab.solvers.selection import lineup
+    from tensionlab.solvers import select_solvers
 
     try:
-        lineup(names, nearest, (rig.n, rig.m))
+        select_solvers(names, nearest, (rig.n, rig.m))
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
 

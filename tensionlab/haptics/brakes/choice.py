@@ -28,7 +28,7 @@ from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 
 

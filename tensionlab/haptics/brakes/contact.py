@@ -22,7 +22,7 @@ from tensionlab.arrays import Floats
 from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 
 Why = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 """What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked

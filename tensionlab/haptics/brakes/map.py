@@ -11,7 +11,7 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.model import pose
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 
 CONVINCING = np.pi / 4
 """A force this far off its direction is still taken for the intended one, in rad."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.hardware.calibration.poses import Poses
-from tensionlab.model import forward, kinematics
+from tensionlab.model import kinematics
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 
@@ -51,7 +51,7 @@ class Problem:
         anchors, offsets = self.split(shared)
         count = len(self.lengths)
         turns = KINDS[self.rig.kind].turns
-        p, R, _, _ = forward.solve(
+        p, R, _, _ = kinematics.solve_pose(
             np.broadcast_to(anchors, (count, *anchors.shape)),
             self.rig.attachments if turns else None,
             self.lengths - offsets,

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from tensionlab.errors import LinkError
-from tensionlab.files.locks import acquire
+from tensionlab.files.writing import acquire_lock
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -138,7 +138,7 @@ def _address(host: str) -> str:
 def _locked(path: Path, patience: float) -> BaseFileLock | None:
     """The lock of a link, taken; None if somebody else has it for longer than that, in s."""
     try:
-        return acquire(path, patience, "hardware")
+        return acquire_lock(path, patience, "hardware")
     except OSError as error:
         raise LinkError(f"{path}: cannot be locked: {error.strerror}; see that you may write there") from None
 

@@ -9,7 +9,7 @@ from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.hardware.protocol.codes import Limit
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 
 PROVED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
 MAX_PREPARED = 256

@@ -8,7 +8,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats, Integers
 from tensionlab.model import kinematics
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 from tensionlab.workspace.gradient import margin_gradient
 from tensionlab.workspace.layout.space import Space
 from tensionlab.workspace.margin import capacity_margin

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 from tensionlab.workspace.layout import place
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.place import Places

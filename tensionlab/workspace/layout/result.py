@@ -8,8 +8,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.model.files import rig_to_toml
-from tensionlab.model.limits import TensionLimits
-from tensionlab.model.module import Module
+from tensionlab.model.module import Module, TensionLimits
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.layout import place
 from tensionlab.workspace.layout.objective import Objective

@@ -20,7 +20,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, SweepError
-from tensionlab.files import locks
+from tensionlab.files import writing
 from tensionlab.workspace.sweep import dataset as labels
 from tensionlab.workspace.sweep.ledger import LOCK, Ledger, checksum
 from tensionlab.workspace.sweep.plan import Plan, Task
@@ -164,7 +164,7 @@ class Store:
 def _locked(path: Path) -> BaseFileLock:
     """Lock a store, or say that somebody else writes to it."""
     try:
-        lock = locks.acquire(path / LOCK, 0.0, "workspace")
+        lock = writing.acquire_lock(path / LOCK, 0.0, "workspace")
     except OSError as error:
         raise SweepError(f"{path}: cannot be written ({error.strerror}); give another place") from None
     if lock is None:
@@ -209,7 +209,7 @@ def _create(path: Path, plan: Plan, bare: xarray.Dataset) -> None:
         _clear(path)
         making = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.new")
         making.mkdir()
-        lock = locks.acquire(making / LOCK, 1.0, "workspace")
+        lock = writing.acquire_lock(making / LOCK, 1.0, "workspace")
         new = making / "store"
         bare.to_zarr(new, zarr_format=2, consolidated=False)
         group = zarr.open_group(new, mode="r+")
@@ -240,6 +240,6 @@ def _create(path: Path, plan: Plan, bare: xarray.Dataset) -> None:
 def _clear(path: Path) -> None:
     """Delete what processes left that were killed while they made this store: nobody holds its lock."""
     for left in path.absolute().parent.glob(f".{glob.escape(path.name)}.*.new"):
-        if (left / LOCK).exists() and (lock := locks.acquire(left / LOCK, 0.0, "workspace")) is not None:
+        if (left / LOCK).exists() and (lock := writing.acquire_lock(left / LOCK, 0.0, "workspace")) is not None:
             shutil.rmtree(left, ignore_errors=True)
             lock.release()

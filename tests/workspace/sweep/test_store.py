@@ -284,7 +284,7 @@ def test_two_sweeps_that_start_together_end_well(store, tmp_path):
 
 def test_a_finished_store_is_opened_while_another_has_it_open(store, tmp_path, monkeypatch):
     sweep(store, tmp_path / "tally")
-    monkeypatch.setattr("tensionlab.files.locks.acquire", None)  # not needed
+    monkeypatch.setattr("tensionlab.files.writing.acquire_lock", None)  # not needed
     assert sweep(store, tmp_path / "tally").sizes["x"] == 5
 
 

@@ -1,16 +1,58 @@
-"""A backend of qpsolvers on the plain program, once: what a stranger who calls it gets, and how long it took."""
+"""Baselines: solvers of others run as they come, one program, once, with no policy and nothing repaired."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.peer import Reply, own_tensions
-from tensionlab.solvers.quadratic.backends import BACKENDS, SPARSE, installed_backends, raised_by
+from tensionlab.solvers.quadratic import BACKENDS, SPARSE, installed_backends, raised_by
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a peer gave back for one problem; none of it is believed.
+
+    Attributes
+    ----------
+    tensions : (m,) array or None
+        Tensions in N, just as they came, limits broken or not; None if there were none.
+    iterations : int
+        As the peer counts them; 0 where it does not tell.
+    setup_s, solve_s : float
+        Its own clock, in seconds; NaN where it does not tell.
+    failure : str
+        Why there are no tensions.
+    """
+
+    tensions: Floats | None
+    iterations: int = 0
+    setup_s: float = float("nan")
+    solve_s: float = float("nan")
+    failure: str = ""
+
+
+class Baseline(Protocol):
+    """One way to minimise ``|t|²`` subject to ``W t = w`` and limits, in two steps that are timed apart."""
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the peer takes."""
+        ...
+
+    def run(self, program: Any) -> Reply:
+        """Solve it."""
+        ...
+
+
+def finite_tensions(found: Any, cables: int) -> Floats | None:
+    """What a backend returned as finite tensions, or None."""
+    if found is None or np.shape(found) != (cables,) or not np.isfinite(found).all():
+        return None
+    return np.array(found, dtype=np.float64)
+
 
 TIGHT: dict[str, dict[str, Any]] = {
     "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
@@ -83,7 +125,7 @@ class PlainProgram:
             solution = qpsolvers.solve_problem(program, self.backend, **options)
         except raised_by(self.backend) as error:
             return Reply(None, failure=f"{type(error).__name__}: {error}")
-        tensions = own_tensions(solution.x, len(program.q))
+        tensions = finite_tensions(solution.x, len(program.q))
         extras = solution.extras
         info = extras.get("info")
         unit = CLOCK.get(self.backend, 1.0)

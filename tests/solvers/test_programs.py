@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tensionlab.solvers.base import RANK_TOLERANCE
-from tensionlab.solvers.linear import independent_rows, times, whitener
+from tensionlab.solvers.programs import independent_rows, times, whitener
 
 
 def structures(rank):

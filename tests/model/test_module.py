@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import ShapeError
-from tensionlab.model.limits import TensionLimits
+from tensionlab.model.module import TensionLimits
 
 
 def test_limits_are_a_read_only_copy():

@@ -1,0 +1,182 @@
+"""Solvers that price what they avoid: `AnalyticCentre`, `SlackNorm` and `Spidar`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+
+from tensionlab import _native
+from tensionlab.solvers.base import Answer, Nearest, Problem
+
+
+@dataclass(frozen=True)
+class AnalyticCentre:
+    """Which tensions render the wrench and stay clear of all limits, with the largest product of distances?
+
+    Maximises ``sum ln(t - lower) + sum ln(upper - t)`` subject to ``W t = w``. There is one answer for every
+    wrench inside the workspace, it is a smooth function of wrench and pose, and no tension touches a limit.
+    Cables without play keep their tension and take no part; the reference takes none either.
+
+    A multiplier y of the wrench components fixes each tension: with c the middle of its limits, h half their
+    range and q = h W_i'y it is ``c + h q / (1 + sqrt(1 + q²))``. Newton steps with a line search raise the dual,
+    which is self-concordant, in those n variables; they need no feasible start (`native/dual_ascent.hpp`).
+
+    The wrench error s is not forbidden but has a price, ``s = P (1 + P |y|²) y`` with P = 1e-14, in units of the
+    largest (weighted) change of the wrench that half the range of one cable makes. At a distance d from the edge
+    of the workspace, where k cables would be at their limits, it is k P / d: a hundredth of a unit away 1e-11
+    units at most, 1e-6 units away 1e-7, and at the very edge 5e-7, which is still EXACT on rigs of a few newton.
+    Beyond, the tensions tend to their limits and the wrench to the one of least error: near the best that can be
+    rendered, and not proved to be.
+
+    Sources: Sonnevend, "An analytical centre for polyhedrons and new classes of global algorithms for linear
+    (smooth, convex) programming", 1985; Nesterov and Nemirovskii, "Interior-Point Polynomial Algorithms in Convex
+    Programming", 1994, for the steps. On a cable robot: "Experimental validation of the analytic-centre based
+    tension distribution algorithm for cable driven parallel robots", 2025.
+    """
+
+    objective: ClassVar[str] = "largest product of distances to the limits"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        tensions, iterations = _native.log_barrier(
+            problem.structure, problem.wrench, problem.lower, problem.upper, problem.weights
+        )
+        return Answer(tensions, iterations)
+
+
+@dataclass(frozen=True)
+class SlackNorm:
+    """Which tensions are close to the reference, clear of their limits, and miss no more wrench than they must?
+
+    Minimises ``sum |(t - t0)/h|^p - c1 sum ln((t - lower)/h) - c2 sum ln((upper - t)/h) + kappa sum(
+    sqrt(s² + epsilon) + gamma s²)`` over the tensions t and the slack s, where ``W t + unit s / sqrt(weights) =
+    w``. t0 is the reference, h is half the range of each cable, and the unit is the largest (weighted) change of
+    the wrench that half the range of one cable makes: all parameters are pure numbers, and a stronger rig gives
+    stronger answers. Cables without play keep their tension and take no part.
+
+    The tensions are strictly inside their limits for every wrench, reachable or not, and a continuously
+    differentiable function of wrench and pose. That is bought with bias: towards the middle by c1 and c2, and in
+    the wrench. With y the slope of the other prices, the slack is ``sqrt(epsilon) y / kappa`` as long as y is well
+    below kappa: about 1e-8 units and never 1e-6, which is EXACT, until the wrench is within 1e-3 units of the edge
+    of the workspace. Nearer than about ``m c / kappa`` units, for m cables, wrench is given away instead: some
+    1e-4 units at the edge. Beyond, the answer is no best substitute; as kappa grows it tends to the tensions
+    whose error has the least 1-norm.
+
+    Solved through its dual of n variables by Newton steps with a line search (`native/dual_ascent.hpp`), which
+    converge from anywhere; the source solves the same conditions by Newton steps on all variables at once.
+
+    Source: Ueland, Sauder and Skjetne, "Optimal force allocation for overconstrained cable-driven parallel
+    robots: continuously differentiable solutions with assessment of computational efficiency", 2021.
+
+    Parameters
+    ----------
+    p : float
+        Exponent of the distance to the reference, 2 or more. Larger ones weigh the largest distance.
+    c1, c2 : float
+        Prices of coming close to the lower and to the upper limits, positive; 0.1 as in the authors' examples.
+    kappa : float
+        Price of slack, positive. 3500 is what the authors' 200 / N makes with their half range of 17.5 N.
+    epsilon : float
+        Square of the slack below which its price is round, positive. Ours: the authors' 1e-3 N², 3e-6 here,
+        leaves an error of about 1e-5 N everywhere, which is never EXACT.
+    gamma : float
+        How much faster than the slack its price grows, positive; 0.0875 is the authors' 0.005 / N.
+    """
+
+    p: float = 2.0
+    c1: float = 0.1
+    c2: float = 0.1
+    kappa: float = 3500.0
+    epsilon: float = 1e-14
+    gamma: float = 0.0875
+
+    objective: ClassVar[str] = "least p-norm of the change from the reference, with log barriers and priced slack"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            least = 2.0 if field.name == "p" else np.finfo(float).tiny
+            value = getattr(self, field.name)
+            if not least <= value < np.inf:
+                wanted = "2 or more" if field.name == "p" else "positive"
+                raise ValueError(f"SlackNorm({field.name}={value}): must be finite and {wanted}")
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        tensions, iterations = _native.slack_norm(
+            problem.structure,
+            problem.wrench,
+            problem.lower,
+            problem.upper,
+            problem.reference,
+            problem.weights,
+            self.p,
+            self.c1,
+            self.c2,
+            self.kappa,
+            self.epsilon,
+            self.gamma,
+        )
+        return Answer(tensions, iterations)
+
+
+@dataclass(frozen=True)
+class Spidar:
+    """Which tensions within limits have the least wrench error plus a little squared change of tension?
+
+    Minimises ``force |f - F t|² + torque |q - M t|² + mu |t - reference|²`` on the limits, exactly: f and F are
+    the force rows of wrench and structure matrix, q and M the torque rows. With the usual reference 0 this is
+    Springhead's program for its SPIDAR haptic devices. A problem knows no units, so rows are told apart by their
+    number: up to three rows are all force, as for a point; of four to six the first three are force and the
+    others torque. On a planar platform, with its torque in row three, ``wrench_weights`` set the balance: they
+    multiply both prices row by row.
+
+    There is an answer for every wrench and it is continuous, but inside the workspace it doesn't render the
+    wrench: the error is ``(mu / price) y``, with y the multiplier of the wrench, which for one cable is its
+    tension. With the default mu that is of the order of 1e-3 of the tensions over the number of cables that share
+    the load: far more than `TOLERANCE`, so the status is ITERATION_LIMIT nearly everywhere. Out of reach it is
+    as close to the "force" policy's answer. Smaller mu come closer to both.
+
+    Solved through its dual of n variables, ``t = clip(reference + W'y)``, by semismooth Newton steps with a line
+    search, which end after finitely many (`native/dual_ascent.hpp`).
+
+    Source: Hasegawa and the Springhead developers, "Springhead", HumanInterface/HISpidarCalc, 2003-2008; for the
+    device, Kim, Hasegawa, Koike and Sato, "Tension based 7-DOF force feedback device: SPIDAR-G", 2002.
+
+    Parameters
+    ----------
+    mu : float
+        Price of a squared tension, 1/N², positive.
+    force, torque : float
+        Prices of a squared error, in 1/N² and 1/(N·m)², positive.
+    """
+
+    mu: float = 1e-3
+    force: float = 1.0
+    torque: float = 0.3
+
+    objective: ClassVar[str] = "least squared wrench error plus mu times the squared change from the reference"
+    policies: ClassVar[tuple[Nearest, ...]] = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not 0.0 < value < np.inf:
+                raise ValueError(f"Spidar({field.name}={value}): must be positive and finite")
+
+    def solve(self, problem: Problem) -> Answer:
+        """Choose tensions for every problem of the batch."""
+        rows = np.arange(len(problem.weights))
+        prices = np.where(rows < 3, self.force, self.torque) * problem.weights
+        tensions, iterations = _native.box_price(
+            problem.structure,
+            problem.wrench,
+            problem.lower,
+            problem.upper,
+            problem.reference,
+            np.sqrt(prices / self.mu),
+        )
+        return Answer(tensions, iterations)
