@@ -253,7 +253,7 @@ def beyond(log: Path, rig: Rig) -> list[str]:
     run = read_run(log)
     lower, upper = rig.limits.lower, rig.limits.upper
     found = []
-    for name, tensions in (("commanded", run.sent), ("told", run.tensions)):
+    for name, tensions in (("commanded", run.commanded), ("told", run.measured)):
         least = lower if name == "commanded" else np.zeros(rig.m)  # modules come up from nothing
         out = (tensions < least - ROUNDING_N) | (tensions > upper + ROUNDING_N)  # NaN: a module renders by itself
         if out.any():

@@ -57,7 +57,7 @@ def bench(
 
 def report(what: str, statistics: Statistics, own: float, share: float) -> None:
     """Print a line."""
-    work, late = (1e6 * np.array(statistics.percentiles()[name]) for name in ("work", "late"))
+    work, late = (1e6 * np.array(statistics.percentiles()[name]) for name in ("compute_time", "start_delay"))
     print(
         f"{what}: {statistics.cycles} cycles, work {work[0]:.0f} us median, {work[1]:.0f} us p99; begins "
         f"{late[0]:.0f} us late, {late[1]:.0f} us p99; {statistics.missed} deadlines missed; cycles take "

@@ -79,18 +79,18 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     """
     source = followed(run)
     known = (source >= 0).all(axis=1)
-    free = (run.limits == Limit.NONE) | (run.limits == Limit.LOWER)
+    free = (run.limiters == Limit.NONE) | (run.limiters == Limit.LOWER)
     rows = np.flatnonzero(known & free.all(axis=1))
     latest = source[rows].max(axis=1)
-    whole = (run.sent[latest] == run.chosen[latest]).all(axis=1)
+    whole = (run.commanded[latest] == run.chosen[latest]).all(axis=1)
     exact = (run.status[latest] == Status.EXACT) & whole
     rows, latest = rows[exact], latest[exact]
-    pulled = np.einsum("knm,km->kn", run.structure[rows], run.tensions[rows])
-    wanted = run.demanded[latest]
+    pulled = np.einsum("knm,km->kn", run.structure[rows], run.measured[rows])
+    wanted = run.desired[latest]
     errors = np.linalg.norm(pulled - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
-    sent = run.sent[np.isfinite(run.sent)]
+    sent = run.commanded[np.isfinite(run.commanded)]
     lower, upper = run.rig.limits.lower, run.rig.limits.upper
-    outside = int(((run.sent < lower) | (run.sent > upper)).sum())
+    outside = int(((run.commanded < lower) | (run.commanded > upper)).sum())
     outside += sum(outside_in(path, run) for path in recordings)
     ages = (run.time[:, None] - run.time[source] - run.ages)[known]
     return Findings(
@@ -113,12 +113,12 @@ def followed(run: Run) -> Integers:
     (K, m) array
         Row of the run; -1 before the first one that a module followed.
     """
-    found: Integers = np.full(run.taken.shape, -1, dtype=np.int64)
+    found: Integers = np.full(run.last_sequence.shape, -1, dtype=np.int64)
     for module in range(run.rig.m):
         last = np.full(256, -1, dtype=np.int64)
         for row in range(len(run)):
-            if run.taken[row, module] >= 0:
-                found[row, module] = last[run.taken[row, module]]
+            if run.last_sequence[row, module] >= 0:
+                found[row, module] = last[run.last_sequence[row, module]]
             last[run.sequences[row, module]] = row
     return found
 

@@ -51,11 +51,11 @@ class RigState:
         Time since the latest telemetry came, in s; infinite before the first.
     active : (m,) array of bool
         Modules that take part. One that is lost does not come back within a run.
-    states, faults, limits : (m,) arrays of int
-        `codes.State`, `codes.Fault` and `codes.Limit` of each module.
+    states, faults, limiters : (m,) arrays of int
+        `codes.State`, `codes.Fault` and `codes.Limit`, which holds its tension back, of each module.
     brakes : (m,) array of int
         What each brake is doing, `codes.BrakeState`; -1 before the first telemetry.
-    taken : (m,) array of int
+    last_sequence : (m,) array of int
         Sequence number of the set-point that each module followed last; -1 before the first telemetry.
     delays : (m,) array
         How long ago that set-point was sent, in s: so late does what the host asks for show in what it hears. NaN
@@ -78,9 +78,9 @@ class RigState:
     active: NDArray[np.bool_]
     states: Integers
     faults: Integers
-    limits: Integers
+    limiters: Integers
     brakes: Integers
-    taken: Integers
+    last_sequence: Integers
     delays: Floats
     thermal: Floats
     upper_now: Floats

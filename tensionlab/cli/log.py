@@ -157,8 +157,10 @@ def _print_info(found: RunReport) -> None:
         f"{found.cycles} cycles in {found.duration:.2f} s, {found.rate:g} Hz desired, {found.missed} missed"
     )
     counts = ", ".join(f"{count} {name}" for name, count in found.statuses.items() if count) or "none"
-    console.print(f"answers: {counts}; {found.replaced} by newton as fallback, {found.slewed} slew-rate limited")
-    for name, times in (("start jitter", found.late), ("compute time", found.work)):
+    console.print(
+        f"answers: {counts}; {found.fallback_used} by newton as fallback, {found.slew_limited} slew-rate limited"
+    )
+    for name, times in (("start jitter", found.start_delay), ("compute time", found.compute_time)):
         written = ", ".join(output.duration(value) for value in times)
         console.print(f"{name}: {written} (median, 99 %, max)")
     if found.complete:

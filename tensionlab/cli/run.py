@@ -170,12 +170,12 @@ def live_table(runner: Runner) -> RenderableType:
     measured = _components(state.structure @ state.tensions)
     rows = []
     for index, module in enumerate(runner.rig.modules):
-        limit, faults = Limit(int(state.limits[index])), Fault(int(state.faults[index]))
+        limit, faults = Limit(int(state.limiters[index])), Fault(int(state.faults[index]))
         active = state.active[index]
         rows.append(
             (
                 module.name,
-                f"{cycle.sent[index]:.2f} N",
+                f"{cycle.commanded[index]:.2f} N",
                 f"{state.tensions[index]:.2f} N",
                 limit.name.lower() if active and limit is not Limit.NONE else "",
                 State(int(state.states[index])).name.lower() if active else f"lost {faults.name or ''}",
@@ -201,12 +201,12 @@ def summary_table(runner: Runner) -> Table:
     times = statistics.percentiles()
     rows = [
         ("answers", _counts(statistics)),
-        ("start jitter", _spread(times["late"])),
-        ("compute time of a cycle", _spread(times["work"])),
+        ("start jitter", _spread(times["start_delay"])),
+        ("compute time of a cycle", _spread(times["compute_time"])),
         ("deadlines missed", str(statistics.missed)),
     ]
-    if statistics.slewed:
-        rows.append(("cycles that were slew-rate limited", str(statistics.slewed)))
+    if statistics.slew_limited:
+        rows.append(("cycles that were slew-rate limited", str(statistics.slew_limited)))
     for name, count in statistics.late_telemetry.items():
         rows.append((f"cycles with late telemetry of {name}", str(count)))
     for client in runner.modules.clients:
@@ -231,8 +231,8 @@ def _counts(statistics: Statistics) -> str:
     from tensionlab.solvers.base import Status
 
     counts = [f"{statistics.statuses[status]} {status.name}" for status in Status if statistics.statuses[status]]
-    if statistics.replaced:
-        counts.append(f"{statistics.replaced} by newton, as fallback of the solver")
+    if statistics.fallback_used:
+        counts.append(f"{statistics.fallback_used} by newton, as fallback of the solver")
     return ", ".join(counts) or "none"
 
 

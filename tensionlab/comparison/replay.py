@@ -88,7 +88,7 @@ def replay(
     own: dict[str, Nearest | None] = {}
     for name, policy in runs:  # a solver's own policy is its first
         own.setdefault(name, policy)
-    asked = np.asarray(np.isfinite(run.demanded).all(axis=1))
+    asked = np.asarray(np.isfinite(run.desired).all(axis=1))
     part = _part(run)[asked]
     limits = np.where(part, run.setup.lower, 0.0), np.where(part, run.setup.upper, 0.0)
     recorded = run.allocation
@@ -101,10 +101,10 @@ def replay(
         iterations=recorded.iterations[asked],
         separation=recorded.separation[asked],
     )
-    rows = [_row(run, asked, run.setup.solver, run.setup.nearest, kept, int(run.replaced[asked].sum()))]
+    rows = [_row(run, asked, run.setup.solver, run.setup.nearest, kept, int(run.fallback_used[asked].sum()))]
     for done, (name, policy) in enumerate(own.items(), start=1):
         allocator = Allocator(limits, make(name), nearest=policy)
-        found = allocator(run.structure[asked], run.asked[asked])
+        found = allocator(run.structure[asked], run.solver_wrench[asked])
         rows.append(_row(run, asked, name, policy, found, 0))
         if progress:
             progress(done / len(own))
@@ -125,7 +125,7 @@ def _row(
     replaced: int,
 ) -> ReplayRow:
     dimension = run.rig.dimension
-    wrenches, part, cycle = run.asked[asked], _part(run)[asked], run.cycle[asked]
+    wrenches, part, cycle = run.solver_wrench[asked], _part(run)[asked], run.cycle[asked]
     forces, rendered = wrenches[:, :dimension], found.wrench[:, :dimension]
     magnitude = abs(np.linalg.norm(rendered, axis=1) - np.linalg.norm(forces, axis=1))
     neighbours = (np.diff(cycle) == 1) & (part[1:] == part[:-1]).all(axis=1)

@@ -48,7 +48,7 @@ def against(played: Played) -> list[Against]:
     """
     run, frame = played.run, played.scenario.seen_from
     felt, told = touch(played), touch(replace(played, felt=None))
-    meant = Touch(run.time, told.position, run.demanded)
+    meant = Touch(run.time, told.position, run.desired)
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:

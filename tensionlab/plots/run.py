@@ -130,8 +130,8 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
 
 
 def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
-    asked, rendered = run.demanded[:, part], run.rendered[:, part]
-    pulled = np.einsum("knm,km->kn", run.structure, run.tensions)[:, part]
+    asked, rendered = run.desired[:, part], run.rendered[:, part]
+    pulled = np.einsum("knm,km->kn", run.structure, run.measured)[:, part]
     # Where there is one torque only, it is that about z.
     colours = COLOURS if asked.shape[1] > 1 else COLOURS[2:]
     for index, colour in zip(range(asked.shape[1]), colours, strict=False):
@@ -145,7 +145,7 @@ def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
 def _top(run: Run) -> float:
     """Up to which tension is drawn? The limit, unless the run stayed far below it."""
     upper = max(run.setup.upper)
-    pulled = np.fmax.reduce(np.concatenate([run.sent.ravel(), run.tensions.ravel(), [0.0]]))
+    pulled = np.fmax.reduce(np.concatenate([run.commanded.ravel(), run.measured.ravel(), [0.0]]))
     return float(1.12 * upper if pulled > 0.3 * upper or pulled == 0.0 else 1.3 * pulled)
 
 
@@ -153,8 +153,8 @@ def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
     lower, upper = run.setup.lower[index], run.setup.upper[index]
     for limit in (lower, upper):
         axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9)
-    _line(axes, run, run.tensions[:, index], color=ORANGE, linewidth=1.2)
-    _line(axes, run, run.sent[:, index], color=BLUE, linewidth=1.2)
+    _line(axes, run, run.measured[:, index], color=ORANGE, linewidth=1.2)
+    _line(axes, run, run.commanded[:, index], color=BLUE, linewidth=1.2)
     axes.set_ylim(0.0, top)
     axes.set_ylabel("N")
     name = f"{run.rig.modules[index].name}, {lower:g} to {upper:g} N"
@@ -163,9 +163,9 @@ def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
 
 def severity(run: Run) -> NDArray[np.int64]:
     """How badly was each module held back in each cycle? (K, m), an index of `HELD`; one more if it is gone."""
-    worst = np.zeros(run.limits.shape, dtype=np.int64)
+    worst = np.zeros(run.limiters.shape, dtype=np.int64)
     for level, (_, _, limits) in enumerate(HELD):
-        worst[np.isin(run.limits, [int(limit) for limit in limits])] = level
+        worst[np.isin(run.limiters, [int(limit) for limit in limits])] = level
     broken = np.isin(run.states, [int(state) for state in LATCHED_STATES]) | (run.faults != 0) | ~run.active
     worst[broken] = len(HELD)
     return worst
@@ -200,7 +200,7 @@ def _draw_ribbons(axes: Axes, run: Run) -> list[tuple[str, str]]:
 def _draw_times(axes: Axes, run: Run) -> None:
     oldest = np.fmax.reduce(np.where(run.active, run.ages, np.nan), axis=1)
     begins = stretches(len(run))
-    for seconds, colour in zip((run.late, run.work, oldest), (BLUE, GREEN, ORANGE), strict=True):
+    for seconds, colour in zip((run.start_delay, run.compute_time, oldest), (BLUE, GREEN, ORANGE), strict=True):
         worst = np.fmax.reduceat(seconds, begins) if len(run) else seconds
         axes.plot(run.time[begins], np.fmax(1e3 * worst, FLOOR), color=colour, linewidth=0.9)
     axes.axhline(1e3 / run.setup.rate, color=GREY, linestyle="--", linewidth=0.9)

@@ -160,7 +160,7 @@ def draw_force(axes: Axes, played: Played) -> None:
     sizes = np.abs(felt.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MATTERS * sizes.max(), 1e-9)]
     for axis in shown:
-        axes.plot(run.time, run.demanded[:, axis], color=COLOURS[axis], linewidth=5.0, alpha=0.3)
+        axes.plot(run.time, run.desired[:, axis], color=COLOURS[axis], linewidth=5.0, alpha=0.3)
         axes.plot(felt.time, felt.force[:, axis], color=COLOURS[axis], linewidth=1.2)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
@@ -186,8 +186,8 @@ def draw_tension(axes: Axes, played: Played, index: int) -> None:
     lower, upper = run.setup.lower[index], run.setup.upper[index]
     for limit in (lower, upper):
         axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
-    axes.plot(run.time, run.sent[:, index], color=BLUE, linewidth=5.0, alpha=0.3)
-    axes.plot(run.time, run.tensions[:, index], color=ORANGE, linewidth=1.2)
+    axes.plot(run.time, run.commanded[:, index], color=BLUE, linewidth=5.0, alpha=0.3)
+    axes.plot(run.time, run.measured[:, index], color=ORANGE, linewidth=1.2)
     entries: list[tuple[str, dict[str, Any]]] = [
         ("set-point", {"color": BLUE, "linewidth": 5.0, "alpha": 0.3}),
         ("motor, as told", {"color": ORANGE, "linewidth": 1.2}),
@@ -198,7 +198,7 @@ def draw_tension(axes: Axes, played: Played, index: int) -> None:
     entries.append(("limits of the motor", {"color": GREY, "linestyle": "--", "linewidth": 0.9}))
     axes.set_ylabel("N")
     axes.set_title(f"Tension of {run.rig.modules[index].name}")
-    pulled = run.tensions if felt is None else felt.tensions  # one range for all, so that they compare
+    pulled = run.measured if felt is None else felt.tensions  # one range for all, so that they compare
     two_scales(axes, np.append(pulled, 1.1 * upper), KNEE * max(run.setup.upper))
     axes.grid()
     if index == 0:

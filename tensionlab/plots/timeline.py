@@ -41,9 +41,9 @@ def ribbons(played: Played) -> dict[str, list[Ribbon]]:
     alone: NDArray[np.bool_] = np.asarray(np.isfinite(run.impedances).any(axis=2))
     found = {}
     for index, module in enumerate(run.rig.modules):
-        if run.brakes[:, index].any():
+        if run.commanded_brakes[:, index].any():
             found[f"{module.name}, brake"] = [
-                Ribbon("brake", run.brakes[:, index]),
+                Ribbon("brake", run.commanded_brakes[:, index]),
                 Ribbon("pawl", carried[:, index]),
             ]
         if alone[:, index].any():
@@ -75,14 +75,14 @@ def draw_ribbons(axes: Axes, played: Played, rows: dict[str, list[Ribbon]]) -> N
 def pawls(played: Played) -> NDArray[np.bool_]:
     """In which cycles (K, m) did a pawl carry a cable? Only a simulated person knows; else in none."""
     run, felt = played.run, played.felt
-    found = np.zeros(run.brakes.shape, dtype=bool)
+    found = np.zeros(run.commanded_brakes.shape, dtype=bool)
     if felt is None:
         return found
     for index in range(run.rig.m):
         really = np.interp(run.time, felt.time, felt.tensions[:, index])
-        asked = run.time[run.brakes[:, index]]
+        asked = run.time[run.commanded_brakes[:, index]]
         if asked.size:
             latest = np.searchsorted(asked, run.time, side="right") - 1
             soon = (latest >= 0) & (run.time - asked[np.maximum(latest, 0)] <= LIFTING)
-            found[:, index] = soon & (really > np.nan_to_num(run.tensions[:, index]) + CARRIED)
+            found[:, index] = soon & (really > np.nan_to_num(run.measured[:, index]) + CARRIED)
     return found

@@ -56,10 +56,10 @@ def why(run: Run) -> NDArray[np.int64]:
     -1: it did; -2: it was weaker than 0.5 N.
     """
     told = told_by(run)
-    meant = np.nan_to_num(run.demanded)
+    meant = np.nan_to_num(run.desired)
     limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
     found = np.full(len(run), REASONS.index("unexplained"))
-    found[~np.isin(run.limits, limits).all(axis=1)] = REASONS.index("held back")
+    found[~np.isin(run.limiters, limits).all(axis=1)] = REASONS.index("held back")
     found[run.status == Status.NEAREST] = REASONS.index("out of reach")
     found[_late(run, told, meant)] = REASONS.index("late")
     found[np.linalg.norm(meant, axis=1) <= WEAK] = REASONS.index("none intended")
@@ -70,7 +70,7 @@ def why(run: Run) -> NDArray[np.int64]:
 
 def told_by(run: Run) -> Floats:
     """Which force is that by what the modules say they pull with, (K, n) in N?"""
-    force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.tensions))
+    force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
     return force
 
 

@@ -87,7 +87,7 @@ def weight(played: Played) -> tuple[Row, ...]:
         Row("largest force while it is lifted", "N", 0.88 * most, above * most, float(down[lift].max())),
         Row("sideways force meanwhile", "N", 0.0, 0.5, float(np.linalg.norm(felt.force[lift, :2], axis=1).max())),
     ]
-    locked = played.run.time[played.run.brakes.any(axis=1)]
+    locked = played.run.time[played.run.commanded_brakes.any(axis=1)]
     if played.felt is not None and locked.size:
         box = between(felt.time, locked[0] + LOCKING, locked[-1])
         freed = between(felt.time, locked[-1] + 0.2, felt.time[-1])
@@ -105,7 +105,7 @@ def bow(played: Played) -> tuple[Row, ...]:
     felt = touch(played)
     far = np.linalg.norm(felt.position, axis=1)
     pull = -np.einsum("kd,kd->k", felt.force, felt.position) / far
-    locked = played.run.time[played.run.brakes.any(axis=1)]
+    locked = played.run.time[played.run.commanded_brakes.any(axis=1)]
     begin, end = (float(locked[0]), float(locked[-1])) if locked.size else (string.loosed, string.loosed)
     drawing = between(felt.time, SETTLED, begin)
     draw = np.maximum(far - string.brace, 0.0)

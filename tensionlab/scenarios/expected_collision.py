@@ -68,7 +68,7 @@ def hold_of(scenario: Scenario) -> tuple[Hold, Plane]:
 def _locked(played: Played) -> tuple[float, float]:
     """When were brakes locked for the first time, and until when? Infinite if they never were."""
     run = played.run
-    locked: NDArray[np.bool_] = np.asarray(run.brakes.any(axis=1))
+    locked: NDArray[np.bool_] = np.asarray(run.commanded_brakes.any(axis=1))
     if not locked.any():
         return np.inf, np.inf
     first = int(np.argmax(locked))

@@ -21,7 +21,7 @@ from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
-from tensionlab.hardware.runner.statistics import Cycle
+from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, Cycle
 from tensionlab.hardware.simulation.simulated_rig import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.rig import Rig
@@ -242,7 +242,7 @@ def measure(
         raise HardwareError(f"{names} did not confirm to have stopped; look at them before anything else")
     if runner.statistics.emergency:
         raise HardwareError("an emergency stop ended the validation; `tensionlab module clear` leads out of it")
-    return runner.statistics.ended == "the demand"
+    return runner.statistics.ended == DEMAND_STOPPED
 
 
 def _measurement(
@@ -255,15 +255,15 @@ def _measurement(
     rig: Rig,
 ) -> Measurement:
     free = (Limit.NONE, Limit.LOWER, Limit.UPPER, Limit.IDLE)
-    limits = zip(rig.modules, latest.state.limits.tolist(), strict=True)
+    limits = zip(rig.modules, latest.state.limiters.tolist(), strict=True)
     return Measurement(
         number=number,
         desired=tuple(desired.tolist()),
         rendered=tuple(latest.allocation.wrench.tolist()),
         measured=tuple(average.tolist()),
-        tensions=tuple(latest.sent.tolist()),
+        tensions=tuple(latest.commanded.tolist()),
         status=Status(int(latest.allocation.status)).name,
-        replaced=latest.replaced,
+        replaced=latest.fallback_used,
         samples=len(samples),
         spread=float(samples.std(axis=0).max()),
         rested=rested,

@@ -18,12 +18,12 @@ def test_seven_modules_behind_bad_links(tmp_path):
     assert found.compared > 0.9 * found.cycles
 
     run = read_run(tmp_path / "soak.mcap")
-    wrong = run.taken.copy()
+    wrong = run.last_sequence.copy()
     wrong[700] = run.sequences[690]  # as if all had gone back by some set-points
-    assert examine(replace(run, taken=wrong), []).went_back
-    weak = examine(replace(run, tensions=1.2 * run.tensions), [])
+    assert examine(replace(run, last_sequence=wrong), []).went_back
+    weak = examine(replace(run, measured=1.2 * run.measured), [])
     assert "the force was off by" in weak.problems(TTL + ON_THE_WAY, LARGEST_ERROR)[0]
-    strong = replace(run, sent=np.where(np.arange(len(run))[:, None] == 9, 6.01, run.sent))
+    strong = replace(run, commanded=np.where(np.arange(len(run))[:, None] == 9, 6.01, run.commanded))
     assert examine(strong, []).outside == 7
 
 

@@ -23,7 +23,7 @@ def test_info_says_how_the_run_went(run, file):
     for words in (
         "seven-modules, dykstra, nearest in tension",
         "120 cycles in 2.38 s, 50 Hz desired",
-        "finished: the demand",
+        "finished: stopped by the demand",
         "fault ENCODER, lost at 1.200 s",
         "lost: back-floor: module",
     ):

@@ -63,7 +63,7 @@ def test_lines_are_what_was_meant_and_felt(bow):
     axes = Figure().subplots()
     draw_force(axes, bow)
     meant, felt, _ = axes.get_lines()  # and zero
-    np.testing.assert_array_equal(meant.get_xydata(), np.column_stack([bow.run.time, bow.run.demanded[:, 0]]))
+    np.testing.assert_array_equal(meant.get_xydata(), np.column_stack([bow.run.time, bow.run.desired[:, 0]]))
     np.testing.assert_array_equal(felt.get_xydata(), np.column_stack([bow.felt.time, bow.felt.force[:, 0]]))
 
 
@@ -72,8 +72,8 @@ def test_lines_are_what_the_module_was_told_says_and_pulls(bow):
     draw_tension(axes, bow, 0)
     lower, upper, sent, told, really = (line.get_ydata() for line in axes.get_lines())
     assert (lower[0], upper[0]) == (0.5, 6.0)
-    np.testing.assert_array_equal(sent, bow.run.sent[:, 0])
-    np.testing.assert_array_equal(told, bow.run.tensions[:, 0])
+    np.testing.assert_array_equal(sent, bow.run.commanded[:, 0])
+    np.testing.assert_array_equal(told, bow.run.measured[:, 0])
     np.testing.assert_array_equal(really, bow.felt.tensions[:, 0])
     assert axes.get_ylim()[1] > really.max()
 
@@ -83,16 +83,16 @@ def test_a_ribbon_lasts_as_long_as_the_brake_was_asked_for(bow):
     draw_ribbons(axes, bow, ribbons(bow))
     (asked, *_) = [each for each in axes.collections if len(each.get_paths()) == 1]
     begin, end = asked.get_paths()[0].get_extents().intervalx
-    assert end - begin == pytest.approx(bow.run.brakes.sum() / bow.run.setup.rate)
-    assert begin == bow.run.time[bow.run.brakes[:, 0]][0]
+    assert end - begin == pytest.approx(bow.run.commanded_brakes.sum() / bow.run.setup.rate)
+    assert begin == bow.run.time[bow.run.commanded_brakes[:, 0]][0]
 
 
 def test_a_pawl_is_in_where_the_cable_pulls_harder_than_the_motor_could(bow):
     carried = pawls(bow)
-    assert not carried[bow.run.time < bow.run.time[bow.run.brakes[:, 0]][0]].any()
+    assert not carried[bow.run.time < bow.run.time[bow.run.commanded_brakes[:, 0]][0]].any()
     really = np.interp(bow.run.time, bow.felt.time, bow.felt.tensions[:, 0])
     assert carried[really > 8.0].all()
-    assert not carried[really < bow.run.tensions[:, 0] + 0.5].any()
+    assert not carried[really < bow.run.measured[:, 0] + 0.5].any()
     assert (really > 8.0).sum() > 50
     assert [each.kind for each in ribbons(bow)["bow-hand, brake"]] == ["brake", "pawl"]
 

@@ -34,7 +34,7 @@ def run(tmp_path):
 def pulling(run, told, meant):
     """The same run with these forces, one a cycle."""
     tensions = np.array([np.linalg.pinv(W) @ force for W, force in zip(run.structure, told, strict=True)])
-    return replace(run, tensions=tensions, demanded=meant)
+    return replace(run, measured=tensions, desired=meant)
 
 
 def along(*angles):

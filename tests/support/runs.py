@@ -13,7 +13,7 @@ from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import BrakeState, Limit, ResetReason, State
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Cycle, Statistics
+from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, Cycle, Statistics
 from tensionlab.solvers.base import Status
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -77,9 +77,9 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             active=active,
             states=np.where(active, State.RUNNING, State.FAULT).astype(np.int64),
             faults=np.where(active, 0, 1).astype(np.int64),
-            limits=np.where(found.tensions > 0.6, Limit.NONE, Limit.LOWER).astype(np.int64),
+            limiters=np.where(found.tensions > 0.6, Limit.NONE, Limit.LOWER).astype(np.int64),
             brakes=np.full(rig.m, -1 if first else BrakeState.OPEN),
-            taken=np.full(rig.m, -1 if first else (sequence - 1) % 256),
+            last_sequence=np.full(rig.m, -1 if first else (sequence - 1) % 256),
             thermal=np.full(rig.m, index / (count + 1)),
             upper_now=rig.limits.upper,
         )
@@ -93,13 +93,13 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
                 brakes=frozenset({rig.modules[-1].name}) if wanted is None else frozenset(),
                 stop=index == count - 1,
             ),
-            asked=wrench if wanted is not None else found.wrench,
+            solver_wrench=wrench if wanted is not None else found.wrench,
             allocation=found,
-            replaced=replaced,
-            sent=sent,
+            fallback_used=replaced,
+            commanded=sent,
             sequences=np.where(active, sequence, -1),
-            late=float(random.exponential(2e-4)),
-            work=float(random.uniform(2e-4, 3e-4)),
+            start_delay=float(random.exponential(2e-4)),
+            compute_time=float(random.uniform(2e-4, 3e-4)),
         )
 
 
@@ -115,6 +115,6 @@ def logged(path, rig, count=200, **how):
         if how.get("lost") is not None and cycle.state.cycle == count // 2:
             name = rig.modules[how["lost"]].name
             log.note("lost", f'module "{name}" has let go (FAULT: ENCODER)', name)
-    log.note("ended", "the demand")
-    log.close(Statistics(missed=3, ended="the demand"))
+    log.note("ended", DEMAND_STOPPED)
+    log.close(Statistics(missed=3, ended=DEMAND_STOPPED))
     return written

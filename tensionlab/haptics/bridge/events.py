@@ -50,7 +50,7 @@ class News:
     ----------
     rig : Rig
     limits, brakes : mapping of int to str
-        Names of the numbers in `RigState.limits` and `RigState.brakes`.
+        Names of the numbers in `RigState.limiters` and `RigState.brakes`.
     frames : callable
         How many frames have come so far?
 
@@ -119,7 +119,7 @@ class News:
             asked=(self._still if demand.wrench is None else np.asarray(demand.wrench)).tolist(),
             pulled=(state.structure @ known).tolist(),
             tensions=[None if np.isnan(tension) else float(tension) for tension in state.tensions],
-            limits=[self._limits[int(limit)] for limit in state.limits],
+            limits=[self._limits[int(limit)] for limit in state.limiters],
             active=state.active.tolist(),
             rendering=[name in demand.impedances for name in self._names],
             braked=[name in demand.brakes for name in self._names],
@@ -142,8 +142,8 @@ class News:
                 continue
             if state.faults[index] & ~before.faults[index]:
                 self._event(state.time, "fault", f"has a fault: {state.faults[index]}", module=name)
-            elif state.limits[index] != before.limits[index]:
-                limit = self._limits[int(state.limits[index])]
+            elif state.limiters[index] != before.limiters[index]:
+                limit = self._limits[int(state.limiters[index])]
                 self._event(state.time, "limit", f"held back by: {limit}", module=name)
             if state.brakes[index] != before.brakes[index]:
                 brake = self._brakes.get(int(state.brakes[index]), UNKNOWN)

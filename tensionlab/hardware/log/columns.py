@@ -54,26 +54,26 @@ class CycleTable:
     structure: Annotated[Floats, Column(("component", "module"), "1 or m", "structure matrix")]
     lengths: Annotated[Floats, Column(("module",), "m", "length of the cable")]
     speeds: Annotated[Floats, Column(("module",), "m/s", "speed of paying out")]
-    tensions: Annotated[Floats, Column(("module",), "N", "tension that the module said it pulls with")]
+    measured: Annotated[Floats, Column(("module",), "N", "tension that the module said it pulls with")]
     ages: Annotated[Floats, Column(("module",), "s", "time since the latest telemetry")]
     active: Annotated[NDArray[np.bool_], Column(("module",), "1", "whether the module takes part")]
     states: Annotated[Integers, Column(("module",), "1", f"state of the module: {words(State)}")]
     faults: Annotated[Integers, Column(("module",), "1", f"faults of the module, bits: {words(Fault)}")]
-    limits: Annotated[Integers, Column(("module",), "1", f"what limits the module's tension: {words(Limit)}")]
-    taken: Annotated[
+    limiters: Annotated[Integers, Column(("module",), "1", f"what limits the module's tension: {words(Limit)}")]
+    last_sequence: Annotated[
         Integers, Column(("module",), "1", "sequence number of the last set-point followed; -1: none yet")
     ]
     delays: Annotated[Floats, Column(("module",), "s", "time since that set-point was sent")]
     thermal: Annotated[Floats, Column(("module",), "1", "share of the winding's budget that is spent")]
     upper_now: Annotated[Floats, Column(("module",), "N", "upper limit: the rig's, or less where it is warm")]
-    demanded: Annotated[Floats, Column(("component",), "N or N m", "wrench that was asked for")]
-    asked: Annotated[
+    desired: Annotated[Floats, Column(("component",), "N or N m", "wrench that was asked for")]
+    solver_wrench: Annotated[
         Floats, Column(("component",), "N or N m", "what of it the solver was asked for: impedances pull the rest")
     ]
     impedances: Annotated[
         Floats, Column(("module", "impedance"), "SI", f"impedance asked for: {', '.join(IMPEDANCE)}")
     ]
-    brakes: Annotated[NDArray[np.bool_], Column(("module",), "1", "whether the brake was asked for")]
+    commanded_brakes: Annotated[NDArray[np.bool_], Column(("module",), "1", "whether the brake was asked for")]
     stop: Annotated[NDArray[np.bool_], Column((), "1", "whether the end of the run was asked for")]
     chosen: Annotated[Floats, Column(("module",), "N", "tension that the solver chose")]
     rendered: Annotated[Floats, Column(("component",), "N or N m", "wrench that the chosen tensions exert")]
@@ -82,11 +82,11 @@ class CycleTable:
     scale: Annotated[Floats, Column((), "1", "share of the wrench that is rendered, by the direction policy")]
     iterations: Annotated[Integers, Column((), "1", "iterations of the solver")]
     separation: Annotated[Floats, Column(("component",), "1", "direction that proves the wrench out of reach")]
-    replaced: Annotated[NDArray[np.bool_], Column((), "1", "whether the exact solver had to take over")]
-    sent: Annotated[Floats, Column(("module",), "N", "set-point that was sent")]
+    fallback_used: Annotated[NDArray[np.bool_], Column((), "1", "whether the exact solver had to take over")]
+    commanded: Annotated[Floats, Column(("module",), "N", "set-point that was sent")]
     sequences: Annotated[Integers, Column(("module",), "1", "sequence number of the set-point; -1: none sent")]
-    late: Annotated[Floats, Column((), "s", "begin of the cycle after its deadline")]
-    work: Annotated[Floats, Column((), "s", "time that the host needed for the cycle")]
+    start_delay: Annotated[Floats, Column((), "s", "begin of the cycle after its deadline")]
+    compute_time: Annotated[Floats, Column((), "s", "time that the host needed for the cycle")]
 
 
 HINTS = get_type_hints(CycleTable, include_extras=True)
@@ -96,6 +96,19 @@ TYPES: dict[str, np.dtype[Any]] = {
     name: np.dtype(get_args(get_args(hint.__origin__)[1])[0]) for name, hint in HINTS.items()
 }
 """Of which type each is."""
+OLD_NAMES = {
+    "measured": "tensions",
+    "limiters": "limits",
+    "last_sequence": "taken",
+    "desired": "demanded",
+    "solver_wrench": "asked",
+    "commanded_brakes": "brakes",
+    "fallback_used": "replaced",
+    "commanded": "sent",
+    "start_delay": "late",
+    "compute_time": "work",
+}
+"""Columns that had another name in logs of the first edition."""
 LATER_COLUMNS = frozenset({"upper_now"})
 """Columns that the first logs do not have; NaN there."""
 
@@ -148,20 +161,20 @@ def _row(cycle: Cycle, rig: Rig) -> dict[str, Any]:
         "structure": state.structure.ravel().tolist(),
         "lengths": state.lengths.tolist(),
         "speeds": state.speeds.tolist(),
-        "tensions": state.tensions.tolist(),
+        "measured": state.tensions.tolist(),
         "ages": state.ages.tolist(),
         "active": state.active.tolist(),
         "states": state.states.tolist(),
         "faults": state.faults.tolist(),
-        "limits": state.limits.tolist(),
-        "taken": state.taken.tolist(),
+        "limiters": state.limiters.tolist(),
+        "last_sequence": state.last_sequence.tolist(),
         "delays": state.delays.tolist(),
         "thermal": state.thermal.tolist(),
         "upper_now": state.upper_now.tolist(),
-        "demanded": (none if demand.wrench is None else np.asarray(demand.wrench, dtype=np.float64)).tolist(),
-        "asked": cycle.asked.tolist(),
+        "desired": (none if demand.wrench is None else np.asarray(demand.wrench, dtype=np.float64)).tolist(),
+        "solver_wrench": cycle.solver_wrench.tolist(),
         "impedances": _impedances(demand.impedances, rig),
-        "brakes": [module.name in demand.brakes for module in rig.modules],
+        "commanded_brakes": [module.name in demand.brakes for module in rig.modules],
         "stop": bool(demand.stop),
         "chosen": allocation.tensions.tolist(),
         "rendered": allocation.wrench.tolist(),
@@ -170,11 +183,11 @@ def _row(cycle: Cycle, rig: Rig) -> dict[str, Any]:
         "scale": float(allocation.scale),
         "iterations": int(allocation.iterations),
         "separation": allocation.separation.tolist(),
-        "replaced": bool(cycle.replaced),
-        "sent": cycle.sent.tolist(),
+        "fallback_used": bool(cycle.fallback_used),
+        "commanded": cycle.commanded.tolist(),
         "sequences": cycle.sequences.tolist(),
-        "late": float(cycle.late),
-        "work": float(cycle.work),
+        "start_delay": float(cycle.start_delay),
+        "compute_time": float(cycle.compute_time),
     }
 
 
@@ -214,9 +227,10 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
         if name in LATER_COLUMNS and not all(name in row for row in parsed):
             found[name] = np.full((len(rows), *shape), np.nan)
             continue
-        values = np.array([row[name] for row in parsed], dtype=TYPES[name])
+        key = name if all(name in row for row in parsed) else OLD_NAMES.get(name, name)
+        values = np.array([row[key] for row in parsed], dtype=TYPES[name])
         found[name] = values.reshape(len(rows), *shape)
-    if not (np.isfinite(found["time"]).all() and np.isfinite(found["late"]).all()):
+    if not (np.isfinite(found["time"]).all() and np.isfinite(found["start_delay"]).all()):
         raise ValueError("a cycle without a time")
     if unknown := set(found["status"].tolist()) - {int(status) for status in Status}:
         raise ValueError(f"status {min(unknown)}")

@@ -56,12 +56,12 @@ class RunReport:
         What ran, by which solver, with which policy; None if it honours none.
     rate, duration : float
         Cycles a second that were wanted; time from the first cycle to the last, in s.
-    cycles, missed, replaced, slewed : int
+    cycles, missed, fallback_used, slew_limited : int
         Cycles; deadlines at which none began; answers of the exact solver in place of the run's; set-points that
         were not what was chosen, by the limit on their change.
     statuses : dict of str to int
         Cycles by the `Status` of their allocation.
-    late, work : tuple of float
+    start_delay, compute_time : tuple of float
         Begin of the cycles after their deadlines, and what the host needed for them, in s: median, 99th
         percentile, largest.
     ended : str
@@ -79,11 +79,11 @@ class RunReport:
     duration: float
     cycles: int
     missed: int
-    replaced: int
-    slewed: int
+    fallback_used: int
+    slew_limited: int
     statuses: dict[str, int]
-    late: tuple[float, ...]
-    work: tuple[float, ...]
+    start_delay: tuple[float, ...]
+    compute_time: tuple[float, ...]
     ended: str
     complete: bool
     modules: tuple[ModuleReport, ...]
@@ -92,9 +92,9 @@ class RunReport:
 
 def report(run: Run) -> RunReport:
     """How did a run go? As far as its log goes."""
-    deadlines = np.round((run.time - run.late) * run.setup.rate)
+    deadlines = np.round((run.time - run.start_delay) * run.setup.rate)
     missed = int(deadlines[-1] - deadlines[0]) + 1 - len(run) if len(run) else 0
-    changed = np.isfinite(run.sent) & (abs(run.sent - run.chosen) > 0.0)
+    changed = np.isfinite(run.commanded) & (abs(run.commanded - run.chosen) > 0.0)
     return RunReport(
         rig=run.rig.name,
         solver=run.setup.solver,
@@ -103,11 +103,11 @@ def report(run: Run) -> RunReport:
         duration=float(run.time[-1] - run.time[0]) if len(run) else 0.0,
         cycles=len(run),
         missed=missed,
-        replaced=int(run.replaced.sum()),
-        slewed=int(changed.any(axis=1).sum()),
+        fallback_used=int(run.fallback_used.sum()),
+        slew_limited=int(changed.any(axis=1).sum()),
         statuses={Status(status).name: int((run.status == status).sum()) for status in Status},
-        late=percentiles(run.late),
-        work=percentiles(run.work),
+        start_delay=percentiles(run.start_delay),
+        compute_time=percentiles(run.compute_time),
         ended=str(run.summary.get("ended", "")),
         complete=run.complete,
         modules=tuple(_module(run, index) for index in range(run.rig.m)),
@@ -117,7 +117,7 @@ def report(run: Run) -> RunReport:
 
 def _module(run: Run, index: int) -> ModuleReport:
     name = run.rig.modules[index].name
-    sent = run.sent[:, index]
+    sent = run.commanded[:, index]
     sent = sent[np.isfinite(sent)]
     gone = np.flatnonzero(~run.active[:, index])
     return ModuleReport(
@@ -126,7 +126,7 @@ def _module(run: Run, index: int) -> ModuleReport:
         sent_least=float(sent.min()) if sent.size else np.nan,
         sent_mean=float(sent.mean()) if sent.size else np.nan,
         sent_most=float(sent.max()) if sent.size else np.nan,
-        limits=_shares(run.limits[:, index]),
+        limits=_shares(run.limiters[:, index]),
         faults=[str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()],
         age=percentiles(run.ages[:, index]),
         lost_at=float(run.time[gone[0]]) if gone.size else None,

@@ -24,9 +24,9 @@ class Observation(NamedTuple):
     ages: Floats
     states: Integers
     faults: Integers
-    limits: Integers
+    limiters: Integers
     brakes: Integers
-    taken: Integers
+    last_sequence: Integers
     thermal: Floats
 
 
@@ -50,8 +50,8 @@ def observe(group: ModuleGroup) -> Observation:
         codes = (state, client.faults, said.limit, said.brake, said.sequence)
         rows.append((said.length, said.speed, said.tension, age, *codes, said.thermal))
     lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
-    states, faults, limits, brakes, taken = np.array(numbers, dtype=np.int64)
-    return Observation(lengths, speeds, tensions, ages, states, faults, limits, brakes, taken, thermal)
+    states, faults, limiters, brakes, last_sequence = np.array(numbers, dtype=np.int64)
+    return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
 
 
 SEQUENCE_NUMBERS = 256
@@ -96,7 +96,7 @@ class SetPointDelays:
         self._sent = np.where(first, self._own, np.where(new, following, self._sent))
         self._times[self._sent[new] % self._kept, self._indices[new]] = now
 
-    def delays(self, taken: Integers, now: float) -> tuple[Floats, Floats]:
+    def delays(self, last_sequence: Integers, now: float) -> tuple[Floats, Floats]:
         """Return how old the set-points are that modules report to follow, by their numbers (m,); -1: none yet.
 
         Returns
@@ -106,13 +106,13 @@ class SetPointDelays:
         (m,) array
             The same; there, the time since the first was sent.
         """
-        newest = self._sent - (self._sent - taken) % SEQUENCE_NUMBERS
-        step = (taken - self._followed) % SEQUENCE_NUMBERS
+        newest = self._sent - (self._sent - last_sequence) % SEQUENCE_NUMBERS
+        step = (last_sequence - self._followed) % SEQUENCE_NUMBERS
         step = step + SEQUENCE_NUMBERS * np.rint((self._sent - self._sent_then - step) / SEQUENCE_NUMBERS).astype(
             np.int64
         )
         likely = np.minimum(self._followed + np.maximum(step, 0), newest)
-        known = (taken >= 0) & (newest >= self._own) & (self._sent >= 0)
+        known = (last_sequence >= 0) & (newest >= self._own) & (self._sent >= 0)
         found = np.where(known, np.where(self._followed >= self._own, likely, newest), self._followed)
         self._sent_then = np.where(found != self._followed, self._sent, self._sent_then)
         self._followed = found

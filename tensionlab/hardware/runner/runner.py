@@ -26,7 +26,7 @@ from tensionlab.hardware.runner.observation import Observation, SetPointDelays, 
 from tensionlab.hardware.runner.pose_tracker import PoseTracker, at_one_time, reel_in, velocity
 from tensionlab.hardware.runner.program import require_demand
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
-from tensionlab.hardware.runner.statistics import Cycle, Statistics
+from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED, Cycle, Statistics
 from tensionlab.hardware.runner.watchdog import ENDING, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
 
@@ -224,12 +224,12 @@ class Runner:
                 raise HardwareError(f"the clock went back by {due * period - now:g} s")
             self._step(f"cycle {self.statistics.cycles}", hung)
             if not self._cycle(now, now - due * period):
-                return "the demand"
+                return DEMAND_STOPPED
             self._rest()
             next_due = max(due + 1, int((self._clock.now() - start) * self.settings.rate + 1.0))
             self.statistics.missed += next_due - due - 1
             due = next_due
-        return f"after {seconds:g} s"
+        return DURATION_REACHED
 
     def _cycle(self, now: float, late: float) -> bool:
         """Do one cycle; False if the demand is to stop."""
@@ -258,7 +258,7 @@ class Runner:
         work = time.perf_counter() - began
         sent = np.where(free, self._before, np.nan)
         self.latest = Cycle(state, demand, wrench, allocation, replaced, sent, sequences, late, work)
-        self.statistics.take(self.latest, slewed=self._before is not wanted)
+        self.statistics.take(self.latest, slew_limited=self._before is not wanted)
         if self.log is not None:
             self.log.write(self.latest)
         return True
@@ -270,7 +270,7 @@ class Runner:
         for index, text in self._derating.update(seen.thermal):
             self._note("derated", text, self._names[index])
         self.statistics.derated = self._derating.lowest
-        delays, at_least = self._delays.delays(seen.taken, now)
+        delays, at_least = self._delays.delays(seen.last_sequence, now)
         self._roll.call(seen, at_least, self._derating, now)
         return seen, delays
 

@@ -3,6 +3,7 @@ import random
 import re
 import time
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,10 +36,11 @@ def test_what_was_written_is_read_to_the_last_bit(seven):
     assert run.complete
     for index, cycle in enumerate(written):
         state, allocation = cycle.state, cycle.allocation
-        for name in ("cycle", "time", "twist", "structure", "lengths", "speeds", "tensions", "active", "states"):
+        for name in ("cycle", "time", "twist", "structure", "lengths", "speeds", "active", "states"):
             np.testing.assert_array_equal(getattr(run, name)[index], getattr(state, name), name)
-        for name in ("faults", "limits", "taken", "thermal"):
+        for name in ("faults", "limiters", "last_sequence", "thermal"):
             np.testing.assert_array_equal(getattr(run, name)[index], getattr(state, name), name)
+        np.testing.assert_array_equal(run.measured[index], state.tensions)
         np.testing.assert_array_equal(run.position[index], state.pose.position)
         np.testing.assert_array_equal(run.rotation[index], np.eye(3))
         np.testing.assert_array_equal(run.ages[index], np.where(np.isinf(state.ages), np.nan, state.ages))
@@ -46,17 +48,17 @@ def test_what_was_written_is_read_to_the_last_bit(seven):
             np.testing.assert_array_equal(getattr(run.allocation, name)[index], getattr(allocation, name), name)
         np.testing.assert_array_equal(run.allocation.tensions[index], allocation.tensions)
         np.testing.assert_array_equal(run.allocation.wrench[index], allocation.wrench)
-        for name in ("replaced", "sent", "sequences", "late", "work"):
+        for name in ("fallback_used", "commanded", "sequences", "start_delay", "compute_time"):
             np.testing.assert_array_equal(getattr(run, name)[index], getattr(cycle, name), name)
         assert run.stop[index] == cycle.demand.stop
         if cycle.demand.wrench is None:
-            assert np.isnan(run.demanded[index]).all()
+            assert np.isnan(run.desired[index]).all()
             assert list(run.impedances[index, 0, :2]) == [1.0, 50.0]
-            assert list(run.brakes[index]) == 6 * [False] + [True]
+            assert list(run.commanded_brakes[index]) == 6 * [False] + [True]
         else:
-            np.testing.assert_array_equal(run.demanded[index], cycle.demand.wrench)
+            np.testing.assert_array_equal(run.desired[index], cycle.demand.wrench)
             assert np.isnan(run.impedances[index]).all()
-            assert not run.brakes[index].any()
+            assert not run.commanded_brakes[index].any()
 
 
 def test_a_log_from_before_a_column_was_added_has_none_of_it():
@@ -68,6 +70,28 @@ def test_a_log_from_before_a_column_was_added_has_none_of_it():
     assert found["upper_now"].shape == (3, 7)
 
 
+def test_a_log_of_the_first_edition_is_read_with_the_names_of_today():
+    """Written before columns were renamed: `tests.support.runs.logged(path, runs.four(), 4, lost=1)` of then."""
+    run = read_run(Path(__file__).parents[2] / "data" / "run-first.mcap")
+    assert run.complete
+    cycles = list(runs.cycles(runs.four(), 4, lost=1))
+    for index, cycle in enumerate(cycles):
+        state = cycle.state
+        np.testing.assert_array_equal(run.measured[index], state.tensions)
+        np.testing.assert_array_equal(run.limiters[index], state.limiters)
+        np.testing.assert_array_equal(run.last_sequence[index], state.last_sequence)
+        np.testing.assert_array_equal(run.desired[index], cycle.demand.wrench)
+        np.testing.assert_allclose(run.solver_wrench[index], cycle.solver_wrench, atol=1e-9)
+        np.testing.assert_allclose(run.commanded[index], cycle.commanded, atol=1e-9)
+        assert not run.commanded_brakes[index].any()
+        assert run.fallback_used[index] == cycle.fallback_used
+        assert (run.start_delay[index], run.compute_time[index]) == (cycle.start_delay, cycle.compute_time)
+    assert not {"replaced", "slewed", "late", "work"} & run.summary.keys()
+    assert (run.summary["fallback_used"], run.summary["slew_limited"], run.summary["missed"]) == (0, 0, 3)
+    assert run.summary["start_delay_s"] == {"median": 0.0, "p99": 0.0, "max": 0.0}
+    assert [event.kind for event in run.events] == ["armed", "lost", "ended"]
+
+
 def test_what_was_around_the_cycles_is_in_the_log_too(seven):
     run = read_run(seven[0])
     assert run.rig == runs.seven()
@@ -76,7 +100,7 @@ def test_what_was_around_the_cycles_is_in_the_log_too(seven):
     assert run.setup.nearest == "force"
     assert run.setup.links[run.rig.modules[1].name] == f"sim:{run.rig.modules[1].name}"
     assert run.modules == {module.name: asdict(runs.INFO) for module in run.rig.modules}
-    assert (run.summary["ended"], run.summary["missed"]) == ("the demand", 3)
+    assert (run.summary["ended"], run.summary["missed"]) == ("stopped by the demand", 3)
     armed, lost, stopped = run.events
     assert (armed.kind, armed.cycle, armed.module) == ("armed", -1, "")
     assert (lost.kind, lost.cycle, lost.time, lost.module) == ("lost", 60, 1.2, run.rig.modules[2].name)

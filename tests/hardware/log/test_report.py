@@ -11,22 +11,24 @@ def test_counts_and_shares_are_those_of_the_cycles(tmp_path):
     cycles = runs.logged(tmp_path / "run.mcap", rig, 200, solver="dykstra", lost=2)
     found = report(read_run(tmp_path / "run.mcap"))
     assert (found.rig, found.solver, found.nearest) == ("seven-modules", "dykstra", "tension")
-    assert (found.cycles, found.missed, found.slewed) == (200, 0, 0)
+    assert (found.cycles, found.missed, found.slew_limited) == (200, 0, 0)
     assert found.duration == pytest.approx(199 / 50)
     statuses = [int(cycle.allocation.status) for cycle in cycles]
     assert list(found.statuses.values()) == [statuses.count(status) for status in range(4)]
     assert found.statuses["NEAREST"] > 5
-    assert found.replaced == sum(cycle.replaced for cycle in cycles)
-    assert found.late == pytest.approx(np.percentile([cycle.late for cycle in cycles], [50, 99, 100]))
+    assert found.fallback_used == sum(cycle.fallback_used for cycle in cycles)
+    assert found.start_delay == pytest.approx(
+        np.percentile([cycle.start_delay for cycle in cycles], [50, 99, 100])
+    )
     assert found.complete
-    assert found.ended == "the demand"
+    assert found.ended == "stopped by the demand"
 
     lost, kept = found.modules[2], found.modules[3]
     assert (lost.name, lost.faults, lost.lost_at) == (rig.modules[2].name, ["ENCODER"], 2.0)
     assert (kept.faults, kept.lost_at) == ([], None)
-    taut = np.mean([cycle.state.limits[3] == 1 for cycle in cycles])
+    taut = np.mean([cycle.state.limiters[3] == 1 for cycle in cycles])
     assert kept.limits == {"LOWER": pytest.approx(taut)}
-    sent = [cycle.sent[2] for cycle in cycles[:100]]
+    sent = [cycle.commanded[2] for cycle in cycles[:100]]
     assert (lost.sent_least, lost.sent_mean) == pytest.approx((min(sent), np.mean(sent)))
     assert 0.005 < kept.age[0] < kept.age[2] < 0.03
 
@@ -44,15 +46,15 @@ def test_set_points_that_were_slowed_are_counted(tmp_path):
     log = runs.new_log(tmp_path / "run.mcap", runs.four())
     for cycle in runs.cycles(runs.four(), 20):
         if cycle.state.cycle < 5:
-            cycle.sent[0] -= 0.1
+            cycle.commanded[0] -= 0.1
         log.write(cycle)
     log.close()
-    assert report(read_run(tmp_path / "run.mcap")).slewed == 5
+    assert report(read_run(tmp_path / "run.mcap")).slew_limited == 5
 
 
 def test_a_run_without_a_cycle_has_nothing_to_report(tmp_path):
     runs.logged(tmp_path / "run.mcap", runs.four(), 0)
     found = report(read_run(tmp_path / "run.mcap"))
     assert (found.cycles, found.missed, found.duration) == (0, 0, 0.0)
-    assert np.isnan(found.late).all()
+    assert np.isnan(found.start_delay).all()
     assert found.modules[0].limits == {}

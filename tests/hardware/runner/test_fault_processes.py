@@ -85,7 +85,7 @@ def test_a_host_that_is_told_to_end(rig, number):
         running.send_signal(number)
         since = time.time()
         assert running.wait(10.0) == 0
-        assert f"ended by: signal {signal.Signals(number).name}" in running.stdout.read()
+        assert f"finished: signal {signal.Signals(number).name}" in running.stdout.read()
         assert_let_go(recording, since)
     assert {row["state"] for row in rows(recording)[-4:]} == {"IDLE"}
 
@@ -97,7 +97,7 @@ def test_an_emergency_stop_from_elsewhere(rig):
         since = time.time()
         subprocess.run(command("estop", "--modules", modules), check=True, timeout=20.0)
         assert running.wait(10.0) == 1
-        assert "ended by: emergency stop" in running.stdout.read()
+        assert "finished: emergency stop" in running.stdout.read()
         assert {row["state"] for row in rows(recording)[-4:]} == {"ESTOP"}
         off = [row for row in rows(recording) if row["state"] == "ESTOP"]
         assert float(off[0]["time"]) > since

@@ -94,7 +94,7 @@ def test_a_platform_is_found_with_its_rotation():
 @pytest.mark.parametrize("solver", ["newton", "closed-form", "safe"])
 def test_without_a_wrench_the_cables_are_held_taut(rig, solver):
     runner = run(World(rig), rig, lambda state: Demand(), solver=solver)
-    np.testing.assert_allclose(runner.latest.sent, rig.limits.lower, atol=1e-9)
+    np.testing.assert_allclose(runner.latest.commanded, rig.limits.lower, atol=1e-9)
 
 
 @dataclass(frozen=True)
@@ -111,10 +111,10 @@ class GivesUp:
 def test_an_unproved_answer_is_never_sent(rig):
     force = np.array([0.0, 0.0, 1.5])
     runner = run(World(rig), rig, lambda state: Demand(force), solver=GivesUp())
-    assert runner.statistics.replaced == runner.statistics.cycles == 50
-    assert runner.latest.replaced
+    assert runner.statistics.fallback_used == runner.statistics.cycles == 50
+    assert runner.latest.fallback_used
     np.testing.assert_allclose(
-        runner.latest.sent, tl.allocate(runner.latest.state.structure, force, rig.limits).tensions, atol=1e-9
+        runner.latest.commanded, tl.allocate(runner.latest.state.structure, force, rig.limits).tensions, atol=1e-9
     )
 
 
@@ -132,11 +132,11 @@ def test_set_points_change_no_faster_than_the_modules_allow(rig):
     runner = Runner(rig, world.group(), "newton", demand, RunSettings(), clock=WorldClock(world))
     runner_of.append(runner)
     runner.run(1.0)
-    sent = np.array([cycle.sent for cycle in cycles[1:]])
+    sent = np.array([cycle.commanded for cycle in cycles[1:]])
     assert np.abs(np.diff(sent, axis=0)).max() <= 60.0 / 50.0 + 1e-9
-    assert runner.statistics.slewed > 40
+    assert runner.statistics.slew_limited > 40
     # All go the same share of their way: the wrench stays between the old one and the new one, in direction too.
-    rendered = np.array([cycle.state.structure @ cycle.sent for cycle in cycles[1:]])
+    rendered = np.array([cycle.state.structure @ cycle.commanded for cycle in cycles[1:]])
     assert np.abs(rendered[10:, :2]).max() < 0.01
 
 
@@ -147,10 +147,10 @@ def test_modules_with_an_impedance_render_it_and_the_others_share_the_wrench(rig
     runner = run(world, rig, lambda state: Demand(force, impedances={"top": spring}))
     cycle = runner.latest
     assert cycle.state.tensions[3] == pytest.approx(0.5 + 10.0 * 0.1, abs=0.02)
-    assert np.isnan(cycle.sent[3])
+    assert np.isnan(cycle.commanded[3])
     assert cycle.sequences[3] >= 0
     # All together exert the force; what the spring pulls is known from the cable's length as the module told it.
-    pulls = np.append(cycle.sent[:3], spring.tension(cycle.state.lengths[3], cycle.state.speeds[3]))
+    pulls = np.append(cycle.commanded[:3], spring.tension(cycle.state.lengths[3], cycle.state.speeds[3]))
     np.testing.assert_allclose(cycle.state.structure @ pulls, force, atol=1e-6)
 
 
@@ -194,7 +194,7 @@ def test_brakes_are_laid_on(rig):
         return world.modules[3].sample.pawl_down
 
     runner = run(world, rig, demand, None)
-    assert runner.statistics.ended == "the demand"
+    assert runner.statistics.ended == "stopped by the demand"
 
 
 def test_a_tracker_takes_the_place_of_the_lengths(rig):
@@ -270,7 +270,7 @@ def test_a_run_begins_with_slack_cables_while_the_hand_moves(name):
         return Demand()
 
     runner = run(world, rig, demand, 2.0)
-    assert runner.statistics.ended == "after 2 s"
+    assert runner.statistics.ended == "duration reached"
     assert max(errors) < 1e-2
 
 
@@ -304,7 +304,7 @@ def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(ri
         return Demand()
 
     runner = run(world, rig, demand, 2.0)
-    assert runner.statistics.ended == "after 2 s"
+    assert runner.statistics.ended == "duration reached"
     assert max(off[-30:]) < 1e-3
 
 
