@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
-NATIVE := $(wildcard tensionlab/native/*.[ch]pp firmware/*/*.[ch]pp)
+NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
 .PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
 

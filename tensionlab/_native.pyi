@@ -1,4 +1,4 @@
-"""The compiled kernels: what `tensionlab/native/module.cpp` defines. Arrays are checked by the callers."""
+"""Compiled kernels: arrays in, arrays out (`native/bindings/module.cpp`)."""
 
 from numpy import bool_, float64, int8, int64
 from numpy.typing import NDArray
@@ -138,7 +138,7 @@ def half_spaces(
     capacity: int,
     rank_tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]: ...
-def judge(
+def verify(
     structure: NDArray[float64],
     wrench: NDArray[float64],
     lower: NDArray[float64],

@@ -1,7 +1,7 @@
 """Certificates: what is proved about an answer, whoever gave it.
 
 Whoever chose the tensions, they are clipped into their limits, the wrench is recomputed, and a status needs
-a certificate that anyone can check (`tensionlab/native/judge.hpp`).
+a certificate that anyone can check (`tensionlab/native/verification/certificates.hpp`).
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def _writable(array: Floats | None) -> Floats:
 def _certify(
     problem: Problem, tensions: Floats, separation: Floats
 ) -> tuple[Floats, Floats, NDArray[np.int8], Floats, bool]:
-    """Clip the tensions in place, measure them, and leave in ``separation`` the proof (native/judge.hpp)."""
-    return _native.judge(
+    """Clip tensions in place, verify them, and store the proof in ``separation`` (`certificates.hpp`)."""
+    return _native.verify(
         problem.structure,
         problem.wrench,
         problem.lower,

@@ -20,7 +20,7 @@ class Newton:
     where a whole step goes astray, end after finitely many. Out of reach, a multiplier soon separates the wrench
     from all that tensions inside the limits render. From it an active set finds the nearest face of what can be
     rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own problem to
-    the same precision. The whole batch is one call to `tensionlab/native/newton_kernel.cpp`; `newton.hpp` and
+    the same precision. The whole batch is one call to `native/solvers/newton_kernel.cpp`; `newton.hpp` and
     `nearest_face.hpp` beside it state the method. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     References
@@ -50,7 +50,7 @@ class Newton:
         return Answer(tensions, iterations, separation)
 
     def solve_verified(self, problem: Problem) -> Verified | None:
-        """Choose and verify tensions in one pass over the batch (native/bind_allocate.cpp)."""
+        """Choose and verify tensions in one pass over the batch (native/bindings/allocate.cpp)."""
         found = _native.allocate(
             problem.structure,
             problem.wrench,
@@ -88,7 +88,7 @@ class Dykstra:
     y + p never leaves ``reference + range(W')``, so it is enough to keep n numbers ``pull`` with
     ``y + p = reference + W⁺ pull``, and a whole iteration is ``pull += w - W z``. It also follows that every
     z is the exact optimum for the wrench that it renders itself: stopping early costs equilibrium, never
-    optimality. The whole batch is one call to `tensionlab/native/dykstra.hpp`, which tests every eighth
+    optimality. The whole batch is one call to `tensionlab/native/solvers/dykstra.hpp`, which tests every eighth
     iteration whether to stop; ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     Out of reach, z tends to the point inside the limits that is closest to the equilibrium space, the argmin

@@ -1,0 +1,154 @@
+// The exact solver and its verification, together, for Python: block by block, so that verification finds the
+// numbers where the solver left them, in the cache.
+#include <algorithm>
+#include <vector>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "solvers/newton_batch.hpp"
+#include "verification/certificates_batch.hpp"
+
+namespace tensionlab {
+namespace {
+
+constexpr std::size_t kBlock = 512;
+
+struct Settings {
+  Policy policy;
+  double largest, tolerance, rank_tolerance;
+
+  VerificationSettings verification() const {
+    return {policy == Policy::force     ? Rule::force
+            : policy == Policy::tension ? Rule::tension
+                                        : Rule::direction,
+            tolerance, rank_tolerance};
+  }
+};
+
+// Whether all numbers of rows [begin, end), `width` a row, are below the limit in magnitude.
+bool rows_within(const Rows& rows, std::size_t width, std::size_t begin, std::size_t end, double limit) {
+  const auto check = check_for_this_processor();
+  const bool joined = rows.stride == static_cast<std::ptrdiff_t>(width);
+  bool inside = true;
+  if (joined) check(rows[begin], (end - begin) * width, limit, inside);
+  for (std::size_t row = begin; row < end && inside && !joined; ++row) check(rows[row], width, limit, inside);
+  return inside;
+}
+
+// Solves and verifies rows [begin, end); false if an entry of a structure matrix or a wrench is not a number, or
+// too large.
+bool allocate_rows(const Batch& batch, const Settings& settings, std::size_t begin, std::size_t end,
+                   const NewtonAnswer& answer, const Findings& findings) {
+  const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
+  if (!rows_within(batch.structure, n * m, begin, end, settings.largest) ||
+      !rows_within(batch.wrench, n, begin, end, settings.largest)) {
+    return false;
+  }
+  newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, settings.tolerance, begin, end,
+                              answer);
+  verify_for_this_processor()(batch, settings.verification(), begin, end, findings);
+  return true;
+}
+
+// None if an entry is not a number, or too large.
+nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
+                          const In<2>& reference, const In<1>& weights, int policy, double largest,
+                          double tolerance, double rank_tolerance) {
+  const Batch batch = batch_of(structure, wrench, lower, upper, reference, weights);
+  require(policy >= 0 && policy < kPolicies, "no such policy");
+  const Settings settings{static_cast<Policy>(policy), largest, tolerance, rank_tolerance};
+  const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
+  std::atomic<bool> flawed{false}, strange{false};
+  const Findings findings{allocate<double>(batch.size * m),
+                          allocate<double>(batch.size * n),
+                          allocate<double>(batch.size * n),
+                          allocate<double>(batch.size),
+                          allocate<double>(batch.size),
+                          allocate<std::int8_t>(batch.size),
+                          &flawed};
+  const NewtonAnswer answer{findings.tensions, findings.separation, allocate<std::int64_t>(batch.size)};
+  {
+    nb::gil_scoped_release unlocked;
+    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t row = begin; row < end && !strange; row += kBlock) {
+        if (!allocate_rows(batch, settings, row, std::min(row + kBlock, end), answer, findings)) strange = true;
+      }
+    });
+  }
+  nb::tuple found =
+      nb::make_tuple(table_of(findings.tensions, batch.size, m), table_of(findings.rendered, batch.size, n),
+                     vector_of(findings.residual, batch.size), vector_of(findings.status, batch.size),
+                     vector_of(findings.scale, batch.size), vector_of(answer.iterations, batch.size),
+                     table_of(findings.separation, batch.size, n));
+  if (strange) return nb::none();
+  return std::move(found);
+}
+
+// One problem a call, with limits, reference and weights that stay.
+class Single {
+ public:
+  Single(const In<1>& lower, const In<1>& upper, const In<1>& reference, const In<1>& weights, int policy,
+         double largest, double tolerance, double rank_tolerance)
+      : lower_(copy(lower)),
+        upper_(copy(upper)),
+        reference_(copy(reference)),
+        weights_(copy(weights)),
+        settings_{static_cast<Policy>(policy), largest, tolerance, rank_tolerance} {
+    require_size(weights_.size(), lower_.size());
+    require(upper_.size() == lower_.size() && reference_.size() == lower_.size(),
+            "limits and reference have not the same length");
+    require(policy >= 0 && policy < kPolicies, "no such policy");
+  }
+
+  // numbers: tensions (m), rendered wrench (n), separation (n), residual, scale. Returns status and iterations;
+  // None if the arguments are anything but plain arrays of the right shape and of finite numbers.
+  nb::object solve(const nb::object& structure, const nb::object& wrench,
+                   const nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>& numbers) const {
+    const std::size_t n = weights_.size(), m = lower_.size();
+    nb::ndarray<const double, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu> matrix;
+    nb::ndarray<const double, nb::numpy, nb::ndim<1>, nb::c_contig, nb::device::cpu> vector;
+    if (!nb::try_cast(structure, matrix, false) || !nb::try_cast(wrench, vector, false)) return nb::none();
+    if (!matrix.is_valid() || !vector.is_valid()) return nb::none();  // of None
+    if (matrix.shape(0) != n || matrix.shape(1) != m || vector.shape(0) != n) return nb::none();
+    require(numbers.size() == m + 2 * n + 2, "numbers has the wrong size");
+    const Batch batch{1,
+                      static_cast<int>(n),
+                      static_cast<int>(m),
+                      {matrix.data(), 0},
+                      {vector.data(), 0},
+                      {lower_.data(), 0},
+                      {upper_.data(), 0},
+                      {reference_.data(), 0},
+                      weights_.data()};
+    std::int64_t iterations;
+    std::int8_t status;
+    std::atomic<bool> flawed{false};
+    double* out = numbers.data();
+    const Findings findings{out, out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1, &status, &flawed};
+    if (!allocate_rows(batch, settings_, 0, 1, {findings.tensions, findings.separation, &iterations}, findings)) {
+      return nb::none();
+    }
+    return nb::make_tuple(static_cast<int>(status), iterations);
+  }
+
+ private:
+  static std::vector<double> copy(const In<1>& array) {
+    std::vector<double> numbers(array.shape(0));
+    for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = array(i);
+    return numbers;
+  }
+
+  std::vector<double> lower_, upper_, reference_, weights_;
+  Settings settings_;
+};
+
+}  // namespace
+
+void bind_allocate(nb::module_& module) {
+  module.def("allocate", &allocate_batch);
+  nb::class_<Single>(module, "Single")
+      .def(nb::init<const In<1>&, const In<1>&, const In<1>&, const In<1>&, int, double, double, double>())
+      .def("__call__", &Single::solve);
+}
+
+}  // namespace tensionlab

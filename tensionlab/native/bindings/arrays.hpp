@@ -1,0 +1,91 @@
+// NumPy arrays in and out of the kernels. The Python callers have checked entries, and shapes in words of their
+// own; here shapes are checked again, because a kernel that reads beyond an array says nothing.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <cstdint>
+#include <stdexcept>
+
+#include "simd/batch.hpp"
+
+namespace nb = nanobind;
+
+namespace tensionlab {
+
+template <int Axes>
+using In = nb::ndarray<const double, nb::numpy, nb::ndim<Axes>, nb::device::cpu>;
+template <class T, int Axes>
+using Out = nb::ndarray<T, nb::numpy, nb::ndim<Axes>>;
+
+template <class T>
+T* allocate(std::size_t count) {
+  return new T[count > 0 ? count : 1];
+}
+
+template <class T>
+nb::capsule owner(T* data) {
+  return nb::capsule(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+}
+
+template <class T>
+Out<T, 1> vector_of(T* data, std::size_t rows) {
+  return Out<T, 1>(data, {rows}, owner(data));
+}
+template <class T>
+Out<T, 2> table_of(T* data, std::size_t rows, std::size_t columns) {
+  return Out<T, 2>(data, {rows, columns}, owner(data));
+}
+
+inline void require(bool right, const char* otherwise) {
+  if (!right) throw std::invalid_argument(otherwise);
+}
+
+// Whether an array has these lengths.
+template <class Array, class... Lengths>
+bool has_shape(const Array& array, Lengths... lengths) {
+  const std::size_t wanted[] = {static_cast<std::size_t>(lengths)...};
+  if (array.ndim() != sizeof...(lengths)) return false;
+  for (std::size_t axis = 0; axis < array.ndim(); ++axis) {
+    if (array.shape(axis) != wanted[axis]) return false;
+  }
+  return true;
+}
+
+// The numbers of a vector, one after another.
+template <class Array>
+const double* contiguous(const Array& vector) {
+  require(vector.size() < 2 || vector.stride(0) == 1, "a vector must be contiguous; copy it first");
+  return vector.data();
+}
+
+inline void require_size(std::size_t n, std::size_t m) {
+  require(n >= 1 && n <= static_cast<std::size_t>(kMaxComponents) && m >= 1 &&
+              m <= static_cast<std::size_t>(kMaxCables),
+          "a problem has 1 to 6 wrench components and 1 to 32 cables");
+}
+
+template <class Array>
+Rows rows_of(const Array& array) {
+  std::size_t inner = 1;
+  for (std::size_t axis = array.ndim(); axis-- > 1; inner *= array.shape(axis)) {
+    if (array.shape(axis) > 1 && array.size() > 0 && array.stride(axis) != static_cast<std::int64_t>(inner)) {
+      throw std::invalid_argument("only the first axis of an array may be strided; copy it first");
+    }
+  }
+  return {array.data(), array.stride(0)};
+}
+
+inline Batch batch_of(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
+                      const In<2>& reference, const In<1>& weights) {
+  const std::size_t size = structure.shape(0), n = structure.shape(1), m = structure.shape(2);
+  require_size(n, m);
+  require(has_shape(wrench, size, n) && has_shape(lower, size, m) && has_shape(upper, size, m) &&
+              has_shape(reference, size, m) && has_shape(weights, n),
+          "wrench, limits, reference and weights do not fit the structure matrices");
+  return {size,           static_cast<int>(n), static_cast<int>(m), rows_of(structure), rows_of(wrench),
+          rows_of(lower), rows_of(upper),      rows_of(reference),  contiguous(weights)};
+}
+
+}  // namespace tensionlab

@@ -1,0 +1,18 @@
+// Each family of kernels binds its own functions to the Python module tensionlab._native.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+namespace tensionlab {
+
+void bind_allocate(nanobind::module_&);
+void bind_brakes(nanobind::module_&);
+void bind_clearance(nanobind::module_&);
+void bind_firmware(nanobind::module_&);
+void bind_verification(nanobind::module_&);
+void bind_pose_tracker(nanobind::module_&);
+void bind_solvers(nanobind::module_&);
+void bind_watchdog(nanobind::module_&);
+void bind_workspace(nanobind::module_&);
+
+}  // namespace tensionlab

@@ -1,0 +1,201 @@
+// The module's firmware and the hardware around it, for Python; and the firmware's tables, so that the host's
+// can't drift from them.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <memory>
+#include <string>
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "firmware/plant/simulated.hpp"
+
+namespace tensionlab {
+namespace {
+
+using firmware::Frame;
+using plant::PlantParameters;
+using plant::Sample;
+using plant::SimulatedModule;
+
+PlantParameters plant_from(const nb::dict& changes) {
+  PlantParameters parameters = plant::standard_plant();
+  for (const auto& [key, value] : changes) {
+    const std::string name = nb::cast<std::string>(key);
+    bool known = false;
+    for (const plant::PlantInfo& info : plant::kPlantTable) {
+      if (name != info.name) continue;
+      parameters.*info.member = nb::cast<double>(value);
+      known = true;
+    }
+    if (!known) throw nb::key_error(name.c_str());
+  }
+  return parameters;
+}
+
+nb::tuple tuple_of(const Sample& s) {
+  return nb::make_tuple(s.seconds, s.distance, s.length, s.tension, s.commanded, s.current, s.brake_force, s.state,
+                        s.limit, s.driver_on, s.pawl_down);
+}
+
+constexpr std::size_t kColumns = 11;
+
+void write(const Sample& s, double* row) {
+  const double numbers[kColumns] = {s.seconds,
+                                    s.distance,
+                                    s.length,
+                                    s.tension,
+                                    s.commanded,
+                                    s.current,
+                                    s.brake_force,
+                                    static_cast<double>(s.state),
+                                    static_cast<double>(s.limit),
+                                    s.driver_on ? 1.0 : 0.0,
+                                    s.pawl_down ? 1.0 : 0.0};
+  std::copy(numbers, numbers + kColumns, row);
+}
+
+nb::bytes transmit(SimulatedModule& self) {
+  std::uint8_t bytes[1024];
+  const std::size_t size = self.transmit(bytes, sizeof bytes);
+  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
+}
+
+Out<double, 2> trace(SimulatedModule& self, std::uint32_t steps, double distance) {
+  double* const rows = allocate<double>(steps * kColumns);
+  double* row = rows;
+  {
+    nb::gil_scoped_release unlocked;
+    self.advance(steps, distance, [&](const Sample& sample) {
+      write(sample, row);
+      row += kColumns;
+    });
+  }
+  return table_of(rows, steps, kColumns);
+}
+
+void advance(SimulatedModule& self, std::uint32_t steps, double distance) {
+  nb::gil_scoped_release unlocked;
+  self.advance(steps, distance, [](const Sample&) {});
+}
+
+void set_broken(SimulatedModule& self, const std::string& name, bool broken) {
+  for (const plant::PartInfo& part : plant::kParts) {
+    if (name == part.name) {
+      self.broken().*part.member = broken;
+      return;
+    }
+  }
+  throw nb::key_error(name.c_str());
+}
+
+// The frames in a stream, as (type, sequence, payload), and how many were bad.
+nb::tuple parse_frames(const nb::bytes& stream) {
+  firmware::FrameParser parser;
+  Frame frame;
+  nb::list frames;
+  const auto* bytes = reinterpret_cast<const std::uint8_t*>(stream.c_str());
+  for (std::size_t i = 0; i < stream.size(); ++i) {
+    if (parser.take(bytes[i], frame) != firmware::FrameParser::Found::frame) continue;
+    frames.append(nb::make_tuple(frame.type, frame.sequence,
+                                 nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size)));
+  }
+  return nb::make_tuple(frames, parser.bad_frames());
+}
+
+nb::bytes build_frame(std::uint8_t type, std::uint8_t sequence, const nb::bytes& payload) {
+  if (payload.size() > firmware::kMaxPayload) throw std::invalid_argument("a payload has at most 56 bytes");
+  Frame frame;
+  frame.type = type;
+  frame.sequence = sequence;
+  frame.size = static_cast<std::uint8_t>(payload.size());
+  std::memcpy(frame.payload, payload.c_str(), payload.size());
+  std::uint8_t bytes[firmware::kMaxFrame];
+  const std::size_t size = firmware::write_frame(frame, bytes);
+  return nb::bytes(reinterpret_cast<const char*>(bytes), size);
+}
+
+nb::list parameters(const SimulatedModule& self) {
+  nb::list values;
+  for (std::size_t i = 0; i < firmware::kParameterCount; ++i) {
+    values.append(self.module().parameters()[static_cast<firmware::Parameter>(i)]);
+  }
+  return values;
+}
+
+nb::list parameter_table() {
+  nb::list table;
+  for (const firmware::ParameterInfo& info : firmware::kParameters) {
+    table.append(nb::make_tuple(info.name, info.unit, info.lower, info.upper, info.standard));
+  }
+  return table;
+}
+
+nb::list plant_table() {
+  nb::list table;
+  for (const plant::PlantInfo& info : plant::kPlantTable) {
+    table.append(nb::make_tuple(info.name, info.unit, info.lower, info.standard, info.about));
+  }
+  return table;
+}
+
+nb::list plant_parts() {
+  nb::list names;
+  for (const plant::PartInfo& part : plant::kParts) names.append(part.name);
+  return names;
+}
+
+// Row by event, column by state: (accepted, next state).
+nb::list transition_table() {
+  nb::list table;
+  for (const auto& row : firmware::kTransitions) {
+    nb::list entries;
+    for (const firmware::Transition& entry : row) {
+      entries.append(nb::make_tuple(entry.accepted, static_cast<int>(entry.next)));
+    }
+    table.append(entries);
+  }
+  return table;
+}
+
+}  // namespace
+
+void bind_firmware(nb::module_& module) {
+  module.def("parse_frames", &parse_frames);
+  module.def("build_frame", &build_frame);
+  module.def("parameter_table", &parameter_table);
+  module.def("plant_table", &plant_table);
+  module.def("plant_parts", &plant_parts);
+  module.def("transition_table", &transition_table);
+  module.def("step_microseconds", [] { return SimulatedModule::kStepMicroseconds; });
+  nb::class_<SimulatedModule>(module, "SimulatedModule")
+      .def("__init__",
+           [](SimulatedModule* self, std::uint32_t serial_number, const nb::dict& plant, double distance,
+              std::uint64_t seed, std::uint32_t start_us, std::uint8_t reason) {
+             new (self) SimulatedModule(serial_number, plant_from(plant), distance, seed, start_us,
+                                        static_cast<firmware::ResetReason>(reason));
+           })
+      .def("load",
+           [](SimulatedModule& self, const nb::bytes& image) {
+             return self.load(reinterpret_cast<const std::uint8_t*>(image.c_str()), image.size());
+           })
+      .def("stored",
+           [](const SimulatedModule& self) {
+             return nb::bytes(reinterpret_cast<const char*>(self.stored().data()), self.stored().size());
+           })
+      .def("receive",
+           [](SimulatedModule& self, const nb::bytes& bytes, std::uint32_t ahead_us) {
+             self.receive(reinterpret_cast<const std::uint8_t*>(bytes.c_str()), bytes.size(), ahead_us);
+           })
+      .def("transmit", &transmit)
+      .def("close_link", &SimulatedModule::close_link)
+      .def("advance", &advance)
+      .def("trace", &trace)
+      .def("sample", [](const SimulatedModule& self) { return tuple_of(self.sample()); })
+      .def("faults", [](const SimulatedModule& self) { return self.module().faults(); })
+      .def("parameters", &parameters)
+      .def("pause", &SimulatedModule::pause)
+      .def("set_broken", &set_broken);
+}
+
+}  // namespace tensionlab

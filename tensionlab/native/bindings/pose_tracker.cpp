@@ -1,0 +1,76 @@
+// The follower of poses for Python.
+#include "hardware/pose_tracker.hpp"
+
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+
+namespace tensionlab {
+namespace {
+
+using Known = nb::ndarray<const bool, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Lengths = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+template <class Array>
+std::vector<double> copied(const Array& array) {
+  return {array.data(), array.data() + array.size()};
+}
+
+void require_size(const PoseTracker& tracker, std::size_t lengths, std::size_t known) {
+  const auto m = static_cast<std::size_t>(tracker.cables());
+  require(lengths == m && known == m, "one entry for each cable");
+}
+
+Out<double, 1> one_row(const double* from, std::size_t size) {
+  auto* row = allocate<double>(size);
+  std::copy(from, from + size, row);
+  return vector_of(row, size);
+}
+
+// Position, rotation, structure matrix; then the squares of what the lengths are short of, summed, the cable that
+// is off most, and by how much.
+nb::tuple follow(PoseTracker& tracker, const Lengths& lengths, const Known& known, int steps, double found) {
+  require_size(tracker, lengths.size(), known.size());
+  tracker.follow(lengths.data(), known.data(), steps, found);
+  const auto n = static_cast<std::size_t>(tracker.freedoms()), m = static_cast<std::size_t>(tracker.cables());
+  const auto d = static_cast<std::size_t>(tracker.dimension());
+  auto* structure = allocate<double>(n * m);
+  std::copy(tracker.structure().begin(), tracker.structure().end(), structure);
+  auto* rotation = allocate<double>(d * d);
+  for (std::size_t i = 0; i < d; ++i) {
+    for (std::size_t j = 0; j < d; ++j) rotation[i * d + j] = tracker.rotation()[i][j];
+  }
+  double squares = 0.0;
+  std::size_t worst = 0;
+  const std::vector<double>& missing = tracker.missing();
+  for (std::size_t cable = 0; cable < m; ++cable) {
+    squares += missing[cable] * missing[cable];
+    if (std::abs(missing[cable]) > std::abs(missing[worst])) worst = cable;
+  }
+  return nb::make_tuple(one_row(tracker.position().data(), d), table_of(rotation, d, d), table_of(structure, n, m),
+                        squares, worst, std::abs(missing[worst]));
+}
+
+Out<double, 1> velocity(const PoseTracker& tracker, const Lengths& speeds, const Known& known) {
+  require_size(tracker, speeds.size(), known.size());
+  const Vector found = tracker.velocity(speeds.data(), known.data());
+  return one_row(found.data(), static_cast<std::size_t>(tracker.freedoms()));
+}
+
+}  // namespace
+
+void bind_pose_tracker(nb::module_& module) {
+  nb::class_<PoseTracker>(module, "PoseTracker")
+      .def("__init__",
+           [](PoseTracker* self, const Table& anchors, const Table& attachments, const Lengths& position) {
+             const std::size_t m = anchors.shape(0), d = position.size();
+             require(m > 0 && (d == 2 || d == 3) && has_shape(anchors, m, d) &&
+                         (has_shape(attachments, m, d) || has_shape(attachments, 0, d)),
+                     "anchors must be (m, d), attachments too or (0, d), and position (d), with d = 2 or 3");
+             new (self) PoseTracker(copied(anchors), copied(attachments), copied(position));
+           })
+      .def("follow", &follow)
+      .def("velocity", &velocity);
+}
+
+}  // namespace tensionlab

@@ -1,0 +1,122 @@
+// The workspace measures for Python.
+#include "bindings/arrays.hpp"
+#include "bindings/bindings.hpp"
+#include "workspace/workspace_batch.hpp"
+
+namespace tensionlab {
+namespace {
+
+Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
+  const std::size_t size = structure.shape(0), m = structure.shape(2);
+  require_size(structure.shape(1), m);
+  require(has_shape(lower, size, m) && has_shape(upper, size, m), "limits do not fit the structure matrices");
+  const Poses poses{structure.shape(0),
+                    static_cast<int>(structure.shape(1)),
+                    static_cast<int>(structure.shape(2)),
+                    rows_of(structure),
+                    rows_of(lower),
+                    rows_of(upper),
+                    rank_tolerance};
+  return poses;
+}
+
+// Wrenches (B, any number, n).
+Wrenches wrenches_of(const Poses& poses, const In<3>& wrenches) {
+  require(has_shape(wrenches, poses.size, wrenches.shape(1), poses.n),
+          "wrenches do not fit the structure matrices");
+  return {rows_of(wrenches), static_cast<int>(wrenches.shape(1))};
+}
+
+// measure(begin, end, found) over all poses.
+template <class Measure>
+Out<double, 1> measured(const Poses& poses, const Measure& measure) {
+  double* const found = allocate<double>(poses.size);
+  {
+    nb::gil_scoped_release unlocked;
+    share_out(poses.size, [&](std::size_t begin, std::size_t end) { measure(begin, end, found); });
+  }
+  return vector_of(found, poses.size);
+}
+
+Out<double, 1> margins(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                       double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const Wrenches required = wrenches_of(poses, wrenches);
+  const auto kernel = capacity_margin_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* margin) {
+    kernel(poses, required, begin, end, margin);
+  });
+}
+
+Out<double, 1> factors(const In<3>& structure, const In<2>& lower, const In<2>& upper, double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const auto kernel = tension_factor_for_this_processor();
+  return measured(poses,
+                  [&](std::size_t begin, std::size_t end, double* factor) { kernel(poses, begin, end, factor); });
+}
+
+Out<double, 1> forces(const In<3>& structure, const In<2>& lower, const In<2>& upper, int dimension,
+                      double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  require(dimension >= 1 && dimension <= poses.n, "no such dimension");
+  const auto kernel = isotropic_force_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* force) {
+    kernel(poses, dimension, begin, end, force);
+  });
+}
+
+Out<double, 1> shares(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                      double tolerance, double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const Wrenches wanted = wrenches_of(poses, wrenches);
+  const auto kernel = reachable_share_for_this_processor();
+  return measured(poses, [&](std::size_t begin, std::size_t end, double* share) {
+    kernel(poses, wanted, tolerance, begin, end, share);
+  });
+}
+
+nb::tuple active_facets(const In<3>& structure, const In<2>& lower, const In<2>& upper, const In<3>& wrenches,
+                        double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const Wrenches required = wrenches_of(poses, wrenches);
+  const auto n = static_cast<std::size_t>(poses.n), m = static_cast<std::size_t>(poses.m);
+  const Active active{allocate<double>(poses.size), allocate<double>(poses.size * n),
+                      allocate<std::int64_t>(poses.size), allocate<double>(poses.size * m)};
+  {
+    nb::gil_scoped_release unlocked;
+    const auto kernel = active_facet_for_this_processor();
+    share_out(poses.size,
+              [&](std::size_t begin, std::size_t end) { kernel(poses, required, begin, end, active); });
+  }
+  return nb::make_tuple(vector_of(active.margin, poses.size), table_of(active.normal, poses.size, n),
+                        vector_of(active.number, poses.size), table_of(active.tensions, poses.size, m));
+}
+
+nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2>& upper, std::size_t capacity,
+                          double rank_tolerance) {
+  const Poses poses = poses_of(structure, lower, upper, rank_tolerance);
+  const auto n = static_cast<std::size_t>(poses.n);
+  const Facets facets{allocate<double>(poses.size), allocate<double>(poses.size * capacity * n),
+                      allocate<double>(poses.size * capacity)};
+  {
+    nb::gil_scoped_release unlocked;
+    const auto kernel = half_spaces_for_this_processor();
+    share_out(poses.size,
+              [&](std::size_t begin, std::size_t end) { kernel(poses, capacity, begin, end, facets); });
+  }
+  return nb::make_tuple(table_of(facets.normals, poses.size, capacity * n),
+                        table_of(facets.offsets, poses.size, capacity), vector_of(facets.count, poses.size));
+}
+
+}  // namespace
+
+void bind_workspace(nb::module_& module) {
+  module.def("capacity_margin", &margins);
+  module.def("tension_factor", &factors);
+  module.def("isotropic_force", &forces);
+  module.def("reachable_share", &shares);
+  module.def("active_facet", &active_facets);
+  module.def("half_spaces", &all_half_spaces);
+}
+
+}  // namespace tensionlab

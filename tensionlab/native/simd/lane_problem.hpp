@@ -1,0 +1,106 @@
+// The problems of all lanes, side by side, and how large their numbers are.
+#pragma once
+
+#include <limits>
+
+#include "simd/lanes.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+// The numbers of one problem, each array contiguous; structure is n x m, row by row.
+template <class Real>
+struct Source {
+  const Real *structure, *wrench, *lower, *upper, *reference;
+};
+
+template <class Real, int L, int N, int M>
+struct SideBySide {
+  using V = Lanes<Real, L>;
+
+  int m;
+  V structure[M][N], wrench[N], lower[M], upper[M], reference[M];
+  V diagonal[N] = {};               // of W W', or 1
+  V gain = {}, asked = {};          // root of the largest square of a row, or 1; largest component of the wrench
+  V strongest = {}, furthest = {};  // largest limit, and reference
+  V dear = {};                      // a cost |t - t0|^2 / 2 that few wrenches ask for
+
+  explicit SideBySide(int cables) : m(cables) {}
+
+  void load(const Source<Real> (&source)[L]) {
+    const V zero = V{}, one = zero + Real(1);
+    const Real* row[L];
+    V largest = zero;
+    asked = zero;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      V square = zero;
+      for (int l = 0; l < L; ++l) row[l] = source[l].structure + k * m;
+      transpose<Real, L>(row, m, [&](int i, const V& entry) {
+        structure[i][k] = entry;
+        square += entry * entry;
+      });
+      diagonal[k] = square > zero ? square : one;
+      largest = larger(largest, square);
+      wrench[k] = gather<Real, L>([&](int l) { return source[l].wrench[k]; });
+      asked = larger(asked, magnitude(wrench[k]));
+    }
+    gain = square_root<Real, L>(largest > zero ? largest : one);
+    if (limits_changed(source)) load_limits(source);
+  }
+
+  // W_i'd of cable i.
+  V along(int i, const V (&d)[N]) const { return inner(structure[i], d); }
+
+  // d'w - h(d), less what rounding may make of it: above nought, d separates w from all that can be rendered.
+  TENSIONLAB_NOINLINE V how_far_outside(const V (&d)[N]) const {
+    V sum = V{}, size = V{};
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      sum += d[k] * wrench[k];
+      size += magnitude(d[k]);
+    }
+    for (int i = 0; i < m; ++i) {
+      const V pull = along(i, d);
+      sum -= larger(V(pull * lower[i]), V(pull * upper[i]));
+    }
+    return sum - 16 * std::numeric_limits<Real>::epsilon() * Real(m) * gain * strongest * size;
+  }
+
+ private:
+  // How much of the way from the least cost inside the limits to the greatest is dear; with cables to spare, less
+  // is.
+  static constexpr Real kDear = Real(0.5), kSpareDear = Real(0.35);
+
+  Source<Real> limits_of_[L] = {};
+
+  bool limits_changed(const Source<Real> (&source)[L]) {
+    bool changed = false;
+    for (int l = 0; l < L; ++l) {
+      const Source<Real>&now = source[l], &then = limits_of_[l];
+      changed = changed || now.lower != then.lower || now.upper != then.upper || now.reference != then.reference;
+      limits_of_[l] = now;
+    }
+    return changed;
+  }
+
+  void load_limits(const Source<Real> (&source)[L]) {
+    strongest = furthest = V{};
+    V cheapest = V{}, dearest = V{};
+    for (int i = 0; i < m; ++i) {
+      lower[i] = gather<Real, L>([&](int l) { return source[l].lower[i]; });
+      upper[i] = gather<Real, L>([&](int l) { return source[l].upper[i]; });
+      reference[i] = gather<Real, L>([&](int l) { return source[l].reference[i]; });
+      strongest = larger(strongest, larger(V(-lower[i]), upper[i]));
+      furthest = larger(furthest, magnitude(reference[i]));
+      const V below = lower[i] - reference[i], above = reference[i] - upper[i];
+      const V least = larger(larger(below, above), V{}), most = larger(magnitude(below), magnitude(above));
+      cheapest += least * least / 2;
+      dearest += most * most / 2;
+    }
+    dear = cheapest + (m < 2 * N ? kDear : kSpareDear) * (dearest - cheapest);
+  }
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

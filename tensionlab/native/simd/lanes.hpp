@@ -1,0 +1,192 @@
+// Several problems side by side: a value of type Lanes<Real, L> holds one number for each of L problems.
+//
+// With GCC and Clang it is the compiler's own vector type, so that an expression written once becomes SIMD
+// code for whatever instruction set the file is compiled for. With one lane it is the plain number: any C++17
+// compiler can build that, and the firmware does.
+#pragma once
+
+#include <cmath>
+#include <cstring>
+
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
+
+// Files compiled for different instruction sets are linked together. Each names its build, so that the linker
+// never takes a function of one for the other.
+#ifndef TENSIONLAB_BUILD
+#define TENSIONLAB_BUILD portable
+#endif
+
+// Before a loop over wrench components: compilers leave nests of short loops as they are, and what is indexed in
+// a loop can't live in registers.
+#if defined(__GNUC__)
+#define TENSIONLAB_UNROLL _Pragma("GCC unroll 8")
+#else
+#define TENSIONLAB_UNROLL
+#endif
+
+// Before a function that is large or seldom called: expanded in another, it leaves both too few registers.
+#if defined(__GNUC__)
+#define TENSIONLAB_NOINLINE __attribute__((noinline))
+#else
+#define TENSIONLAB_NOINLINE
+#endif
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+template <class Real, int L>
+struct LaneType {
+  typedef Real type __attribute__((vector_size(sizeof(Real) * L)));
+};
+template <class Real>
+struct LaneType<Real, 1> {
+  using type = Real;
+};
+template <class Real, int L>
+using Lanes = typename LaneType<Real, L>::type;
+
+template <class V>
+inline V smaller(const V& a, const V& b) {
+  return a < b ? a : b;
+}
+template <class V>
+inline V larger(const V& a, const V& b) {
+  return a > b ? a : b;
+}
+template <class V>
+inline V magnitude(const V& a) {
+  return larger(a, V(-a));
+}
+
+// Where compilers make compare-and-blend of these, the processor has one instruction.
+#if defined(__SSE2__)
+inline Lanes<double, 2> smaller(const Lanes<double, 2>& a, const Lanes<double, 2>& b) { return _mm_min_pd(a, b); }
+inline Lanes<double, 2> larger(const Lanes<double, 2>& a, const Lanes<double, 2>& b) { return _mm_max_pd(a, b); }
+inline Lanes<double, 2> magnitude(const Lanes<double, 2>& a) { return _mm_andnot_pd(_mm_set1_pd(-0.0), a); }
+#endif
+#if defined(__AVX__)
+inline Lanes<double, 4> smaller(const Lanes<double, 4>& a, const Lanes<double, 4>& b) {
+  return _mm256_min_pd(a, b);
+}
+inline Lanes<double, 4> larger(const Lanes<double, 4>& a, const Lanes<double, 4>& b) {
+  return _mm256_max_pd(a, b);
+}
+inline Lanes<double, 4> magnitude(const Lanes<double, 4>& a) { return _mm256_andnot_pd(_mm256_set1_pd(-0.0), a); }
+#endif
+#if defined(__AVX512F__)
+inline Lanes<double, 8> smaller(const Lanes<double, 8>& a, const Lanes<double, 8>& b) {
+  return _mm512_maskz_min_pd(0xff, a, b);
+}
+inline Lanes<double, 8> larger(const Lanes<double, 8>& a, const Lanes<double, 8>& b) {
+  return _mm512_maskz_max_pd(0xff, a, b);
+}
+inline Lanes<double, 8> magnitude(const Lanes<double, 8>& a) { return _mm512_abs_pd(a); }
+#endif
+
+// Consecutive numbers, which need not be aligned.
+template <class Real, int L>
+inline Lanes<Real, L> load(const Real* numbers) {
+  Lanes<Real, L> v;
+  std::memcpy(&v, numbers, sizeof v);
+  return v;
+}
+template <class Real, class V>
+inline void store(const V& v, Real* numbers) {
+  std::memcpy(numbers, &v, sizeof v);
+}
+
+// Lane l of a value, to write or to read.
+template <class Real, class V>
+inline Real& lane(V& v, int l) {
+  return reinterpret_cast<Real*>(&v)[l];
+}
+template <class Real, class V>
+inline Real read(const V& v, int l) {
+  return reinterpret_cast<const Real*>(&v)[l];
+}
+
+// f(l) for every lane l.
+template <class Real, int L, class F>
+inline Lanes<Real, L> gather(const F& f) {
+  if constexpr (L == 1) {
+    return f(0);
+  } else if constexpr (L == 2) {
+    return Lanes<Real, L>{f(0), f(1)};
+  } else if constexpr (L == 4) {
+    return Lanes<Real, L>{f(0), f(1), f(2), f(3)};
+  } else {
+    static_assert(L == 8, "1, 2, 4 or 8 lanes");
+    return Lanes<Real, L>{f(0), f(1), f(2), f(3), f(4), f(5), f(6), f(7)};
+  }
+}
+
+#if defined(__AVX__)
+// Numbers i to i + 3 of four rows, each a vector.
+inline void transpose_four(const double* const* row, int i, __m256d (&out)[4]) {
+  const __m256d a = _mm256_loadu_pd(row[0] + i), b = _mm256_loadu_pd(row[1] + i);
+  const __m256d c = _mm256_loadu_pd(row[2] + i), d = _mm256_loadu_pd(row[3] + i);
+  const __m256d ab = _mm256_unpacklo_pd(a, b), ab_odd = _mm256_unpackhi_pd(a, b);
+  const __m256d cd = _mm256_unpacklo_pd(c, d), cd_odd = _mm256_unpackhi_pd(c, d);
+  out[0] = _mm256_permute2f128_pd(ab, cd, 0x20);
+  out[1] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x20);
+  out[2] = _mm256_permute2f128_pd(ab, cd, 0x31);
+  out[3] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x31);
+}
+#endif
+
+// out[i] = number i of every lane's row, for `count` numbers a row.
+template <class Real, int L, class Out>
+inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
+  int i = 0;
+#if defined(__AVX__)
+  if constexpr (L == 4 && sizeof(Real) == 8) {
+    for (; i + 4 <= count; i += 4) {
+      __m256d four[4];
+      transpose_four(row, i, four);
+      for (int k = 0; k < 4; ++k) out(i + k, four[k]);
+    }
+  }
+#endif
+#if defined(__AVX512F__)
+  if constexpr (L == 8 && sizeof(Real) == 8) {
+    for (; i + 4 <= count; i += 4) {
+      __m256d low[4], high[4];
+      transpose_four(row, i, low);
+      transpose_four(row + 4, i, high);
+      for (int k = 0; k < 4; ++k)
+        out(i + k, _mm512_maskz_insertf64x4(0xff, _mm512_castpd256_pd512(low[k]), high[k], 1));
+    }
+  }
+#endif
+  for (; i < count; ++i) out(i, gather<Real, L>([&](int l) { return row[l][i]; }));
+}
+
+template <class Real, int L>
+inline Lanes<Real, L> square_root(const Lanes<Real, L>& v) {
+  return gather<Real, L>([&](int l) { return std::sqrt(read<Real>(v, l)); });
+}
+
+template <class V, int N>
+inline V inner(const V (&x)[N], const V (&y)[N]) {
+  V sum = x[0] * y[0];
+  TENSIONLAB_UNROLL
+  for (int k = 1; k < N; ++k) sum += x[k] * y[k];
+  return sum;
+}
+
+inline bool any(bool mask) { return mask; }
+inline bool any(int mask) { return mask != 0; }  // of bools joined by & and |
+template <class Mask>
+inline bool any(const Mask& mask) {
+#if defined(__AVX512F__)
+  if constexpr (sizeof mask == 64) return _mm512_test_epi64_mask((__m512i)mask, (__m512i)mask) != 0;
+#endif
+  bool found = false;
+  for (unsigned l = 0; l < sizeof(mask) / sizeof(mask[0]); ++l) found = found || mask[l] != 0;
+  return found;
+}
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

@@ -1,0 +1,176 @@
+// The cables of a bounded least squares problem that are at no limit (solvers/nearest_face.hpp), in every lane at
+// once.
+#pragma once
+
+#include <limits>
+
+#include "simd/factor.hpp"
+#include "simd/lane_problem.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+// Up to N in a lane, each in a place of its own.
+template <class Real, int L, int N, int M>
+class FreeCables {
+ public:
+  using V = Lanes<Real, L>;
+  using Problem = SideBySide<Real, L, N, M>;
+
+  // A cable that came to a limit, -1 if none did; the limit, and where it has room: 1 above it, -1 below.
+  struct Stop {
+    V cable, limit, room;
+  };
+
+  void clear() {
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      cable_[s] = V{} - Real(1);
+      spare_[s] = V{} + Real(1);
+      tension_[s] = lower_[s] = upper_[s] = V{};
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) column_[s][k] = V{};
+    }
+  }
+
+  // The cable comes free in the lanes of the mask, with a tension out of one for each: in a place that is spare.
+  template <class Mask>
+  void admit(const Problem& problem, const V* tensions, const V& cable, const Mask& mask) {
+    const Entry entry(problem, tensions, cable);
+    auto waiting = mask;
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      const auto here = waiting & (spare_[s] > V{});
+      waiting = waiting & !here;
+      put(s, entry, here);
+    }
+  }
+
+  // The same in a place that is spare in all lanes.
+  template <class Mask>
+  void admit_at(int place, const Problem& problem, const V* tensions, const V& cable, const Mask& mask) {
+    put(place, Entry(problem, tensions, cable), mask);
+  }
+
+  // They step to the least squares of the error, or as far as the first limit, in the open lanes; the error
+  // follows. dependent: how many columns depend on others.
+  template <class Mask>
+  TENSIONLAB_NOINLINE Stop step(V (&error)[N], const V& gain, const Mask& open, V& dependent) {
+    const V zero = V{}, one = zero + Real(1);
+    V gram[N][N], along[N], least[N], change[N], product;
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      along[s] = inner(column_[s], error);
+      TENSIONLAB_UNROLL
+      for (int r = 0; r <= s; ++r) gram[s][r] = inner(column_[s], column_[r]);
+      gram[s][s] += spare_[s];
+      least[s] = kPivot * (gram[s][s] + kPivot * gain * gain);
+    }
+    dependent = solve_with_pivots(gram, along, least, change, product);
+    V pace = open ? one : zero, place = zero - one;
+    Stop stop{place, zero, zero};
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      const auto up = change[s] > zero;
+      const V limit = up ? upper_[s] : lower_[s];
+      const V ratio = (limit - tension_[s]) / change[s];  // of what does not move: not positive, or no number
+      const auto nearer = (ratio >= zero) & (ratio < pace);
+      pace = nearer ? ratio : pace;
+      place = nearer ? zero + Real(s) : place;
+      stop.cable = nearer ? cable_[s] : stop.cable;
+      stop.limit = nearer ? limit : stop.limit;
+      stop.room = nearer ? (up ? -one : one) : stop.room;
+    }
+    V left[N];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) left[k] = error[k];
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      const V moved = pace * change[s];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) left[k] -= column_[s][k] * moved;
+      tension_[s] = smaller(larger(V(tension_[s] + moved), lower_[s]), upper_[s]);
+    }
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) error[k] = left[k];
+    if (any(place >= zero)) drop(place);
+    return stop;
+  }
+
+  // Take what they render out of the error.
+  void render(V (&error)[N]) const {
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) error[k] -= column_[s][k] * tension_[s];
+    }
+  }
+
+  // The greatest product of a column with the error: nought at least squares.
+  V steepest(const V (&error)[N]) const {
+    V most = V{};
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) most = larger(most, magnitude(inner(column_[s], error)));
+    return most;
+  }
+
+  // Their tensions in lane l, among those of all cables.
+  void store(int l, Real* tensions) const {
+    for (int s = 0; s < N; ++s) {
+      const int cable = static_cast<int>(read<Real>(cable_[s], l));
+      if (cable >= 0) tensions[cable] = read<Real>(tension_[s], l);
+    }
+  }
+
+ private:
+  // Least pivot of columns that are independent, against their squared length.
+  static constexpr Real kPivot = std::numeric_limits<Real>::epsilon() < Real(1e-10) ? Real(1e-8) : Real(1e-3);
+
+  // The numbers of one cable in each lane.
+  struct Entry {
+    V cable, column[N], tension, lower, upper;
+
+    Entry(const Problem& problem, const V* tensions, const V& which) : cable(which) {
+      int index[L];
+      for (int l = 0; l < L; ++l) index[l] = static_cast<int>(read<Real>(which, l));
+      const auto pick = [&](const V* numbers, int stride) {
+        return gather<Real, L>([&](int l) { return read<Real>(numbers[index[l] * stride], l); });
+      };
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) column[k] = pick(&problem.structure[0][k], N);
+      tension = pick(tensions, 1);
+      lower = pick(problem.lower, 1);
+      upper = pick(problem.upper, 1);
+    }
+  };
+
+  template <class Mask>
+  void put(int s, const Entry& entry, const Mask& here) {
+    cable_[s] = here ? entry.cable : cable_[s];
+    spare_[s] = here ? V{} : spare_[s];
+    tension_[s] = here ? entry.tension : tension_[s];
+    lower_[s] = here ? entry.lower : lower_[s];
+    upper_[s] = here ? entry.upper : upper_[s];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) column_[s][k] = here ? entry.column[k] : column_[s][k];
+  }
+
+  // The cable in that place leaves; -1: none does.
+  void drop(const V& place) {
+    TENSIONLAB_UNROLL
+    for (int s = 0; s < N; ++s) {
+      const auto here = place == V{} + Real(s);
+      cable_[s] = here ? V{} - Real(1) : cable_[s];
+      spare_[s] = here ? V{} + Real(1) : spare_[s];
+      tension_[s] = here ? V{} : tension_[s];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) column_[s][k] = here ? V{} : column_[s][k];
+    }
+  }
+
+  // A place: which cable, or -1; 1 if none; its column, tension and limits.
+  V cable_[N], spare_[N], column_[N][N], tension_[N], lower_[N], upper_[N];
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

@@ -1,0 +1,306 @@
+// The exact tension solver: Newton steps on the dual, and what each policy asks for where no tensions will do.
+//
+//   minimise |t - t0|^2 / 2   subject to   W t = w,  a <= t <= b
+//
+// Newton steps (solvers/dual_step.hpp) render w, or come upon a p with p'w > h(p) = sum_i max(p'W_i a_i, p'W_i
+// b_i): then p separates w from all that tensions inside the limits can render, and the policy takes over:
+//   force      proximal steps converge to the nearest reachable wrench and, among its tensions, to those closest
+//              to t0 (Chiche & Gilbert 2016);
+//   tension    the same on B W, B w, with B from the singular values of W;
+//   direction  the largest s for which s w can be rendered (solvers/scale_search.hpp), and all of w within
+//   tolerance.
+//
+// Sources: Qi & Sun (1993) for the semismooth method; Kunisch & Rendl (2003) for programs with bounds only.
+// No heap, no exceptions; Real may be float, L may be 1: the firmware compiles this file as it is.
+#pragma once
+
+#include <cmath>
+#include <limits>
+
+#include "simd/short_vectors.hpp"
+#include "solvers/coordinates.hpp"
+#include "solvers/dual_step.hpp"
+#include "solvers/policy.hpp"
+#include "solvers/scale_search.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+template <class Real, int L, int N, int M>
+class Newton {
+ public:
+  using Problem = Source<Real>;
+
+  // m cables; weight_roots: square roots of the n wrench weights. tolerance: the error of a wrench that counts as
+  // rendered, where a direction asks for it. set_aside: a lane is done when its wrench proves out of reach, and
+  // somebody else seeks the nearest one.
+  Newton(int m, const Real* weight_roots, Policy policy, Real rank_tolerance, Real tolerance,
+         bool set_aside = false)
+      : m_(m),
+        policy_(policy),
+        rank_tolerance_(rank_tolerance),
+        tolerance_(tolerance),
+        set_aside_(set_aside),
+        steps_(m) {
+    for (int k = 0; k < N; ++k) weight_roots_[k] = weight_roots[k];
+    for (int l = 0; l < L; ++l) park(l);
+  }
+
+  // Lanes point into the object.
+  Newton(const Newton&) = delete;
+  Newton& operator=(const Newton&) = delete;
+
+  // Give lane l a problem whose numbers are all zero, so that it rests.
+  void park(int l) { load(l, {zeros_, zeros_, zeros_, zeros_, zeros_}); }
+
+  void load(int l, const Problem& problem) {
+    Control& control = control_[l];
+    control.problem = problem;
+    control.iterations = 0;
+    control.astray = false;
+    render(l);
+  }
+
+  // One Newton step in every lane.
+  void step() { steps_.step(); }
+
+  // Whether lane l is done; moves it to its next stage where there is one. Call after step().
+  bool finished(int l) {
+    Control& control = control_[l];
+    const bool late = ++control.iterations >= control.deadline;
+    if (!late && read<Real>(steps_.found, l) == 0) return false;
+    return read<Real>(steps_.converged, l) != 0 ? !reopen(l) : conclude(l, late);
+  }
+
+  // Whether lane l is done with a direction that separates its wrench, and no more.
+  bool aside(int l) const { return control_[l].stage == Stage::aside; }
+
+  // Whether the tensions of lane l took more than Newton steps for its wrench as given.
+  bool astray(int l) const { return control_[l].astray; }
+
+  // The answer of lane l: tensions (m), a separating direction or zeros (n). Returns the iterations spent.
+  int store(int l, Real* tensions, Real* separation) const {
+    const Control& control = control_[l];
+    if (aside(l)) {
+      for (int k = 0; k < N; ++k) separation[k] = read<Real>(steps_.direction[k], l);
+      return control.iterations;
+    }
+    for (int i = 0; i < m_; ++i) tensions[i] = steps_.tension(i, l);
+    for (int k = 0; k < N; ++k) separation[k] = control.astray ? control.separation[k] : Real(0);
+    return control.iterations;
+  }
+
+ private:
+  // render: look for W t = s w. whitened: the same where the rows of W are orthonormal, if that takes long.
+  // nearest: as close to s w as the limits allow. (s is 1 but for the direction policy.)
+  // aside: w is out of reach, and that is all.
+  enum class Stage { render, whitened, nearest, aside };
+
+  // Iterations of a stage, and of all: far beyond what any known problem takes; one that gets there keeps its best
+  // answer so far.
+  static constexpr int kRenderLimit = 50, kNearestLimit = 400, kIterationLimit = 2000;
+
+  // What may be missing of a wrench that is as good as rendered, against the parts it is made of.
+  static constexpr Real kNegligible = std::numeric_limits<Real>::epsilon() < Real(1e-10) ? Real(1e-9) : Real(1e-4);
+
+  // What the lanes do not share: the rare decisions, in plain numbers. Up to `astray` it is set for every problem,
+  // what follows only for those that cannot be rendered at once.
+  struct Control {
+    Problem problem;  // in lane coordinates
+    Stage stage;
+    int iterations, deadline;  // so far, and when the stage must end
+    bool astray;
+    Problem given;                // the problem as it is
+    bool plain;                   // lane coordinates are as given
+    bool hopeless;                // no s keeps the direction
+    ScaleSearch<Real, N> search;  // of the direction policy
+    Real target[N];               // s w in lane coordinates
+    Real separation[N];           // the best separating direction so far, of unit length
+    Coordinates<Real, N, M> coordinates;
+  };
+
+  // Lane l has found something other than its tensions, or is late: is it done?
+  bool conclude(int l, bool late) {
+    Control& control = control_[l];
+    if (set_aside_ && !late && control.stage == Stage::render) {
+      control.stage = Stage::aside;
+      return true;
+    }
+    if (!control.astray) go_astray(l);
+    if (control.iterations >= kIterationLimit) return true;
+    Real d[N];
+    for (int k = 0; k < N; ++k) d[k] = read<Real>(steps_.direction[k], l);
+    if (control.stage == Stage::render && late) {
+      render_whitened(l, d);
+      return false;
+    }
+    const bool back = control.stage == Stage::whitened;
+    if (back) unwhiten(l, d);
+    if (back && nearly_rendered(l)) return !reopen(l);
+    if (control.stage != Stage::nearest) {
+      // A rough cut comes for nothing; later ones must be good.
+      if (!late && policy_ == Policy::direction && control.search.fresh() && cut(l, d)) return false;
+      approach(l, d);
+      return false;
+    }
+    if (policy_ == Policy::direction && !control.hopeless) return !cut(l, d) && !reopen(l);
+    if (!control.hopeless) keep(l, d);
+    return true;
+  }
+
+  void go_astray(int l) {
+    Control& control = control_[l];
+    control.astray = control.plain = true;
+    control.hopeless = false;
+    control.given = control.problem;
+    control.search.begin(control.given, m_, tolerance_);
+    for (int k = 0; k < N; ++k) control.separation[k] = 0;
+  }
+
+  // So many iterations for the stage that begins, and no more than there are in all.
+  void allow(int l, int iterations) {
+    const int end = control_[l].iterations + iterations;
+    control_[l].deadline = end < kIterationLimit ? end : kIterationLimit;
+  }
+
+  // Look for tensions that render the wrench of lane l.
+  void render(int l) {
+    Control& control = control_[l];
+    control.stage = Stage::render;
+    allow(l, kRenderLimit);
+    steps_.render(l, control.problem);
+  }
+
+  // Look for them where W is as well conditioned as can be, by the surest steps, from the multiplier y.
+  void render_whitened(int l, Real* y) {
+    Control& control = control_[l];
+    whiten(l, y);
+    aim(l);
+    control.stage = Stage::whitened;
+    allow(l, kNearestLimit);
+    steps_.approach(l, control.problem, y);
+  }
+
+  // Back to the coordinates before; y, a multiplier, follows.
+  void unwhiten(int l, Real* y) {
+    Control& control = control_[l];
+    Real whitened[N];
+    copy<N>(y, whitened);
+    control.coordinates.back(whitened, y);
+    control.plain = true;
+    control.problem = control.given;
+    aim(l);
+  }
+
+  // Whether so little of the wrench is missing that it may well be rounding.
+  bool nearly_rendered(int l) const {
+    const Control& control = control_[l];
+    Real error = 0, size = 0;
+    for (int k = 0; k < N; ++k) {
+      Real missing = control.target[k], sum = 0;
+      for (int i = 0; i < m_; ++i) {
+        const Real part = control.problem.structure[k * m_ + i] * steps_.tension(i, l);
+        missing -= part;
+        sum += std::abs(part);
+      }
+      error = larger(error, std::abs(missing));
+      size = larger(size, sum);
+    }
+    return error <= kNegligible * size;
+  }
+
+  // Seek the reachable wrench nearest to s w, from the multiplier y. Only here does it matter how errors are
+  // measured.
+  void approach(int l, const Real* y) {
+    Control& control = control_[l];
+    control.stage = Stage::nearest;
+    allow(l, kNearestLimit);
+    Real start[N];
+    copy<N>(y, start);
+    if (policy_ == Policy::tension) whiten(l, start);
+    if (policy_ == Policy::force || control.hopeless) weigh(l, start);
+    aim(l);
+    steps_.approach(l, control.problem, start);
+  }
+
+  // Make s w the wrench of lane l.
+  void aim(int l) {
+    Control& control = control_[l];
+    const Real* wrench = control.plain ? control.given.wrench : control.coordinates.wrench;
+    for (int k = 0; k < N; ++k) control.target[k] = control.search.scale * wrench[k];
+    control.problem.wrench = control.target;
+  }
+
+  void weigh(int l, Real* y) {
+    Control& control = control_[l];
+    control.coordinates.weigh(m_, control.given.structure, control.given.wrench, weight_roots_, y);
+    control.plain = false;
+    control.problem.structure = control.coordinates.structure;
+  }
+
+  void whiten(int l, Real* y) {
+    Control& control = control_[l];
+    control.coordinates.whiten(m_, control.given.structure, control.given.wrench, rank_tolerance_, y);
+    control.plain = false;
+    control.problem.structure = control.coordinates.structure;
+  }
+
+  // d separates s w from what can be rendered: look for the next. Returns false if s can fall no further.
+  bool cut(int l, Real* d) {
+    Control& control = control_[l];
+    const auto outcome = control.search.cut(control.given, m_, d);
+    copy<N>(control.search.proof, control.separation);
+    control.hopeless = outcome == ScaleSearch<Real, N>::Outcome::hopeless;
+    if (control.hopeless) {
+      approach(l, d);
+      return true;
+    }
+    if (outcome == ScaleSearch<Real, N>::Outcome::best) return false;
+    seek(l, d);
+    return true;
+  }
+
+  // The direction policy renders s w. Could it be more, within tolerance? Then look for that.
+  bool reopen(int l) {
+    Control& control = control_[l];
+    if (policy_ != Policy::direction || !control.astray || control.hopeless) return false;
+    if (!control.search.reopen(control.given, m_)) return false;
+    Real d[N];
+    copy<N>(control.search.proof, d);
+    seek(l, d);
+    return true;
+  }
+
+  // Look for tensions that render the s w of the search, or, within tolerance, come nearest to it.
+  void seek(int l, const Real* d) {
+    Control& control = control_[l];
+    control.plain = true;
+    control.problem = control.given;
+    if (control.search.near()) return approach(l, d);
+    aim(l);
+    render(l);
+  }
+
+  // d, in lane coordinates, is the best separating direction so far.
+  void keep(int l, const Real* d) {
+    Control& control = control_[l];
+    if (control.plain) {
+      copy<N>(d, control.separation);
+    } else {
+      control.coordinates.back(d, control.separation);
+    }
+    normalise<N>(control.separation);
+  }
+
+  int m_;
+  Policy policy_;
+  Real rank_tolerance_, tolerance_;
+  bool set_aside_;
+  Real weight_roots_[N];
+  DualStep<Real, L, N, M> steps_;
+  Control control_[L];
+  Real zeros_[N * M] = {};
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

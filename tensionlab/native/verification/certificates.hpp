@@ -1,0 +1,348 @@
+// Certificates: what is proved about an answer, whoever gave it, behind every status.
+//
+// The tensions are clipped into their limits, the wrench is recomputed, and a verdict needs a certificate:
+//   EXACT    the error |w - W t| is within tolerance, whatever the weights;
+//   NEAREST  a direction d with d'w > h(d) = sum_i max(d'W_i a_i, d'W_i b_i) separates w from every wrench
+//            that tensions inside the limits can render, and weak duality bounds the policy's best value to
+//            within tolerance of the answer's.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "simd/lanes.hpp"
+#include "simd/linear.hpp"
+#include "solvers/scale_search.hpp"
+#include "verification/certificates_batch.hpp"
+
+namespace tensionlab {
+
+enum class Verdict : std::int8_t { exact = 0, nearest = 1, iteration_limit = 2, failed = 3 };
+
+inline namespace TENSIONLAB_BUILD {
+
+// L numbers at a time.
+template <int L, int N, int M>
+class Verifier {
+ public:
+  struct Problem {
+    const double *structure, *wrench, *lower, *upper;  // structure n x m, row by row
+  };
+  struct Finding {
+    Verdict status;
+    double residual, scale;
+  };
+
+  Verifier(int m, const double* weights, Rule rule, double tolerance, double rank_tolerance)
+      : m_(m), weights_(weights), rule_(rule), tolerance_(tolerance), rank_tolerance_(rank_tolerance) {
+    for (int k = 0; k < N; ++k) {
+      roots_[k] = std::sqrt(weights[k]);
+      lighter_[k] = 1 / roots_[k];
+    }
+  }
+
+  // tensions (m): clipped in place. rendered (n): out. separation (n): a proposal in, the proof or zeros out.
+  Finding verify(const Problem& problem, double* tensions, double* rendered, double* separation) const {
+    if (!clip(problem, tensions)) return fail(tensions, rendered, separation);
+    double error[N], error_square = 0, rendered_square = 0, heaviest = 0;
+    for (int k = 0; k < N; ++k) {
+      rendered[k] = product(problem.structure + k * m_, tensions);
+      error[k] = problem.wrench[k] - rendered[k];
+      error_square += weights_[k] * error[k] * error[k];
+      rendered_square += weights_[k] * rendered[k] * rendered[k];
+      heaviest = larger(heaviest, weights_[k]);
+    }
+    Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
+    // Weights say which error to prefer where there must be one. They make no error vanish.
+    const double plain = dot(error, error), asked = dot(problem.wrench, problem.wrench);
+    if (std::isfinite(plain) && plain <= tolerance_ * tolerance_ * larger(1.0, asked)) {
+      for (int k = 0; k < N; ++k) separation[k] = 0;
+      finding.status = Verdict::exact;
+      finding.scale = 1;
+      return finding;
+    }
+    // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
+    const double tolerance = tolerance_ * std::sqrt(larger(heaviest, rendered_square));
+    for (int k = 0; k < N; ++k) {
+      if (!std::isfinite(separation[k])) separation[k] = 0;
+    }
+    bool proved = false;
+    if (rule_ == Rule::force) proved = nearest_force(problem, tensions, error, tolerance, separation);
+    if (rule_ == Rule::tension) proved = nearest_tension(problem, tensions, error, separation);
+    if (rule_ == Rule::direction)
+      proved = longest(problem, tensions, rendered, error, tolerance, separation, &finding);
+    if (!proved) {
+      for (int k = 0; k < N; ++k) separation[k] = 0;
+    }
+    if (proved) finding.status = Verdict::nearest;
+    return finding;
+  }
+
+ private:
+  using V = Lanes<double, L>;
+
+  // Puts the tensions inside their limits; false if one is no number.
+  bool clip(const Problem& problem, double* tensions) const {
+    V strange = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) {
+      const V tension = load<double, L>(tensions + i);
+      strange += tension - tension;  // not nought where infinite or not a number
+      store(smaller(larger(tension, load<double, L>(problem.lower + i)), load<double, L>(problem.upper + i)),
+            tensions + i);
+    }
+    bool clean = !any(!(strange == V{}));
+    for (; i < m_; ++i) {
+      clean = clean && std::isfinite(tensions[i]);
+      tensions[i] = smaller(larger(tensions[i], problem.lower[i]), problem.upper[i]);
+    }
+    return clean;
+  }
+
+  double product(const double* row, const double* tensions) const {
+    V sums = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) sums += load<double, L>(row + i) * load<double, L>(tensions + i);
+    double sum = 0;
+    for (int l = 0; l < L; ++l) sum += read<double>(sums, l);
+    for (; i < m_; ++i) sum += row[i] * tensions[i];
+    return sum;
+  }
+
+  Finding fail(double* tensions, double* rendered, double* separation) const {
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    for (int i = 0; i < m_; ++i) tensions[i] = nan;
+    for (int k = 0; k < N; ++k) {
+      rendered[k] = nan;
+      separation[k] = 0;
+    }
+    return {Verdict::failed, nan, nan};
+  }
+
+  // d'w, h(d), the rounding error that either may carry, and h(d) - d'W t.
+  struct Side {
+    double wrench, support, rounding, gap;
+    bool separates() const { return wrench - support > rounding; }
+  };
+
+  Side side(const Problem& problem, const double* tensions, const double* d) const {
+    Side s{0, 0, 0, 0};
+    for (int k = 0; k < N; ++k) {
+      s.wrench += d[k] * problem.wrench[k];
+      s.rounding += std::abs(d[k] * problem.wrench[k]);
+    }
+    V support = {}, rounding = {}, gap = {};
+    int i = 0;
+    for (; i + L <= m_; i += L) {
+      V along = {}, size = {};
+      for (int k = 0; k < N; ++k) {
+        const V part = d[k] * load<double, L>(problem.structure + k * m_ + i);
+        along += part;
+        size += magnitude(part);
+      }
+      const V lower = load<double, L>(problem.lower + i), upper = load<double, L>(problem.upper + i);
+      const V end = along > V{} ? upper : lower;
+      support += along * end;
+      gap += along * (end - load<double, L>(tensions + i));
+      rounding += size * larger(magnitude(lower), magnitude(upper));
+    }
+    for (int l = 0; l < L; ++l) {
+      s.support += read<double>(support, l);
+      s.gap += read<double>(gap, l);
+      s.rounding += read<double>(rounding, l);
+    }
+    for (; i < m_; ++i) {
+      double along = 0, size = 0;
+      for (int k = 0; k < N; ++k) {
+        const double part = d[k] * problem.structure[k * m_ + i];
+        along += part;
+        size += std::abs(part);
+      }
+      const double end = along > 0 ? problem.upper[i] : problem.lower[i];
+      s.support += along * end;
+      s.gap += along * (end - tensions[i]);
+      s.rounding += size * larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
+    }
+    // A product of three numbers and sums of N and m of them, each rounded by half of epsilon at most, twice over.
+    s.rounding *= (N + m_ + 3) * std::numeric_limits<double>::epsilon();
+    return s;
+  }
+
+  // Any d bounds the least error from below: |Q^(1/2) (w - W t)| >= (d'w - h(d)) / |Q^(-1/2) d|. Tried are the
+  // proposal, Q r without what the free cables could still render of it, and Q r as it is; d is what proves it.
+  bool nearest_force(const Problem& problem, const double* tensions, const double* error, double tolerance,
+                     double* d) const {
+    double unit[N];
+    for (int k = 0; k < N; ++k) unit[k] = roots_[k] * error[k];
+    const double residual = normalise(unit);
+    const auto proves = [&]() {
+      double dual[N];
+      for (int k = 0; k < N; ++k) dual[k] = d[k] * lighter_[k];
+      const double length = normalise(dual);
+      const Side s = side(problem, tensions, d);
+      return s.separates() && residual * spread(unit, dual) + s.gap / length <= tolerance;
+    };
+    if (proves()) return true;
+    for (int k = 0; k < N; ++k) d[k] = weights_[k] * error[k];
+    remove_free(problem, tensions, d);
+    if (proves()) return true;
+    for (int k = 0; k < N; ++k) d[k] = weights_[k] * error[k];
+    return proves();
+  }
+
+  // The residual less its lower bound is |r| (1 - cos) + (h(d) - d'W t) / |d|. Both terms are sums of what is not
+  // negative, so that nothing cancels, however far away w is.
+  double spread(const double* unit, const double* dual) const {
+    double square = 0;
+    for (int k = 0; k < N; ++k) square += (unit[k] - dual[k]) * (unit[k] - dual[k]);
+    return square / 2;
+  }
+
+  double normalise(double* x) const {
+    const double length = std::sqrt(dot(x, x)), inverse = length > 0 ? 1 / length : 0;
+    for (int k = 0; k < N; ++k) x[k] *= inverse;
+    return length;
+  }
+
+  // Take out of d its part in the span of the free cables. At an optimum there is none but for rounding, which
+  // limits far away would magnify.
+  void remove_free(const Problem& problem, const double* tensions, double* d) const {
+    constexpr double kInside = 1e-6, kNew = 1e-8;
+    double basis[N][N];
+    double play = 0;
+    for (int i = 0; i < m_; ++i) play = larger(play, kInside * std::abs(tensions[i]));
+    int found = 0;
+    for (int i = 0; i < m_ && found < N; ++i) {
+      if (!(tensions[i] - problem.lower[i] > play && problem.upper[i] - tensions[i] > play)) continue;
+      double* column = basis[found];
+      for (int k = 0; k < N; ++k) column[k] = problem.structure[k * m_ + i];
+      const double before = std::sqrt(dot(column, column));
+      for (int pass = 0; pass < 2; ++pass) {
+        for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], column), column);
+      }
+      const double after = std::sqrt(dot(column, column));
+      if (!(after > kNew * before)) continue;
+      for (int k = 0; k < N; ++k) column[k] /= after;
+      ++found;
+    }
+    for (int pass = 0; pass < 2; ++pass) {
+      for (int j = 0; j < found; ++j) subtract(basis[j], dot(basis[j], d), d);
+    }
+  }
+
+  void subtract(const double* x, double factor, double* from) const {
+    for (int k = 0; k < N; ++k) from[k] -= factor * x[k];
+  }
+
+  // In the metric (W W')^+ the length of an error r in the range of W is |B r|, and the bound for a d in that
+  // range is |B (w - W t)| >= (d'w - h(d)) / |W'd|. Tried are the proposal, and B'B r as above.
+  bool nearest_tension(const Problem& problem, const double* tensions, const double* error, double* d) const {
+    double columns[N * M];
+    for (int i = 0; i < m_; ++i) {
+      for (int k = 0; k < N; ++k) columns[i * N + k] = problem.structure[k * m_ + i];
+    }
+    const Whitening<double, N, M> whitening(problem.structure, N, m_, rank_tolerance_);
+    double own[N] = {}, proposal[N] = {}, unit[N] = {}, outside[N] = {}, rendered = 0;
+    for (int j = 0; j < whitening.rank; ++j) {
+      const double* row = whitening.rows[j];
+      unit[j] = dot(row, error);
+      const double part = dot(row, problem.wrench) - unit[j];
+      for (int k = 0; k < N; ++k) own[k] += row[k] * unit[j];
+      rendered += part * part;
+    }
+    project(whitening, d, proposal);
+    project(whitening, problem.wrench, outside);
+    for (int k = 0; k < N; ++k) outside[k] = problem.wrench[k] - outside[k];
+    const double size = normalise(unit);
+    const double tolerance = tolerance_ * larger(1.0, std::sqrt(rendered));
+    if (size <= tolerance) {
+      // What W can render at all is rendered; the rest of w is outside its range.
+      for (int k = 0; k < N; ++k) d[k] = outside[k];
+      if (side(problem, tensions, d).separates()) return true;
+    }
+    double clean[N];
+    for (int k = 0; k < N; ++k) clean[k] = own[k];
+    remove_free(problem, tensions, clean);
+    for (const double* candidate : {proposal, clean, own}) {
+      double image[N] = {}, dual[N] = {};  // W W'd, and B of it, whose length is |W'd|
+      for (int i = 0; i < m_; ++i) {
+        const double along = dot(candidate, columns + i * N);
+        for (int k = 0; k < N; ++k) image[k] += along * columns[i * N + k];
+      }
+      for (int j = 0; j < whitening.rank; ++j) dual[j] = dot(whitening.rows[j], image);
+      const double length = normalise(dual);
+      for (int k = 0; k < N; ++k) d[k] = candidate[k];
+      const Side s = side(problem, tensions, d);
+      if (s.separates() && size * spread(unit, dual) + s.gap / length <= tolerance) return true;
+    }
+    return false;
+  }
+
+  // The part of x in the range of W. The rows of B are orthogonal where they do not span all.
+  void project(const Whitening<double, N, M>& whitening, const double* x, double* part) const {
+    for (int k = 0; k < N; ++k) part[k] = whitening.rank == N ? x[k] : 0;
+    if (whitening.rank == N) return;
+    for (int j = 0; j < whitening.rank; ++j) {
+      const double* row = whitening.rows[j];
+      const double along = dot(row, x) / dot(row, row);
+      for (int k = 0; k < N; ++k) part[k] += row[k] * along;
+    }
+  }
+
+  double dot(const double* x, const double* y) const {
+    double sum = 0;
+    for (int k = 0; k < N; ++k) sum += x[k] * y[k];
+    return sum;
+  }
+
+  // No wrench that can be rendered is longer.
+  double size_of_rig(const Problem& problem) const {
+    double size = 0;
+    for (int i = 0; i < m_; ++i) {
+      const double most = larger(std::abs(problem.lower[i]), std::abs(problem.upper[i]));
+      for (int k = 0; k < N; ++k) size += std::abs(problem.structure[k * m_ + i]) * most;
+    }
+    return size;
+  }
+
+  // s w is out of reach for every s above the bound of d, which is exact where d is no face that w grazes
+  // (solvers/scale_search.hpp). Weights say which error to prefer; a direction that is kept has none.
+  bool longest(const Problem& problem, const double* tensions, const double* rendered, const double* error,
+               double tolerance, double* d, Finding* finding) const {
+    const Side s = side(problem, tensions, d);
+    if (!s.separates()) return false;
+    const double unit = 1 / std::sqrt(dot(d, d)), length = std::sqrt(dot(problem.wrench, problem.wrench));
+    const double allowed = direction_tolerance(tolerance_, length, size_of_rig(problem));
+    const ScaleLine<double> line{s.wrench * unit, s.support * unit};
+    if (ScaleLine<double>{line.along, line.reach + s.rounding * unit}.moved(allowed).excludes_all()) {
+      double force[N] = {};
+      return nearest_force(problem, tensions, error, tolerance, force);
+    }
+    constexpr double kEnough = 0.98;  // of what is allowed
+    const auto most = line.moved_as_allowed(kEnough * allowed, length);
+    if (!(most.along > 0)) return false;
+    const double scale = dot(rendered, problem.wrench) / (length * length);
+    double off = 0;
+    for (int k = 0; k < N; ++k) {
+      const double miss = rendered[k] - scale * problem.wrench[k];
+      off += miss * miss;
+    }
+    const double near = tolerance_ * larger(1.0, std::sqrt(dot(rendered, rendered)));
+    off = std::sqrt(off);
+    if (off > (most.reach > line.reach ? larger(near, allowed) : near) || scale * length < -near) return false;
+    // The wrench nearest to s w is a little shorter along w than s w is.
+    if ((most.largest() - scale) * length > near + off * line.along / length) return false;
+    finding->scale = scale < 0 ? 0 : scale;
+    return true;
+  }
+
+  int m_;
+  const double* weights_;
+  double roots_[N], lighter_[N];
+  Rule rule_;
+  double tolerance_, rank_tolerance_;
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

@@ -1,0 +1,33 @@
+// Certificates of a batch of answers, and the kernel that does it (verification/certificates_kernel.cpp).
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "simd/batch.hpp"
+#include "simd/instruction_set.hpp"
+
+namespace tensionlab {
+
+enum class Rule { none, force, tension, direction };
+
+struct VerificationSettings {
+  Rule rule;
+  double tolerance, rank_tolerance;
+};
+
+// tensions and separation are read, and changed in place; flawed is set if any answer is proved neither exact nor
+// nearest.
+struct Findings {
+  double *tensions, *separation, *rendered, *residual, *scale;
+  std::int8_t* status;
+  std::atomic<bool>* flawed;
+};
+
+TENSIONLAB_KERNEL(verify, const Batch&, const VerificationSettings&, std::size_t begin, std::size_t end,
+                  const Findings&)
+
+// Sets inside to false if a number is not below the limit in magnitude.
+TENSIONLAB_KERNEL(check, const double* numbers, std::size_t count, double limit, bool& inside)
+
+}  // namespace tensionlab

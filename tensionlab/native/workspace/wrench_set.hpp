@@ -1,0 +1,215 @@
+// The available wrench set of a pose, all W t with t inside the limits, as a zonotope about its centre; one pose
+// in each lane.
+//
+// It is held in coordinates x = B w that make the rows of W orthonormal, so that its facets are well-conditioned
+// however small the platform is beside its cables. A facet whose normal is h there has the normal B'h in wrenches.
+// In up to three dimensions a normal is the product of two columns at most, and B = 1 does as well.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "simd/batch.hpp"
+#include "simd/lanes.hpp"
+#include "workspace/zonotope.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Pointers to contiguous numbers. structure is n x m, row by row.
+struct Pose {
+  const double *structure, *lower, *upper;
+};
+
+enum class Basis { identity, triangle, full };  // rows of a triangle end with its diagonal
+
+// N wrench components, of which the tensions can change R independent combinations.
+template <int L, int N, int R, int M, Basis kBasis>
+struct WrenchSet {
+  using V = Lanes<double, L>;
+  static constexpr int kLanes = L, kComponents = N, kRank = R;
+
+  V basis[R][N];  // B
+  V centre[N];
+  Zonotope<double, L, R, M> zonotope;
+
+  // out = B w
+  void transform(const V* w, V* out) const {
+    TENSIONLAB_UNROLL
+    for (int r = 0; r < R; ++r) {
+      if constexpr (kBasis == Basis::identity) {
+        out[r] = w[r];
+      } else {
+        out[r] = basis[r][0] * w[0];
+        TENSIONLAB_UNROLL
+        for (int k = 1; k < (kBasis == Basis::triangle ? r + 1 : N); ++k) out[r] += basis[r][k] * w[k];
+      }
+    }
+  }
+
+  // Component k of B'h, the normal in wrenches.
+  V component(const V* normal, int k) const {
+    if constexpr (kBasis == Basis::identity) {
+      return normal[k];
+    } else {
+      V sum = basis[R - 1][k] * normal[R - 1];
+      TENSIONLAB_UNROLL
+      for (int r = kBasis == Basis::triangle ? k : 0; r < R - 1; ++r) sum += basis[r][k] * normal[r];
+      return sum;
+    }
+  }
+
+  // The sum of squares of the first `count` of them.
+  V square(const V* normal, int count = N) const {
+    V sum = component(normal, 0) * component(normal, 0);
+    if constexpr (N > 1) {
+      TENSIONLAB_UNROLL
+      for (int k = 1; k < count; ++k) {
+        const V each = component(normal, k);
+        sum += each * each;
+      }
+    }
+    return sum;
+  }
+
+  // Cable i, from its column of W and half its room to move. One without room spans nothing.
+  void set_segment(int i, const V* pull, const V& room) {
+    V* const column = zonotope.column[i];
+    transform(pull, column);
+    for (int r = 0; r < R; ++r) column[r] = room > V{} ? column[r] : V{};
+    zonotope.half[i] = room;
+    zonotope.square[i] = dot(column, column);
+  }
+
+  // The least of `start` and of bound(normal, height) for all facets.
+  template <class Bound>
+  V least(V start, const Bound& bound) const {
+    zonotope.facets([&](const V* normal, const V& height, const auto& spans) {
+      start = smaller(start, spans ? bound(normal, height) : V{} + kInfinity);
+    });
+    return start;
+  }
+
+  static V dot(const V* a, const V* b) { return Zonotope<double, L, R, M>::dot(a, b); }
+};
+
+// Poses whose structure matrices are well-conditioned: B is 1, or the inverse of the Cholesky factor of W W'.
+template <int L, int N, int M>
+struct WrenchSets : WrenchSet<L, N, N, M, N <= 3 ? Basis::identity : Basis::triangle> {
+  using V = Lanes<double, L>;
+
+  static constexpr double size = 0;
+  static constexpr bool flat() { return false; }
+  static V off_range(const V*) { return V{}; }
+
+  // Returns for each lane whether its structure matrix is such a one.
+  auto load(const Pose (&poses)[L], int m) {
+    V matrix[N * M], room[M], middle[M], gram[N][N];
+    read(poses, m, matrix, room, middle);
+    for (int k = 0; k < N; ++k) {
+      this->centre[k] = V{};
+      for (int j = 0; j <= k; ++j) gram[k][j] = V{};
+    }
+    for (int i = 0; i < m; ++i) {
+      V pull[N];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        this->centre[k] += matrix[k * m + i] * middle[i];
+        pull[k] = room[i] > V{} ? matrix[k * m + i] : V{};
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) gram[k][j] += pull[k] * pull[j];
+      }
+    }
+    const auto well = change_basis(gram);
+    this->zonotope.count = m;
+    for (int i = 0; i < m; ++i) {
+      V pull[N];
+      for (int k = 0; k < N; ++k) pull[k] = matrix[k * m + i];
+      this->set_segment(i, pull, room[i]);
+    }
+    return well;
+  }
+
+ private:
+  static void read(const Pose (&poses)[L], int m, V* matrix, V* room, V* middle) {
+    const double *structure[L], *lower[L], *upper[L];
+    for (int l = 0; l < L; ++l) {
+      structure[l] = poses[l].structure;
+      lower[l] = poses[l].lower;
+      upper[l] = poses[l].upper;
+    }
+    transpose<double, L>(structure, N * m, [&](int i, const V& v) { matrix[i] = v; });
+    read_row(lower, m, middle);
+    read_row(upper, m, room);
+    for (int i = 0; i < m; ++i) {
+      room[i] = (room[i] - middle[i]) / 2;
+      middle[i] += room[i];
+    }
+  }
+
+  // Numbers of all poses; those that share their limits give one row for all.
+  static void read_row(const double* const (&row)[L], int m, V* out) {
+    if (row[0] == row[L - 1]) {
+      for (int i = 0; i < m; ++i) out[i] = V{} + row[0][i];
+    } else {
+      transpose<double, L>(row, m, [&](int i, const V& v) { out[i] = v; });
+    }
+  }
+
+  // Sets B from the Gram matrix W W'; returns where that is sure to be well-conditioned, and far from overflow.
+  auto change_basis(const V (&gram)[N][N]) {
+    constexpr double kWell = 1e4;  // the condition of W; B is accurate to its square times the rounding error
+    constexpr double kLarge =
+        1e60;  // products of columns whose squares add up to more overflow; to 1 / this, vanish
+    V trace = gram[0][0];
+    for (int k = 1; k < N; ++k) trace += gram[k][k];
+    const auto ordinary = (trace < V{} + kLarge) & (trace > V{} + 1 / kLarge);
+    if constexpr (N <= 3) {
+      return ordinary & (least_share(gram, trace) * (kWell * kWell) > V{} + 1);
+    } else {
+      return ordinary & (trace * invert_root(gram) < V{} + kWell * kWell);
+    }
+  }
+
+  // A lower bound of the least eigenvalue over the largest one. All others are at most the trace together, so
+  // their product is largest where they are equal: det <= least * (trace / (N - 1))^(N - 1).
+  static V least_share(const V (&g)[N][N], const V& trace) {
+    if constexpr (N == 1) {
+      return V{} + 1;
+    } else if constexpr (N == 2) {
+      return (g[0][0] * g[1][1] - g[1][0] * g[1][0]) / (trace * trace);
+    } else {
+      const V det = g[0][0] * (g[1][1] * g[2][2] - g[2][1] * g[2][1]) -
+                    g[1][0] * (g[1][0] * g[2][2] - g[2][1] * g[2][0]) +
+                    g[2][0] * (g[1][0] * g[2][1] - g[1][1] * g[2][0]);
+      return 4 * det / (trace * trace * trace);
+    }
+  }
+
+  // B = the inverse of the Cholesky factor of the Gram matrix; returns the sum of the squares of its entries.
+  V invert_root(const V (&gram)[N][N]) {
+    V root[N][N], sum{};
+    for (int k = 0; k < N; ++k) {
+      for (int j = 0; j <= k; ++j) {
+        V left = gram[k][j];
+        for (int s = 0; s < j; ++s) left -= root[k][s] * root[j][s];
+        root[k][j] = j < k ? V(left * this->basis[j][j]) : square_root<double, L>(left);
+      }
+      this->basis[k][k] = 1 / root[k][k];
+      for (int j = 0; j < k; ++j) {
+        V below{};
+        for (int s = j; s < k; ++s) below -= root[k][s] * this->basis[s][j];
+        this->basis[k][j] = below * this->basis[k][k];
+      }
+      for (int j = k + 1; j < N; ++j) this->basis[k][j] = V{};
+      for (int j = 0; j <= k; ++j) sum += this->basis[k][j] * this->basis[k][j];
+    }
+    return sum;
+  }
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab
