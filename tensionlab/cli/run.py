@@ -184,8 +184,8 @@ def live_table(runner: Runner) -> RenderableType:
             )
         )
     times, statistics = runner.statistics.percentiles(), runner.statistics
-    figures = [_counts(statistics), f"start jitter {output.duration(times['late'][1])}"]
-    figures.append(f"compute time {output.duration(times['work'][1])} (p99)")
+    figures = [_counts(statistics), f"start jitter {output.duration(times['start_delay'][1])}"]
+    figures.append(f"compute time {output.duration(times['compute_time'][1])} (p99)")
     if statistics.missed:
         figures.append(f"{statistics.missed} deadlines missed")
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"
