@@ -30,7 +30,7 @@ import numpy as np
 from benchmarks.hostile_messages import datagrams, draw, texts
 from benchmarks.processes import process
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError
-from tensionlab.haptics.bridge.messages import LARGEST
+from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -156,7 +156,7 @@ def flood(url: str, port: int, seconds: float, tally: Tally) -> None:
     from websockets.sync.client import connect
 
     end = time.monotonic() + seconds
-    padding = '{"type": "frame", "time": 0, "x": "' + "x" * (LARGEST - 100) + '"}'
+    padding = '{"type": "frame", "time": 0, "x": "' + "x" * (MAX_MESSAGE_BYTES - 100) + '"}'
     backwards = b"#bundle\0" + bytes(8) + b"\xff\xff\xff\xf0" + bytes(16)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         while time.monotonic() < end:

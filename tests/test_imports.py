@@ -54,7 +54,7 @@ DOORS = {
     "filelock": {"files/writing.py"},
     "serial": {"hardware/client/links.py"},
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},
-    "pythonosc": {"haptics/bridge/osc_tracker.py"},
+    "pythonosc": {"haptics/bridge/osc.py"},
     "mcap": {"hardware/log/mcap_file.py"},
     "zstandard": {"hardware/log/mcap_file.py"},
     "xarray": {"workspace/sweep/dataset.py", "workspace/sweep/store.py", "hardware/log/reader.py"},

@@ -12,7 +12,7 @@ using UnityEngine;
 public class TensionlabBridge : MonoBehaviour
 {
     public string url = "ws://127.0.0.1:8765/command";
-    [Tooltip("What the hand feels, as JSON; see BRIDGE.md.")]
+    [Tooltip("The effects, as JSON; see BRIDGE.md.")]
     [TextArea]
     public string effects =
         "{\"floor\": {\"kind\": \"wall\", \"plane\": {\"point\": [0, 0.3, 0], \"normal\": [0, 1, 0]}}}";

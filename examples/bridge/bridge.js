@@ -1,6 +1,6 @@
 // A client of the bridge for browsers: one frame out, one state back. BRIDGE.md has the messages.
 export class Bridge {
-  // url: such as ws://127.0.0.1:8765; onEvent hears what happens unasked.
+  // url: such as ws://127.0.0.1:8765; onEvent is called with each event.
   constructor(url, onEvent = () => {}) {
     this.waiting = [];
     this.socket = new WebSocket(`${url}/command`);
@@ -24,7 +24,7 @@ export class Bridge {
     });
   }
 
-  // Where the bodies are at a time in s, by name: { hand: { position: [x, y, z] } }; what is felt, by name.
+  // Where the bodies are at a time in s, by name: { hand: { position: [x, y, z] } }; effects, by name.
   frame(time, bodies, effects = null, sequence = 0) {
     return new Promise((resolve, reject) => {
       this.waiting.push({ resolve, reject });

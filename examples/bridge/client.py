@@ -22,7 +22,7 @@ def main() -> None:
             hand = (0.0, 0.3 + 0.02 * math.cos(2.0 * now), 0.0)
             state = bridge.frame(now, hand, FLOOR)
             time.sleep(1.0 / 90.0)
-        print(f"asked for {state.asked} N, pulling {state.pulled} N")
+        print(f"desired {state.desired} N, measured {state.measured} N")
 
 
 if __name__ == "__main__":

@@ -107,8 +107,8 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     """Open the modules, to be closed with the rest, and find out who tells where everything is."""
     from contextlib import closing
 
-    from tensionlab.haptics.bridge.client_state import Mailbox
-    from tensionlab.haptics.bridge.osc import OscDoor
+    from tensionlab.haptics.bridge.client_state import ClientState
+    from tensionlab.haptics.bridge.osc import OscServer
     from tensionlab.haptics.bridge.source import tracked_pose
     from tensionlab.hardware import RealClock, connect
     from tensionlab.scenarios.play import Modules, needs_tracker, simulated
@@ -126,13 +126,13 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
             f"tracker send /body/{', /body/'.join(['hand', *scenario.rig.frames])}"
         )
     links = module_links(scenario.rig, modules)
-    mailbox = tracker = None
+    client = tracker = None
     if osc is not None:
-        mailbox = Mailbox(scenario.rig)
-        opened.enter_context(OscDoor(mailbox, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
-        tracker = tracked_pose(scenario.rig, mailbox)
+        client = ClientState(scenario.rig)
+        opened.enter_context(OscServer(client, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
+        tracker = tracked_pose(client)
     group = opened.enter_context(closing(connect(scenario.rig, links)))
-    return Modules(group, RealClock(), links, tracker, mailbox=mailbox)
+    return Modules(group, RealClock(), links, tracker, client=client)
 
 
 def _list(json: bool) -> None:

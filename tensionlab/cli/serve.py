@@ -85,10 +85,10 @@ def serve(
     Without --modules, the simulated hand is where the client says it is. Ctrl-C ends it, and all modules stop.
     """
     from tensionlab.cli.run import summary_table
-    from tensionlab.haptics.bridge.client_state import HAND, Mailbox
-    from tensionlab.haptics.bridge.events import News
+    from tensionlab.haptics.bridge.client_state import HAND, ClientState
+    from tensionlab.haptics.bridge.events import RunEvents
     from tensionlab.haptics.bridge.messages import Welcome
-    from tensionlab.haptics.bridge.osc import OscDoor
+    from tensionlab.haptics.bridge.osc import OscServer
     from tensionlab.haptics.bridge.server import Bridge
     from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
     from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
@@ -99,9 +99,9 @@ def serve(
     from tensionlab.scenarios.play import fast_enough, module_limits, needs_tracker
 
     loaded, played_one = _loaded(rig, scenario)
-    settings, mailbox = _settings(played_one, rate), Mailbox(loaded)
+    settings, client = _settings(played_one, rate), ClientState(loaded)
     options.check_solvers(loaded, [solver], settings.nearest)
-    follow = tracked_pose(loaded, mailbox)
+    follow = tracked_pose(client)
     welcome = Welcome(
         rig=loaded.name,
         modules=[module.name for module in loaded.modules],
@@ -111,11 +111,11 @@ def serve(
         timeout=FADE_DELAY_S + FADE_S,
     )
     limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
-    news = News(loaded, limits, brakes, lambda: mailbox.count)
-    bridge = Bridge(mailbox, welcome, news.state, host, port, _token(token_file), tuple(page or ()))
-    news.tell = bridge.tell
+    events = RunEvents(loaded, limits, brakes, lambda: client.count)
+    bridge = Bridge(client, welcome, events.state, host, port, _token(token_file), tuple(page or ()))
+    events.send = bridge.broadcast
     inner: Inner = (
-        FreeEffects(loaded, mailbox) if played_one is None else ScenarioDemand(played_one, news.note, repeat=True)
+        FreeEffects(client) if played_one is None else ScenarioDemand(played_one, events.note, repeat=True)
     )
     with ExitStack() as stack:
         stack.enter_context(bridge)
@@ -124,21 +124,21 @@ def serve(
 
             def ignored(why: str) -> None:
                 typer.echo(why, err=True)
-                news.note("ignored", why)
+                events.note("ignored", why)
 
-            door = stack.enter_context(OscDoor(mailbox, osc_host, osc, ignored))
+            door = stack.enter_context(OscServer(client, osc_host, osc, ignored))
             typer.echo(f"OSC at UDP port {door.port}")
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
         stack.enter_context(fast_enough(group, QUICK if played_one is None else played_one.slew))
         inner.renderer.limits = module_limits(loaded, group)
-        demand = BridgedDemand(mailbox, inner, news.take, news.note)
+        demand = BridgedDemand(client, inner, events.take, events.note)
         tracker = follow if played_one is not None or needs_tracker(loaded) else None
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
         if log is not None:
             runner.log = begin_log(log, loaded, solver, settings, links)
         failed = _run(runner, seconds)
-        news.note("ended", runner.statistics.ended)
+        events.note("ended", runner.statistics.ended)
     output.console().print(summary_table(runner))
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)

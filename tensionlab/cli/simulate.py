@@ -193,7 +193,7 @@ def _loaded(path: Path | None) -> Rig | None:
 
 def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> ServedPerson:
     """Who holds the cables, and is tracked, if that is wanted?"""
-    from tensionlab.haptics.bridge.osc_tracker import OscTracker
+    from tensionlab.haptics.bridge.osc import OscTracker
     from tensionlab.scenarios.served_person import ServedPerson
 
     if tracker is None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
-from tensionlab.haptics.bridge.client_state import Mailbox
+from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.source import BridgedDemand
 from tensionlab.haptics.rendering.assignment import ModuleLimits
 from tensionlab.hardware.client.group import ModuleGroup
@@ -43,7 +43,7 @@ class Modules:
         None: the cables' lengths tell.
     person : Person or None
         Who is simulated, in this process.
-    mailbox : Mailbox or None
+    client : ClientState or None
         Where the tracker's frames come in: where they fail to come, there is no force.
     """
 
@@ -52,7 +52,7 @@ class Modules:
     links: Mapping[str, str]
     tracker: Tracker | None = None
     person: Person | None = None
-    mailbox: Mailbox | None = None
+    client: ClientState | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ def perform(
     length = scenario.seconds if seconds is None else seconds
     scene = ScenarioDemand(scenario, tell)
     scene.renderer.limits = module_limits(scenario.rig, modules.group)
-    asked: DemandSource = scene if modules.mailbox is None else BridgedDemand(modules.mailbox, scene)
+    asked: DemandSource = scene if modules.client is None else BridgedDemand(modules.client, scene)
 
     def demand(state: RigState) -> Demand:
         if state.cycle == 0 and modules.person is not None:

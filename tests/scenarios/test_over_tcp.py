@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.processes import process, simulated
 from tensionlab.errors import LinkTimeout
-from tensionlab.haptics.bridge.client_state import Mailbox
-from tensionlab.haptics.bridge.osc import OscDoor
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect, read_run
 from tensionlab.scenarios import SCENARIOS, load_scenario
@@ -29,23 +29,23 @@ long a cycle may take, so that a kick of 50 ms is not missed."""
 
 @contextmanager
 def served(scenario, file, *words):
-    """Modules that a person holds, and where that person is, by OSC: links, mailbox."""
-    mailbox, refused = Mailbox(scenario.rig), []
+    """Modules that a person holds, and where that person is, by OSC: links, client."""
+    client, refused = ClientState(scenario.rig), []
     with (
-        OscDoor(mailbox, "127.0.0.1", 0, refused.append) as door,
+        OscServer(client, "127.0.0.1", 0, refused.append) as door,
         simulated(
             "--scenario", scenario.name, "--tracker", f"127.0.0.1:{door.port}", "--record", file, *words
         ) as (links, _),
     ):
-        yield links, mailbox
+        yield links, client
     assert not refused
 
 
 def played(scenario, seconds, file):
     """Play it; once more where the machine stood still for so long that the modules let go, as they should."""
     for tries in range(3):
-        with served(scenario, file) as (links, mailbox), closing(connect(scenario.rig, links)) as group:
-            tracker = tracked_pose(scenario.rig, mailbox) if needs_tracker(scenario.rig) else None
+        with served(scenario, file) as (links, client), closing(connect(scenario.rig, links)) as group:
+            tracker = tracked_pose(client) if needs_tracker(scenario.rig) else None
             try:
                 return play(scenario, Modules(group, RealClock(), links, tracker), seconds=seconds)
             except LinkTimeout:

@@ -1,1 +1,1 @@
-"""A door for game engines: poses and effects come in over a WebSocket or OSC, the state of the rig goes out."""
+"""Bridge for game engines: poses and effects come in over a WebSocket or OSC, the state of the rig goes out."""

@@ -1,4 +1,4 @@
-"""A client of the bridge, for programs in Python: send a frame, get the state."""
+"""Client of the bridge, for programs in Python: send a frame, get the state."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from types import TracebackType
 from typing import Any, Self
 
 from tensionlab.errors import HardwareError, MissingDependency
-from tensionlab.haptics.bridge.messages import Frame, Message, State, Welcome
+from tensionlab.haptics.bridge.messages import PROTOCOL, Frame, Message, State, Welcome
 
 
 class BridgeClient:
-    """Commands a bridge. A context manager.
+    """Client that commands a bridge. A context manager.
 
     Parameters
     ----------
     url : str
         As `tensionlab serve` prints it, such as ``ws://127.0.0.1:8765``.
     token : str, optional
-        If the bridge asks for one.
+        If the bridge needs one.
 
     Attributes
     ----------
     welcome : Welcome
-        What the bridge said first.
+        First message of the bridge.
     events : list of dict
         Events that came between the answers.
 
     Raises
     ------
     HardwareError
-        If the bridge cannot be reached, or refuses; says why.
+        If the bridge cannot be reached, refuses, or has another version of the messages; says why.
     """
 
     def __init__(self, url: str, token: str | None = None) -> None:
@@ -45,35 +45,40 @@ class BridgeClient:
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         self._stack = ExitStack()
         try:
-            line = connect(f"{url}/command", additional_headers=headers, compression=None)
-            self._line = self._stack.enter_context(line)
+            socket = connect(f"{url}/command", additional_headers=headers, compression=None)
+            self._socket = self._stack.enter_context(socket)
         except (OSError, WebSocketException) as error:
             raise HardwareError(f"{url}: the bridge cannot be reached: {error}") from None
         self.events: list[dict[str, Any]] = []
         with self._stack:  # left at once if the bridge refuses
             self.welcome = Welcome.model_validate(self._answer("welcome"))
+            if self.welcome.protocol != PROTOCOL:
+                raise HardwareError(
+                    f"{url}: the bridge has version {self.welcome.protocol} of the messages, this client "
+                    f"{PROTOCOL}; use the same tensionlab for both"
+                )
             self._stack = self._stack.pop_all()
 
     def __enter__(self) -> Self:
-        """Stay connected in a with block."""
+        """Return the client, connected."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Go; the force goes with it."""
+        """Close the connection; the force fades."""
         self.close()
 
     def close(self) -> None:
-        """Go."""
+        """Close the connection."""
         self._stack.close()
 
     def send(self, message: Message) -> State:
-        """Send a `Frame` or a `Stop`; how is the rig?"""
+        """Send a `Frame` or a `Stop`; return the state of the rig."""
         from websockets.exceptions import ConnectionClosed
 
-        with suppress(ConnectionClosed):  # what the bridge said last tells why
-            self._line.send(message.model_dump_json())
+        with suppress(ConnectionClosed):  # the last message of the bridge has the reason
+            self._socket.send(message.model_dump_json())
         return State.model_validate(self._answer("state"))
 
     def frame(
@@ -83,7 +88,7 @@ class BridgeClient:
         effects: dict[str, dict[str, Any]] | None = None,
         sequence: int = 0,
     ) -> State:
-        """Send where the hand is (m) at a time (s), and what it is to feel; how is the rig?"""
+        """Send the place of the hand (m) at a time (s), and effects; return the state of the rig."""
         bodies = {} if hand is None else {"hand": {"position": hand}}
         return self.send(
             Frame.model_validate({"time": time, "bodies": bodies, "effects": effects, "sequence": sequence})
@@ -94,7 +99,7 @@ class BridgeClient:
 
         while True:
             try:
-                found: dict[str, Any] = json.loads(self._line.recv())
+                found: dict[str, Any] = json.loads(self._socket.recv())
             except WebSocketException as error:
                 ended = [event["text"] for event in self.events if event["kind"] == "ended"]
                 raise HardwareError(f"the bridge has gone: {ended[-1] if ended else error}") from None

@@ -1,12 +1,14 @@
-"""What a client has said last, and how the hand moves between its frames."""
+"""State of the client: its latest frames and effects, and how the hand moves between the frames."""
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,23 +20,22 @@ from tensionlab.haptics.effects.described import effect_of, prepare
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
 from tensionlab.model.rig import Rig
 
-SHORTEST = 1e-3
-"""Frames that come closer together, in s, are taken to be so far apart."""
-LONGEST = 0.1
-"""A gap between frames beyond which a hand does not move evenly from one to the next, in s."""
-ONWARD = 1.0
+MIN_FRAME_GAP_S = 1e-3
+"""Frames that come closer together are taken to be so far apart."""
+MAX_FRAME_GAP_S = 0.1
+"""A gap beyond which a hand does not move evenly from one frame to the next."""
+EXTRAPOLATION = 1.0
 """How long a hand moves on evenly where the next frame is late, in times between the frames."""
-NEAREST_M = 1e-3
-"""Length of the shortest cable that bodies may make; at its anchor a cable has no direction."""
+MIN_CABLE_LENGTH_M = 1e-3
+"""Of a cable that bodies may make; at its anchor a cable has no direction."""
 HAND = "hand"
 """The body that the cables pull on."""
-RECENT = 32
-"""Frames of which the one that was quickest on its way tells how late the others came."""
+DELAY_FRAMES = 32
+"""Frames of which the one that was quickest on its way shows how late the others came."""
 
 
-@dataclass(frozen=True)
-class Arrived:
-    """A frame, and when it came, in s."""
+class Arrived(NamedTuple):
+    """Frame, and when it came, in s."""
 
     frame: Frame
     time: float
@@ -42,7 +43,7 @@ class Arrived:
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Where is a body, and how fast?
+    """Motion of a body.
 
     Attributes
     ----------
@@ -60,34 +61,37 @@ class BodyMotion:
 
 
 @dataclass
-class Mailbox:
-    """The latest two frames of whoever commands, and the effects asked for. Used by several threads.
+class ClientState:
+    """Latest two frames of the client that commands, and its effects. Used by several threads.
 
     Parameters
     ----------
     rig : Rig
         Whose bodies there are, and in whose space.
+    clock : callable
+        Time in s by which frames come and clients are silent; that of the whole bridge.
 
     Attributes
     ----------
     command : Command
-        Who commands, over all doors.
+        Who commands.
     count : int
         Frames that came.
-    stop_wanted : bool
+    stop_requested : bool
     """
 
     rig: Rig
+    clock: Callable[[], float] = time.monotonic
     command: Command = field(default_factory=Command)
     _lock: threading.Lock = field(default_factory=threading.Lock)
-    _from: Commander | None = None
+    _commander: Commander | None = None
     _given: dict[str, dict[str, Any]] = field(default_factory=dict)
     _frames: tuple[Arrived | None, Arrived | None] = (None, None)
-    _ways: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))  # plus what the clocks differ by
+    _ways: deque[float] = field(default_factory=lambda: deque(maxlen=DELAY_FRAMES))  # and the clocks' difference
     _late: float = 0.0
     _effects: dict[str, Effect] = field(default_factory=dict)
     count: int = 0
-    stop_wanted: bool = False
+    stop_requested: bool = False
 
     def __post_init__(self) -> None:
         prepare()
@@ -116,9 +120,9 @@ class Mailbox:
         self._require_bodies(frame)
         effects = self._read(frame)
         with self._lock:
-            _require_in_command(commander)  # it may have been sent away meanwhile
-            if commander is not self._from:
-                self._from, self._frames, self._effects, self._given = commander, (None, None), {}, {}
+            _require_in_command(commander)  # it may have been dismissed meanwhile
+            if commander is not self._commander:
+                self._commander, self._frames, self._effects, self._given = commander, (None, None), {}, {}
                 self._ways.clear()
             self._frames = (self._frames[1], Arrived(frame, now))
             self._ways.append(now - frame.time)
@@ -127,21 +131,15 @@ class Mailbox:
             if effects is not None:
                 self._effects, self._given = effects, frame.effects or {}
             if commander is not None:
-                commander.heard = now
+                commander.last_seen = now
 
     def stop(self, now: float, commander: Commander) -> None:
-        """End the run, if this client commands.
-
-        Raises
-        ------
-        FrameRefused
-            It does not.
-        """
+        """End the run; `FrameRefused` if this client does not command."""
         _require_in_command(commander)
-        commander.heard, self.stop_wanted = now, True
+        commander.last_seen, self.stop_requested = now, True
 
     def dismiss(self, reason: str) -> None:
-        """Take the effects away, and the command from who asked for them, who is told the reason."""
+        """Remove the effects, and dismiss the client that commands, with a reason."""
         with self._lock:
             self._effects, self._given = {}, {}
             self.command.dismiss(reason)
@@ -175,31 +173,31 @@ class Mailbox:
         rig, hand = self.rig, frame.bodies.get(HAND)
         frames: dict[str, tuple[Floats, Floats | None]] = dict(rig.at_rest)
         for name in set(frames) & set(frame.bodies):
-            frames[name] = (np.array(frame.bodies[name].position), _turn(frame.bodies[name]))
+            frames[name] = (np.array(frame.bodies[name].position), _rotation(frame.bodies[name]))
         try:
             lengths = rig.lengths(rig.home if hand is None else np.array(hand.position), frames=frames)
         except RigError as error:
             raise FrameRefused(f"bodies: {error}") from None
-        if lengths.min() < NEAREST_M:
+        if lengths.min() < MIN_CABLE_LENGTH_M:
             module = rig.modules[int(np.argmin(lengths))].name
             raise FrameRefused(f'bodies: module "{module}" has a cable of no length; stay off its anchor')
 
     @property
     def effects(self) -> Mapping[str, Effect]:
-        """Return what is to be felt, by the client's names."""
+        """Effects to render, by the client's names."""
         return self._effects
 
     def age(self, now: float) -> float:
-        """Time since the latest frame, in s; infinite before the first."""
+        """Return the time since the latest frame, in s; infinite before the first."""
         latest = self._frames[1]
-        return float("inf") if latest is None else max(now - latest.time, 0.0)
+        return math.inf if latest is None else max(now - latest.time, 0.0)
 
     def motion(self, name: str, now: float) -> BodyMotion | None:
-        """Where is a body now? None if no frame tells.
+        """Return the motion of a body at a time; None if no frame has it.
 
         Between two frames it moves evenly, one frame behind: from the older place, where it is taken to be when
         the newer frame comes, to the newer one. By the client's clock: a frame that came later than others did
-        finds it further on, and where the next is late, it moves on for as long again. Were it to wait and to leap
+        finds it further on, and where the next is late, it moves on for as long again. Were it to wait and to jump
         with each frame, its speed would be far off. After that it is at the newer place.
         """
         before, latest = self._frames
@@ -207,18 +205,18 @@ class Mailbox:
             return None
         body, age = latest.frame.bodies[name], max(now - latest.time, 0.0)
         here = np.array(body.position)
-        still = BodyMotion(here, np.zeros_like(here), _turn(body), age)
+        still = BodyMotion(here, np.zeros_like(here), _rotation(body), age)
         if before is None or name not in before.frame.bodies:
             return still
         there = np.array(before.frame.bodies[name].position)
-        apart = max(latest.frame.time - before.frame.time, SHORTEST)
+        apart = max(latest.frame.time - before.frame.time, MIN_FRAME_GAP_S)
         share = (age + self._late) / apart
-        if apart > LONGEST or share >= 1.0 + ONWARD or there.shape != here.shape:
+        if apart > MAX_FRAME_GAP_S or share >= 1.0 + EXTRAPOLATION or there.shape != here.shape:
             return still
         velocity = (here - there) / apart
         if float(np.linalg.norm(velocity)) > MAX_HAND_SPEED_M_S:
             return still
-        return BodyMotion(there + share * (here - there), velocity, _turn(body), age)
+        return BodyMotion(there + share * (here - there), velocity, _rotation(body), age)
 
 
 def _require_in_command(commander: Commander | None) -> None:
@@ -226,7 +224,7 @@ def _require_in_command(commander: Commander | None) -> None:
         raise FrameRefused(commander.dismissed)
 
 
-def _turn(body: Body) -> Floats | None:
+def _rotation(body: Body) -> Floats | None:
     """Return the rotation of a quaternion x, y, z, w: a matrix; in the plane, the angle about z in rad."""
     if body.rotation is None:
         return None

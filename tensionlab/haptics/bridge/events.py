@@ -1,4 +1,4 @@
-"""What do clients hear of a run: its state on asking, and what has changed unasked?"""
+"""Events and state of a run, for clients of the bridge."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from tensionlab.haptics.bridge.messages import Event, State
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 
-SILENT = 1e-3
-"""A share of the force below this is none."""
-QUARTER = 0.25
-"""A change of the stiffness ceiling by more than this share of it is told."""
-DERATED_N = 0.5
-"""A change of a module's upper tension limit by so much is told, in N."""
-AGAIN = 1.0
-"""Time in s after which rates are told anew, and that an effect is stiffer than what is rendered."""
+MIN_SHARE = 1e-3
+"""Of the force; below this there is none."""
+CEILING_CHANGE = 0.25
+"""A change of the host stiffness limit by more than this share of it is an event."""
+DERATING_CHANGE_N = 0.5
+"""A change of a module's upper tension limit by so much is an event."""
+REPEAT_S = 1.0
+"""After which there are new rates, and an effect that is stiffer than what is rendered is an event again."""
 UNKNOWN = "UNKNOWN"
 
 
-class Noted(NamedTuple):
-    """The latest cycle."""
+class Cycle(NamedTuple):
+    """Latest cycle."""
 
     state: RigState
     demand: Demand
@@ -34,8 +34,8 @@ class Noted(NamedTuple):
     delay: float
 
 
-class Second(NamedTuple):
-    """Since when rates are counted, frames and cycles then, and the longest gap since."""
+class RateWindow(NamedTuple):
+    """Time since which rates are counted, frames and cycles then, and the longest gap since."""
 
     begin: float
     frames: int
@@ -43,65 +43,65 @@ class Second(NamedTuple):
     gap: float
 
 
-class News:
-    """Keeps the latest of a run, and tells what changes from cycle to cycle.
+class RunEvents:
+    """Latest state of a run, and events for what changes from cycle to cycle.
 
     Parameters
     ----------
     rig : Rig
-    limits, brakes : mapping of int to str
+    limiters, brakes : mapping of int to str
         Names of the numbers in `RigState.limiters` and `RigState.brakes`.
     frames : callable
-        How many frames have come so far?
+        Returns how many frames have come so far.
 
     Attributes
     ----------
-    tell : callable
-        Hears each event; set it before the run.
+    send : callable
+        Called with each event; set it before the run.
     """
 
-    tell: Callable[[Event], None]
+    send: Callable[[Event], None]
 
     def __init__(
-        self, rig: Rig, limits: Mapping[int, str], brakes: Mapping[int, str], frames: Callable[[], int]
+        self, rig: Rig, limiters: Mapping[int, str], brakes: Mapping[int, str], frames: Callable[[], int]
     ) -> None:
         self._names = [module.name for module in rig.modules]
-        self._limits, self._brakes, self._frames = limits, brakes, frames
-        self._upper, self._told_upper = rig.limits.upper, rig.limits.upper.copy()
+        self._limiters, self._brakes, self._frames = limiters, brakes, frames
+        self._upper, self._sent_upper = rig.limits.upper, rig.limits.upper.copy()
         self._still: Floats = np.zeros(rig.n)
         self._home: Floats = rig.home
-        self._latest: Noted | None = None
-        self._second: Second | None = None
+        self._latest: Cycle | None = None
+        self._window: RateWindow | None = None
         self._ceiling = 0.0
         self._stiff: dict[str, float] = {}
 
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
-        """Note a cycle: see `Told` in `tensionlab.haptics.bridge.source`."""
+        """Take a cycle: see `OnCycle` in `tensionlab.haptics.bridge.source`."""
         before = self._latest
-        self._latest = Noted(state, demand, share, renderer.ceiling, renderer.delay)
-        self._tell_share(state, 0.0 if before is None else before.share, share)
-        self._tell_stiffness(state, renderer)
-        self._tell_derating(state)
+        self._latest = Cycle(state, demand, share, renderer.ceiling, renderer.delay)
+        self._send_share(state, 0.0 if before is None else before.share, share)
+        self._send_stiffness(state, renderer)
+        self._send_derating(state)
         if before is not None:
-            self._tell_modules(before.state, state)
-        self._tell_rates(state, 0.0 if before is None else state.time - before.state.time)
+            self._send_modules(before.state, state)
+        self._send_rates(state, 0.0 if before is None else state.time - before.state.time)
 
     def note(self, kind: str, text: str) -> None:
-        """Tell something else that happened now."""
+        """Send another event that happens now."""
         self._event(0.0 if self._latest is None else self._latest.state.time, kind, text)
 
     def state(self, sequence: int) -> State:
-        """How is the rig, as the answer to a frame?"""
+        """Return the state of the rig, as the answer to a frame."""
         count = len(self._names)
         if self._latest is None:  # no cycle yet
             return State(
                 sequence=sequence,
                 time=0.0,
                 position=self._home.tolist(),
-                asked=self._still.tolist(),
-                pulled=self._still.tolist(),
+                desired=self._still.tolist(),
+                measured=self._still.tolist(),
                 tensions=[None] * count,
-                limits=["IDLE"] * count,
+                limiters=["IDLE"] * count,
                 active=[True] * count,
                 rendering=[False] * count,
                 braked=[False] * count,
@@ -116,10 +116,10 @@ class News:
             sequence=sequence,
             time=state.time,
             position=state.pose.position.tolist(),
-            asked=(self._still if demand.wrench is None else np.asarray(demand.wrench)).tolist(),
-            pulled=(state.structure @ known).tolist(),
+            desired=(self._still if demand.wrench is None else np.asarray(demand.wrench)).tolist(),
+            measured=(state.structure @ known).tolist(),
             tensions=[None if np.isnan(tension) else float(tension) for tension in state.tensions],
-            limits=[self._limits[int(limit)] for limit in state.limiters],
+            limiters=[self._limiters[int(each)] for each in state.limiters],
             active=state.active.tolist(),
             rendering=[name in demand.impedances for name in self._names],
             braked=[name in demand.brakes for name in self._names],
@@ -129,13 +129,13 @@ class News:
             fresh=share,
         )
 
-    def _tell_share(self, state: RigState, before: float, share: float) -> None:
-        if share < SILENT <= before:
+    def _send_share(self, state: RigState, before: float, share: float) -> None:
+        if share < MIN_SHARE <= before:
             self._event(state.time, "silent", "no frames come: there is no force any more")
-        if before < SILENT <= share:
+        if before < MIN_SHARE <= share:
             self._event(state.time, "fresh", "frames come: the force comes in")
 
-    def _tell_modules(self, before: RigState, state: RigState) -> None:
+    def _send_modules(self, before: RigState, state: RigState) -> None:
         for index, name in enumerate(self._names):
             if before.active[index] and not state.active[index]:
                 self._event(state.time, "lost", "does not take part any more", module=name)
@@ -143,46 +143,45 @@ class News:
             if state.faults[index] & ~before.faults[index]:
                 self._event(state.time, "fault", f"has a fault: {state.faults[index]}", module=name)
             elif state.limiters[index] != before.limiters[index]:
-                limit = self._limits[int(state.limiters[index])]
-                self._event(state.time, "limit", f"held back by: {limit}", module=name)
+                limiter = self._limiters[int(state.limiters[index])]
+                self._event(state.time, "limit", f"limited by: {limiter}", module=name)
             if state.brakes[index] != before.brakes[index]:
                 brake = self._brakes.get(int(state.brakes[index]), UNKNOWN)
                 self._event(state.time, "brake", f"its brake is {brake}", module=name)
 
-    def _tell_derating(self, state: RigState) -> None:
-        """Tell which modules may not pull as hard as before, or may again."""
-        whole = (state.upper_now == self._upper) & (self._told_upper < self._upper)
-        for index in np.flatnonzero((np.abs(state.upper_now - self._told_upper) >= DERATED_N) | whole):
-            self._told_upper[index] = upper = float(state.upper_now[index])
+    def _send_derating(self, state: RigState) -> None:
+        """Send which modules may not pull as hard as before, or may again."""
+        whole = (state.upper_now == self._upper) & (self._sent_upper < self._upper)
+        for index in np.flatnonzero((np.abs(state.upper_now - self._sent_upper) >= DERATING_CHANGE_N) | whole):
+            self._sent_upper[index] = upper = float(state.upper_now[index])
             text = f"pulls with up to {upper:.2f} N of {self._upper[index]:g} N, so that it does not get too hot"
             self._event(state.time, "derated", text, module=self._names[index], upper=upper)
 
-    def _tell_stiffness(self, state: RigState, renderer: Renderer) -> None:
-        """Tell how stiff the host may be, where that changes, and which effects are to be stiffer."""
+    def _send_stiffness(self, state: RigState, renderer: Renderer) -> None:
+        """Send the host stiffness limit where it changes, and which effects are stiffer."""
         now, ceiling = state.time, renderer.ceiling
-        if abs(ceiling - self._ceiling) > QUARTER * self._ceiling:
+        if abs(ceiling - self._ceiling) > CEILING_CHANGE * self._ceiling:
             self._ceiling = ceiling
-            late = f"the loop is {1e3 * renderer.delay:.0f} ms late"
-            text = f"what no module renders may have {ceiling:.0f} N/m now: {late}"
+            text = f"host stiffness limit {ceiling:.0f} N/m, loop latency {1e3 * renderer.delay:.0f} ms"
             self._event(now, "ceiling", text, ceiling=ceiling, delay=renderer.delay)
         for name, cut in renderer.cut.items():
-            if now >= self._stiff.get(name, -AGAIN) + AGAIN:
-                parameter, wanted = next(iter(cut.items()))
-                text = f'"{name}": {parameter} is {wanted:g} N/m, {ceiling:.0f} N/m are rendered, by the host'
-                self._event(now, "stiff", text, effect=name, stiffness=wanted, ceiling=ceiling)
-            self._stiff[name] = now  # told again when it has not been so for a while
+            if now >= self._stiff.get(name, -REPEAT_S) + REPEAT_S:
+                parameter, desired = next(iter(cut.items()))
+                text = f'"{name}": {parameter} is {desired:g} N/m, {ceiling:.0f} N/m are rendered, by the host'
+                self._event(now, "stiff", text, effect=name, stiffness=desired, ceiling=ceiling)
+            self._stiff[name] = now  # sent again when it has not been so for a while
 
-    def _tell_rates(self, state: RigState, gap: float) -> None:
-        """Tell once a second how often what happens."""
+    def _send_rates(self, state: RigState, gap: float) -> None:
+        """Send once a second how many cycles and frames there were."""
         now, frames = state.time, self._frames()
-        second = self._second or Second(now, frames, state.cycle, 0.0)
-        second = second._replace(gap=max(second.gap, gap))
-        if (passed := now - second.begin) >= AGAIN:
-            cycles, came = (state.cycle - second.cycle) / passed, (frames - second.frames) / passed
-            text = f"{cycles:.1f} cycles and {came:.1f} frames a second; the longest gap {1e3 * second.gap:.0f} ms"
-            self._event(now, "rate", text, cycles=cycles, gap=second.gap, frames=came)
-            second = Second(now, frames, state.cycle, 0.0)
-        self._second = second
+        window = self._window or RateWindow(now, frames, state.cycle, 0.0)
+        window = window._replace(gap=max(window.gap, gap))
+        if (passed := now - window.begin) >= REPEAT_S:
+            cycles, came = (state.cycle - window.cycle) / passed, (frames - window.frames) / passed
+            text = f"{cycles:.1f} cycles and {came:.1f} frames a second; the longest gap {1e3 * window.gap:.0f} ms"
+            self._event(now, "rate", text, cycles=cycles, gap=window.gap, frames=came)
+            window = RateWindow(now, frames, state.cycle, 0.0)
+        self._window = window
 
     def _event(self, time: float, kind: str, text: str, **more: float | str) -> None:
-        self.tell(Event.model_validate({"time": time, "kind": kind, "text": text, **more}))
+        self.send(Event.model_validate({"time": time, "kind": kind, "text": text, **more}))

@@ -1,4 +1,4 @@
-"""What goes over the bridge: one JSON object a message. `BRIDGE.md` is made from this."""
+"""Messages of the bridge: one JSON object each. `BRIDGE.md` is generated from this file."""
 
 from __future__ import annotations
 
@@ -9,33 +9,30 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tensionlab.files.reading import brief
 
-PROTOCOL = 1
-"""Version of all this; `Welcome` tells the server's."""
-LARGEST = 64 * 1024
-"""Bytes of a message, at most."""
-MANY = 16
-"""Bodies, and effects, at most."""
-FAR = 100.0
-"""Coordinates in m are between minus and plus this."""
+PROTOCOL = 2
+"""Version of the messages; a `Welcome` has the server's."""
+MAX_MESSAGE_BYTES = 64 * 1024
+MAX_ENTRIES = 16
+"""Bodies of a frame, and effects."""
+MAX_COORDINATE_M = 100.0
+MAX_CLOCK_S = 1e12
+"""Largest time by a client's clock: seconds, of any epoch."""
+MAX_SEQUENCE = 2**53
+"""Programs in any language can count up to this."""
 
-CLOCK_S = 1e12
-"""Times by a client's clock are between minus and plus this, in s: seconds, of any epoch."""
-LAST = 2**53
-"""The largest number of a frame, which programs in any language can count up to."""
-
-Coordinate = Annotated[float, Field(ge=-FAR, le=FAR, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
 
 class Message(BaseModel):
-    """A message; unknown keys are refused."""
+    """Message; unknown keys are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Body(Message):
-    """Where a tracked body is."""
+    """Place of a tracked body."""
 
     position: tuple[Coordinate, ...] = Field(
         min_length=2, max_length=3, description="in m, in the axes of the rig; two numbers in the plane"
@@ -53,36 +50,36 @@ class Body(Message):
 
 
 class Frame(Message):
-    """Where the tracked bodies are, and what the hand is to feel. At 50 to 120 a second; each gets a `State`."""
+    """Places of the tracked bodies, and effects to render. At 50 to 120 a second; each gets a `State`."""
 
     type: Literal["frame"] = "frame"
-    sequence: int = Field(0, ge=0, le=LAST, description="any number; the answer repeats it")
+    sequence: int = Field(0, ge=0, le=MAX_SEQUENCE, description="any number; the answer repeats it")
     time: float = Field(
-        ge=-CLOCK_S,
-        le=CLOCK_S,
+        ge=-MAX_CLOCK_S,
+        le=MAX_CLOCK_S,
         allow_inf_nan=False,
         description="when the bodies were there, by the client's own clock, in s",
     )
     bodies: dict[Name, Body] = Field(
         default_factory=dict,
-        max_length=MANY,
+        max_length=MAX_ENTRIES,
         description="by name: hand is what the cables pull on; others are the frames that modules ride on",
     )
     effects: dict[Name, dict[str, Any]] | None = Field(
         None,
-        max_length=MANY,
+        max_length=MAX_ENTRIES,
         description="by a name of the client's: kind, and the effect's parameters; left out, all stay as they are",
     )
 
 
 class Stop(Message):
-    """End the run: all modules let go."""
+    """End of the run: all modules release their cables."""
 
     type: Literal["stop"] = "stop"
 
 
 class Welcome(Message):
-    """The first message to every client."""
+    """First message to every client."""
 
     type: Literal["welcome"] = "welcome"
     protocol: int = PROTOCOL
@@ -97,34 +94,34 @@ class Welcome(Message):
 
 
 class State(Message):
-    """How the rig is. The answer to each `Frame`."""
+    """State of the rig: the answer to each `Frame`."""
 
     type: Literal["state"] = "state"
     sequence: int = Field(description="that of the frame")
     time: float = Field(description="of the run, in s")
     position: list[float] = Field(description="of the point or the platform, by the cables or the client, in m")
-    asked: list[float] = Field(description="wrench that the effects asked for in the latest cycle, in N and N m")
-    pulled: list[float] = Field(description="wrench by what the modules say they pull with, in N and N m")
-    tensions: list[float | None] = Field(description="what the modules say they pull with, in N")
-    limits: list[str] = Field(description="what holds each module back: NONE, LOWER, UPPER, SLEW, ...")
+    desired: list[float] = Field(description="wrench of the effects in the latest cycle, in N and N m")
+    measured: list[float] = Field(description="wrench of the tensions that the modules report, in N and N m")
+    tensions: list[float | None] = Field(description="measured, as the modules report them, in N")
+    limiters: list[str] = Field(description="what limits each module: NONE, LOWER, UPPER, SLEW, ...")
     active: list[bool] = Field(description="whether each module takes part")
     rendering: list[bool] = Field(
-        description="whether each module renders a spring, damper or vibration by itself, at its own rate"
+        description="whether each module renders a spring, damper or vibration at its own rate"
     )
-    braked: list[bool] = Field(description="whether each brake is asked to be on")
+    braked: list[bool] = Field(description="whether each brake is commanded to be on")
     brakes: list[str] = Field(
         description="what each brake does, as far as is known: OPEN, CLOSING, CLOSED, RELEASING, OPENING, UNKNOWN"
     )
     ceiling: float = Field(
-        description="how stiff what no module renders may be now, in N/m; the later the loop, the less"
+        description="host stiffness limit now, in N/m: of what no module renders; the later the loop, the less"
     )
-    delay: float = Field(description="how late the loop is, in s: from what is asked for to what is heard of it")
+    delay: float = Field(description="loop latency, in s: from a command to the telemetry that shows it")
     fresh: float = Field(description="share of the force that is there: 1, or less where frames fail to come")
 
 
 KINDS = {
     "fault": "a module has a fault",
-    "limit": "something else than before holds a module back",
+    "limit": "what limits a module has changed",
     "lost": "a module does not take part any more",
     "derated": "a module's upper tension limit has changed, to keep its winding from getting too hot",
     "brake": "what a module's brake does, or what a scenario decides about brakes",
@@ -132,13 +129,13 @@ KINDS = {
     "ignored": "something that came over OSC was ignored: why, or how much",
     "silent": "frames fail to come: there is no force any more",
     "fresh": "frames come again: the force comes in",
-    "ceiling": "how stiff the host may be has changed by more than a quarter",
-    "stiff": "an effect, or a part of it, is rendered by the host and softer than it was asked for",
+    "ceiling": "the host stiffness limit has changed by more than a quarter",
+    "stiff": "an effect, or a part of it, is rendered by the host and softer than desired",
     "phase": "a phase of a scenario begins",
     "ended": "the run is over, and why; then the connection closes",
     "rate": "once a second: cycles and frames a second, really",
 }
-"""What events tell of."""
+"""Kinds of events, and what they say."""
 
 
 class Event(Message):
@@ -153,24 +150,24 @@ class Event(Message):
     text: str = Field(description="what happened")
     module: str | None = Field(None, description="its name, if it is one module's")
     effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
-    stiffness: float | None = Field(None, description="stiff: what was asked for, in N/m")
-    ceiling: float | None = Field(None, description="stiff, ceiling: what the host renders at most, in N/m")
+    stiffness: float | None = Field(None, description="stiff: what was desired, in N/m")
+    ceiling: float | None = Field(None, description="stiff, ceiling: host stiffness limit, in N/m")
     upper: float | None = Field(None, description="derated: its upper tension limit now, in N")
-    delay: float | None = Field(None, description="ceiling: how late the loop is, in s")
+    delay: float | None = Field(None, description="ceiling: loop latency, in s")
     cycles: float | None = Field(None, description="rate: cycles a second, really")
     gap: float | None = Field(None, description="rate: the longest time from one cycle to the next, in s")
     frames: float | None = Field(None, description="rate: frames a second that came")
 
 
 class Refused(Message):
-    """Why a message came to nothing. The answer to it, in place of a `State`."""
+    """Refusal of a message: the answer to it, in place of a `State`."""
 
     type: Literal["refused"] = "refused"
     reason: str
 
 
 def reason_of(error: Exception) -> str:
-    """Return in one line why a message could not be taken."""
+    """Return in one line why a message was refused."""
     if isinstance(error, ValidationError):
         problem = error.errors(include_url=False, include_context=False)[0]
         where = ".".join(str(step) for step in problem["loc"] if step not in ("frame", "stop"))

@@ -2,13 +2,14 @@
 
 ::
 
-    /body/hand x y z [qx qy qz qw]        where a body is, in m
-    /effect/NAME KIND [parameter value]*  what the hand is to feel; a vector takes so many numbers
+    /body/hand x y z [qx qy qz qw]        place of a body, in m
+    /effect/NAME KIND [parameter value]*  an effect; a vector takes so many numbers
     /effect/NAME                          no more of it
     /stop                                 end the run
 
-What comes in one bundle is so at the same time: that of its tag, if it has one. What a datagram asks for is taken
-as a whole or not at all; addresses that are none of these are left out.
+What comes in one bundle is so at the same time: that of its tag, if it has one. The contents of a datagram are
+taken as a whole or not at all; addresses that are none of these are left out. Packets are read within bounds:
+sizes first, then contents. `OscTracker` sends what `OscServer` receives.
 """
 
 from __future__ import annotations
@@ -16,83 +17,195 @@ from __future__ import annotations
 import logging
 import re
 import socket
+import struct
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from pydantic import ValidationError
 
-from tensionlab.errors import EffectError, HardwareError, ProtocolError
+from tensionlab.arrays import Floats
+from tensionlab.errors import EffectError, HardwareError, MissingDependency, ProtocolError
 from tensionlab.files.reading import brief
-from tensionlab.haptics.bridge.budget import Budget
-from tensionlab.haptics.bridge.client_state import Mailbox
-from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import Frame, reason_of
-from tensionlab.haptics.bridge.osc_packet import OscMessage, read_packet
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import Many, bounds
 
 ADDRESS = re.compile(r"/stop|/(body|effect)/[^/]+")
-LARGEST_DATAGRAM = 65_536
-LOOK_S = 0.25
-"""How often the thread looks whether it is over, in s, where nothing comes."""
+MAX_MESSAGES = 64
+"""In a packet."""
+MAX_DEPTH = 4
+"""Of bundles in bundles."""
+BUNDLE = b"#bundle\0"
+IMMEDIATELY = 1
+"""The time tag that is no time."""
+SINCE_1900_S = 2_208_988_800
+"""From the beginning of time tags to 1970."""
+NUMBERS = {"i": ">i", "f": ">f", "h": ">q", "d": ">d"}
+CONSTANTS = {"T": True, "F": False}
+MAX_DATAGRAM_BYTES = 65_536
+POLL_S = 0.25
+"""How often the thread looks whether it is over, where nothing comes."""
 PAUSE_S = 0.02
-"""How long nothing is read after what is too much, in s."""
-DROPPED_AT_ONCE = 1000
+"""How long nothing is read after what is too much."""
+MAX_DROPPED = 1000
 """Datagrams that are thrown away then, at most."""
-WAITING_BYTES = 65_536
+RECEIVE_BUFFER_BYTES = 65_536
 """Of datagrams that have not been read yet, with what the system needs for each."""
 SUMMARY_S = 5.0
-"""How often it is said what was ignored, in s."""
+"""How often it is said what was ignored."""
 
 
-class Complaints:
-    """Says why something is ignored: the first of each kind at once, then how many more there were.
+class OscMessage(NamedTuple):
+    """Address, and the values given to it."""
+
+    address: str
+    values: list[Any]
+
+
+class OscPacket(NamedTuple):
+    """Messages that belong together, and when they were sent: in s since 1970, or None."""
+
+    messages: list[OscMessage]
+    time: float | None
+
+
+def read_packet(data: bytes) -> OscPacket:
+    """Return the messages of a datagram, big-endian and padded to four bytes.
+
+    A packet is a message or a bundle. A message is an address, type tags and arguments; a bundle is a time tag and
+    elements, each with its size before it, which are packets again.
+
+    Raises
+    ------
+    ProtocolError
+        Saying what is wrong with it.
+    """
+    messages: list[OscMessage] = []
+    sent = None
+    if data.startswith(BUNDLE):
+        if len(data) < 16:
+            raise ProtocolError(f"a bundle of {len(data)} bytes; its time tag is missing")
+        tag = int.from_bytes(data[8:16], "big")
+        sent = None if tag == IMMEDIATELY else tag / 2**32 - SINCE_1900_S
+    _read(data, 0, messages)
+    return OscPacket(messages, sent)
+
+
+def _read(data: bytes, depth: int, messages: list[OscMessage]) -> None:
+    """Read a packet, or an element of a bundle."""
+    if len(data) % 4:
+        raise ProtocolError(f"{len(data)} bytes; OSC has multiples of 4")
+    if not data.startswith(BUNDLE):
+        if len(messages) >= MAX_MESSAGES:
+            raise ProtocolError(f"more than {MAX_MESSAGES} messages in a packet")
+        messages.append(_message(data))
+        return
+    if depth >= MAX_DEPTH:
+        raise ProtocolError(f"bundles in bundles, more than {MAX_DEPTH} deep")
+    at = 16
+    while at < len(data):
+        size = int.from_bytes(data[at : at + 4], "big", signed=True)
+        at += 4
+        if not 0 < size <= len(data) - at:
+            raise ProtocolError(f"an element of {size} bytes, where {len(data) - at} are left")
+        _read(data[at : at + size], depth + 1, messages)
+        at += size
+
+
+def _message(data: bytes) -> OscMessage:
+    address, at = _text(data, 0)
+    if not address.startswith("/"):
+        raise ProtocolError(f"an address that begins with {address[:1]!r}; addresses begin with /")
+    if at == len(data):  # old senders leave the type tags out where there are no arguments
+        return OscMessage(address, [])
+    tags, at = _text(data, at)
+    if not tags.startswith(","):
+        raise ProtocolError("no type tags after the address")
+    values: list[Any] = []
+    for tag in tags[1:]:
+        if tag == "s":
+            text, at = _text(data, at)
+            values.append(text)
+        elif tag in CONSTANTS:
+            values.append(CONSTANTS[tag])
+        elif tag in NUMBERS:
+            size = struct.calcsize(NUMBERS[tag])
+            if at + size > len(data):
+                raise ProtocolError(f"arguments of the types {tags[:20]!r}, but they end too early")
+            values.append(struct.unpack_from(NUMBERS[tag], data, at)[0])
+            at += size
+        else:
+            raise ProtocolError(f"the type tag {tag!r}; there are {', '.join([*NUMBERS, *CONSTANTS, 's'])}")
+    if at != len(data):
+        raise ProtocolError(f"{len(data) - at} bytes after the last argument")
+    return OscMessage(address, values)
+
+
+def _text(data: bytes, at: int) -> tuple[str, int]:
+    """Return the text that begins there, and where what follows it begins."""
+    end = data.find(b"\0", at)
+    if end < 0:
+        raise ProtocolError("a text without an end")
+    try:
+        return data[at:end].decode(), (end // 4 + 1) * 4
+    except UnicodeDecodeError:
+        raise ProtocolError("a text that is not UTF-8") from None
+
+
+class IgnoredSummary:
+    """Reports of what is ignored: the first of each kind at once, then how many more there were.
 
     Parameters
     ----------
-    say : callable
-        Hears one line.
+    report : callable
+        Called with one line.
+    clock : callable
+        Time in s.
     """
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, report: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+        self._report, self._clock = report, clock
         self._known: set[str] = set()
         self._more: Counter[str] = Counter()
-        self._since = time.monotonic()
+        self._since = self._clock()
 
-    def add(self, kind: str, why: str, count: int = 1) -> None:
-        """Note that something was ignored: its kind, one of a few, and why."""
+    def add(self, kind: str, reason: str) -> None:
+        """Count something that was ignored: its kind, one of a few, and why."""
         if kind in self._known:
-            self._more[kind] += count
+            self._more[kind] += 1
             return
         self._known.add(kind)
-        self._say(f"OSC: {kind} ignored: {why}")
+        self._report(f"OSC: {kind} ignored: {reason}")
 
     def summarise(self, *, now: bool = False) -> None:
-        """Say how many more there were, if it is time to."""
-        if self._more and (now or time.monotonic() > self._since + SUMMARY_S):
+        """Report how many more there were, if it is time to."""
+        if self._more and (now or self._clock() > self._since + SUMMARY_S):
             counted = ", ".join(f"{count} x {kind}" for kind, count in sorted(self._more.items()))
-            self._say(f"OSC: ignored since then: {counted}")
+            self._report(f"OSC: ignored since then: {counted}")
             self._more.clear()
-            self._since = time.monotonic()
+            self._since = self._clock()
 
 
-class OscDoor:
-    """Puts what comes over UDP into a mailbox, by a thread of its own. A context manager.
+class OscServer:
+    """Server for OSC over UDP, with a thread of its own. A context manager.
 
     All that one machine sends is one client's, which commands like any other: see `Command`.
 
     Parameters
     ----------
-    mailbox : Mailbox
+    client : ClientState
+        Gets the frames.
     host, port : str, int
         Where to listen; port 0 takes a free one.
-    refused : callable
-        Hears why messages came to nothing; a line for each kind, and sums.
+    report : callable
+        Called with why messages were ignored; a line for each kind, and sums.
 
     Attributes
     ----------
@@ -104,8 +217,9 @@ class OscDoor:
         If it cannot listen there.
     """
 
-    def __init__(self, mailbox: Mailbox, host: str, port: int, refused: Callable[[str], None]) -> None:
-        self._mailbox, self._complaints, self._budget = mailbox, Complaints(refused), Budget()
+    def __init__(self, client: ClientState, host: str, port: int, report: Callable[[str], None]) -> None:
+        self._client, self._budget = client, Budget()
+        self._ignored = IgnoredSummary(report, client.clock)
         self._bodies: dict[str, dict[str, Any]] = {}
         self._effects: dict[str, dict[str, Any]] = {}
         self._commander: Commander | None = None
@@ -114,16 +228,16 @@ class OscDoor:
         try:
             family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind)
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WAITING_BYTES)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
             self._socket.bind(address)
         except OSError as error:
             raise HardwareError(f"OSC cannot listen at {host}, port {port}: {error.strerror}") from None
-        self._socket.settimeout(LOOK_S)
+        self._socket.settimeout(POLL_S)
         self.port = int(self._socket.getsockname()[1])
         self._thread = threading.Thread(target=self._listen, name="OSC", daemon=True)
 
     def __enter__(self) -> Self:
-        """Listen."""
+        """Start to listen."""
         self._thread.start()
         return self
 
@@ -134,58 +248,58 @@ class OscDoor:
         self._over = True
         self._thread.join()
         self._socket.close()
-        self._complaints.summarise(now=True)
+        self._ignored.summarise(now=True)
 
     def _listen(self) -> None:
         while not self._over:
-            self._complaints.summarise()
+            self._ignored.summarise()
             try:
-                data, address = self._socket.recvfrom(LARGEST_DATAGRAM)
+                data, address = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
             except OSError:  # nothing has come, or the network says that something sent before did not arrive
                 continue
-            now, began = time.monotonic(), time.thread_time()
-            if why := self._budget.refuses(len(data), now):
-                self._complaints.add("too much", why)
+            now, began = self._client.clock(), time.thread_time()
+            if reason := self._budget.refuse(len(data), now):
+                self._ignored.add("too much", reason)
                 self._drop()
                 continue
             self._take(data, str(address[0]), now)
-            self._budget.worked(time.thread_time() - began, now)
+            self._budget.add_reading(time.thread_time() - began, now)
 
     def _drop(self) -> None:
         """Throw away what has come meanwhile, without reading it."""
         time.sleep(PAUSE_S)
         self._socket.setblocking(False)
         try:
-            for _ in range(DROPPED_AT_ONCE):
-                self._socket.recvfrom(LARGEST_DATAGRAM)
-                self._complaints.add("too much", "")
+            for _ in range(MAX_DROPPED):
+                self._socket.recvfrom(MAX_DATAGRAM_BYTES)
+                self._ignored.add("too much", "")
         except OSError:  # that was all
             pass
         finally:
-            self._socket.settimeout(LOOK_S)
+            self._socket.settimeout(POLL_S)
 
     def _take(self, data: bytes, machine: str, now: float) -> None:
-        """Take a datagram, or say why not."""
+        """Take a datagram, or report why not."""
         try:
             commander = self._known(machine, now)
             if commander is None:
-                self._mailbox.command.require_free(now)
+                self._client.command.require_free(now)
             packet = read_packet(data)
             if known := self._without_unknown(packet.messages):
                 commander = commander or self._begin(machine, now)
                 self._put(known, now if packet.time is None else packet.time, now, commander)
         except ProtocolError as error:
-            self._complaints.add("malformed datagrams", str(error))
+            self._ignored.add("malformed datagrams", str(error))
         except FrameRefused as error:
-            self._complaints.add("clients that do not command", str(error))
+            self._ignored.add("clients that do not command", str(error))
         except (ValidationError, EffectError) as error:
-            self._complaints.add("messages that cannot be", reason_of(error))
+            self._ignored.add("messages that cannot be", reason_of(error))
         except Exception as error:  # one datagram must not end the thread for all that come
             logging.getLogger(__name__).exception("a datagram from %s", machine)
-            self._complaints.add("messages that cannot be", f"{type(error).__name__}: {error}")
+            self._ignored.add("messages that cannot be", f"{type(error).__name__}: {error}")
 
     def _known(self, machine: str, now: float) -> Commander | None:
-        """Return this machine as who commands, or did; one that was sent away may come back after a silence."""
+        """Return this machine as who commands, or did; one that was dismissed may come back after a silence."""
         mine = self._commander
         if mine is None or machine != self._machine:
             return None
@@ -194,35 +308,35 @@ class OscDoor:
 
     def _begin(self, machine: str, now: float) -> Commander:
         """Let this machine command."""
-        self._commander = self._mailbox.command.take(f"OSC from {machine}", now, lambda why: None)
+        self._commander = self._client.command.take(f"OSC from {machine}", now, lambda reason: None)
         self._machine, self._latest = machine, now
         self._bodies, self._effects = {}, {}
         return self._commander
 
     def _without_unknown(self, messages: list[OscMessage]) -> list[OscMessage]:
-        """Leave out, and tell of, what is for no known address."""
+        """Leave out, and report, what is for no known address."""
         known = [message for message in messages if ADDRESS.fullmatch(message.address)]
         for message in messages:
             if message not in known:
                 there = "there are /body/NAME, /effect/NAME and /stop"
-                self._complaints.add("unknown addresses", f"no address {brief(message.address)}; {there}")
+                self._ignored.add("unknown addresses", f"no address {brief(message.address)}; {there}")
         return known
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:
         """Take the messages of one datagram as one frame."""
         if any(message.address == "/stop" for message in messages):
-            self._mailbox.stop(now, commander)
+            self._client.stop(now, commander)
             return
         bodies, effects = dict(self._bodies), dict(self._effects)
         for message in messages:
-            _note(message, bodies, effects)
+            _add(message, bodies, effects)
         frame = {"time": when, "bodies": bodies, "effects": effects}
-        self._mailbox.put(Frame.model_validate(frame), now, commander)
+        self._client.put(Frame.model_validate(frame), now, commander)
         self._bodies, self._effects = bodies, effects
 
 
-def _note(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -> None:
-    """Note what a message says of a body or an effect."""
+def _add(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -> None:
+    """Put what a message says of a body or an effect into the tables."""
     _, what, name = message.address.split("/")
     values = message.values
     if what == "body":
@@ -252,3 +366,59 @@ def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
         name: numbers[0] if len(numbers) == 1 and name not in lists else tuple(numbers)
         for name, numbers in found.items()
     }
+
+
+class OscTracker:
+    """Sender of places of bodies, whether or not anybody listens. A context manager.
+
+    Parameters
+    ----------
+    host, port : str, int
+        Where to.
+
+    Raises
+    ------
+    HardwareError
+        If there is no such host.
+    MissingDependency
+        If python-osc is not installed.
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            import pythonosc.osc_bundle_builder  # noqa: F401
+        except ImportError as missing:
+            raise MissingDependency(
+                'OSC needs python-osc; pip install "tensionlab[haptics]" brings it'
+            ) from missing
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+        except OSError as error:
+            raise HardwareError(f"OSC cannot be sent to {host}, port {port}: {error.strerror}") from None
+        family, kind, _, _, address = found[0]
+        self._socket, self._address = socket.socket(family, kind), address
+        self._socket.setblocking(False)
+
+    def __enter__(self) -> Self:
+        """Return the tracker, with its socket open."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def send(self, bodies: Mapping[str, Floats], when: float) -> None:
+        """Send where bodies were, by name, in m: one bundle with a ``/body/NAME x y z`` for each.
+
+        Its time tag is when they were there, in s since 1970: what is late on its way is not taken for slow.
+        """
+        from pythonosc.osc_bundle_builder import OscBundleBuilder
+        from pythonosc.osc_message_builder import build_msg
+
+        bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # which takes s, as its text says
+        for name, place in bodies.items():
+            bundle.add_content(build_msg(f"/body/{name}", place.tolist()))
+        with suppress(OSError):  # nobody listens, or there is no room: the next one is soon
+            self._socket.sendto(bundle.build().dgram, self._address)

@@ -1,4 +1,4 @@
-"""The WebSocket of the bridge: one client commands, others watch; what is wrong is refused with a reason."""
+"""WebSocket server of the bridge: one client commands, others watch; what is wrong is refused with a reason."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ from urllib.parse import parse_qs, urlsplit
 from pydantic import Field, TypeAdapter
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, MissingDependency, TensionlabError
-from tensionlab.haptics.bridge.budget import Budget
-from tensionlab.haptics.bridge.client_state import Mailbox
-from tensionlab.haptics.bridge.command import SILENCE_S, Commander, FrameRefused
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (
-    LARGEST,
+    MAX_MESSAGE_BYTES,
     Event,
     Frame,
     Refused,
@@ -38,48 +37,47 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
-COMMAND, EVENTS = "/command", "/events"
+COMMAND_PATH, EVENTS_PATH = "/command", "/events"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 LOCAL_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 """Pages of this machine, which may open the bridge."""
 MAX_CLIENTS = 32
 """Connections at a time, of who commands and who watches."""
-CLOSE_BYTES = 120
-"""Of the reason in a closing frame, which holds 123."""
-LOOK_S = 0.1
-"""How long a message is waited for at least, in s."""
+MAX_CLOSE_BYTES = 120
+"""Of the reason in a closing frame, which has room for 123."""
+MIN_WAIT_S = 0.1
+"""For a message."""
 READ_AHEAD = 16
 """Messages that are read before it is their turn."""
 PAUSE_S = 0.02
-"""How long a client waits after each message that was too much, in s."""
-FAREWELL_S = 1.0
-"""How long it may take to tell a client why it is sent away."""
-PATIENCE = 20
-"""Messages in a row that may be refused before the connection is."""
-STARTING = 10.0
-"""How long the server may take to come up, in s."""
+"""Of a client, after each message that was too much."""
+CLOSE_TIMEOUT_S = 1.0
+"""For sending the reason to a client that is turned away."""
+MAX_REFUSED = 20
+"""Messages in a row that may be refused before the connection is closed."""
+START_TIMEOUT_S = 10.0
 
 QUIET = logging.getLogger(f"{__name__}.connections")
-QUIET.setLevel(logging.CRITICAL)  # who knocks without being a client leaves no traceback
+QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a client leaves no traceback
 READ: TypeAdapter[Frame | Stop] = TypeAdapter(Annotated[Frame | Stop, Field(discriminator="type")])
 
 
 @dataclass
-class Visitor:
-    """A client that commands: its connection, its budget, and what waits for an answer; None at the end."""
+class CommandConnection:
+    """Connection of the client that commands, its budget, and what waits for an answer; None at the end."""
 
-    connection: ServerConnection
+    socket: ServerConnection
     commander: Commander
     budget: Budget = field(default_factory=Budget)
     pending: asyncio.Queue[str | bytes | Refused | None] = field(default_factory=asyncio.Queue)
 
 
 class Bridge:
-    """Serves a mailbox over a WebSocket, by a thread of its own. A context manager.
+    """WebSocket server of the bridge, with a thread of its own. A context manager.
 
     Parameters
     ----------
-    mailbox : Mailbox
+    client : ClientState
         Gets the frames.
     welcome : Welcome
         Every client's first message.
@@ -107,7 +105,7 @@ class Bridge:
 
     def __init__(
         self,
-        mailbox: Mailbox,
+        client: ClientState,
         welcome: Welcome,
         state: Callable[[int], State],
         host: str = "127.0.0.1",
@@ -125,9 +123,9 @@ class Bridge:
             raise HardwareError(
                 f"the bridge would be open to others at {host}; give a token that clients must know"
             )
-        self._mailbox, self._welcome, self._state = mailbox, welcome, state
+        self._client, self._welcome, self._state = client, welcome, state
         self._host, self._port, self._token, self._pages = host, port, token, pages
-        self._visitor: Visitor | None = None
+        self._commanding: CommandConnection | None = None
         self._clients: set[ServerConnection] = set()
         self._ready = threading.Event()
         self._failure: OSError | None = None
@@ -137,9 +135,9 @@ class Bridge:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Come up."""
+        """Start to listen."""
         self._thread.start()
-        self._ready.wait(STARTING)
+        self._ready.wait(START_TIMEOUT_S)
         if self._failure is not None or not self.url:
             self._thread.join()
             raise HardwareError(f"the bridge cannot listen at {self._host}, port {self._port}: {self._failure}")
@@ -152,9 +150,9 @@ class Bridge:
         self._soon(self._over.set)
         self._thread.join()
 
-    def tell(self, event: Event) -> None:
+    def broadcast(self, event: Event) -> None:
         """Send an event to all clients, but rates only to those who watch; from any thread."""
-        self._soon(partial(self._broadcast, event))
+        self._soon(partial(self._send_event, event))
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -167,7 +165,7 @@ class Bridge:
             self._ready.set()
 
     def _soon(self, act: Callable[[], None]) -> None:
-        """Do something on the thread of the connections."""
+        """Call something on the thread of the connections."""
         self._loop.call_soon_threadsafe(act)
 
     async def _serve(self) -> None:
@@ -175,11 +173,11 @@ class Bridge:
 
         origins: list[Any] = [None, LOCAL_PAGES, *self._pages]
         async with serve(
-            self._client,
+            self._serve_client,
             self._host,
             self._port,
             origins=origins,
-            max_size=LARGEST,
+            max_size=MAX_MESSAGE_BYTES,
             max_queue=READ_AHEAD,
             process_request=self._admit,
             logger=QUIET,
@@ -192,69 +190,73 @@ class Bridge:
             await self._over.wait()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Refuse who does not know the token, or asks for another path."""
+        """Refuse clients without the token, other paths, and one client too many."""
         parts = urlsplit(request.path)
         if self._token is not None:
             bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
             given = parse_qs(parts.query).get("token", [bearer])[0]
             if not hmac.compare_digest(given.encode(errors="replace"), self._token.encode()):
                 return connection.respond(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong\n")
-        if parts.path not in (COMMAND, EVENTS):
-            return connection.respond(HTTPStatus.NOT_FOUND, f"there are {COMMAND} and {EVENTS}\n")
+        if parts.path not in (COMMAND_PATH, EVENTS_PATH):
+            return connection.respond(HTTPStatus.NOT_FOUND, f"there are {COMMAND_PATH} and {EVENTS_PATH}\n")
         if len(self._clients) >= MAX_CLIENTS:
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are here already\n")
         return None
 
-    async def _client(self, connection: ServerConnection) -> None:
+    async def _serve_client(self, connection: ServerConnection) -> None:
         """Serve a client until it goes."""
         assert connection.request is not None
-        if urlsplit(connection.request.path).path == COMMAND:
-            await self._visit(connection)
+        if urlsplit(connection.request.path).path == COMMAND_PATH:
+            await self._accept_command(connection)
         else:
             await self._watch(connection)
 
-    async def _visit(self, connection: ServerConnection) -> None:
+    async def _accept_command(self, connection: ServerConnection) -> None:
         """Let a client command, if no other one does."""
         tasks: set[asyncio.Task[None]] = set()  # asyncio itself keeps no hold of them
 
-        def send_away(reason: str) -> None:
+        def turn_away(reason: str) -> None:
             tasks.add(asyncio.ensure_future(self._turn_away(connection, reason)))
 
         host, port, *_ = connection.remote_address
-        command, who = self._mailbox.command, f"{host}, port {port}"
-        before = self._visitor
-        if before is not None and before.connection.state.name != "OPEN":
-            command.leave(before.commander)  # it has gone, or is told to: its task has only not got round to it
+        command, name = self._client.command, f"{host}, port {port}"
+        before = self._commanding
+        if before is not None and before.socket.state.name != "OPEN":
+            command.leave(before.commander)  # it has gone, or is about to: its task has only not got round to it
         try:
-            commander = command.take(who, time.monotonic(), lambda why: self._soon(partial(send_away, why)))
+            commander = command.take(
+                name, self._client.clock(), lambda reason: self._soon(partial(turn_away, reason))
+            )
         except FrameRefused as refused:
             await self._turn_away(connection, str(refused))
             return
-        visitor = self._visitor = Visitor(connection, commander)
+        connected = self._commanding = CommandConnection(connection, commander)
         self._clients.add(connection)
         try:
             await connection.send(self._welcome.model_dump_json())
-            await self._command(visitor)
+            await self._command(connected)
         finally:
             self._clients.discard(connection)
             command.leave(commander)
-            if self._visitor is visitor:
-                self._visitor = None
+            if self._commanding is connected:
+                self._commanding = None
 
-    async def _command(self, visitor: Visitor) -> None:
+    async def _command(self, connected: CommandConnection) -> None:
         """Answer what a task of its own reads: a flood shows however slow the answers are."""
         from websockets.exceptions import ConnectionClosed
 
-        connection, refused = visitor.connection, 0
-        reader = asyncio.create_task(self._read(visitor))
+        connection, refused = connected.socket, 0
+        reader = asyncio.create_task(self._read(connected))
         try:
-            while (content := await asyncio.wait_for(visitor.pending.get(), self._patience(visitor))) is not None:
-                answer = content if isinstance(content, Refused) else self._answer(content, visitor)
+            while (
+                content := await asyncio.wait_for(connected.pending.get(), self._time_left(connected))
+            ) is not None:
+                answer = content if isinstance(content, Refused) else self._answer(content, connected)
                 refused = refused + 1 if isinstance(answer, Refused) else 0
                 await asyncio.wait_for(connection.send(answer.model_dump_json()), SILENCE_S)
-                if refused >= PATIENCE:
+                if refused >= MAX_REFUSED:
                     reason = answer.reason if isinstance(answer, Refused) else ""
-                    await self._turn_away(connection, f"{PATIENCE} messages in a row refused: {reason}")
+                    await self._turn_away(connection, f"{MAX_REFUSED} messages in a row refused: {reason}")
         except TimeoutError:
             await self._turn_away(connection, f"silent for {SILENCE_S:g} s: no frame that could be taken")
         except ConnectionClosed:
@@ -262,32 +264,31 @@ class Bridge:
         finally:
             await reader
 
-    @staticmethod
-    def _patience(visitor: Visitor) -> float:
-        """How long a client may still be silent, in s."""
-        return max(visitor.commander.heard + SILENCE_S - time.monotonic(), LOOK_S)
+    def _time_left(self, connected: CommandConnection) -> float:
+        """Return how long a client may still be silent, in s."""
+        return max(connected.commander.last_seen + SILENCE_S - self._client.clock(), MIN_WAIT_S)
 
-    async def _read(self, visitor: Visitor) -> None:
-        """Hand on what comes, until the client goes or spends more than its budget for long; then None."""
+    async def _read(self, connected: CommandConnection) -> None:
+        """Queue what comes, until the client goes or spends more than its budget for long; then None."""
         from websockets.exceptions import ConnectionClosed
 
         refused = 0
         try:
-            async for content in visitor.connection:
-                why = visitor.budget.refuses(len(content), time.monotonic())
+            async for content in connected.socket:
+                reason = connected.budget.refuse(len(content), self._client.clock())
                 # What is read slowly leaves room for some messages between: only a calm client begins anew.
-                refused = 0 if visitor.budget.calm else refused + bool(why)
-                if refused >= PATIENCE:
-                    visitor.connection.transport.pause_reading()
-                    await self._turn_away(visitor.connection, why)
+                refused = 0 if connected.budget.calm else refused + bool(reason)
+                if refused >= MAX_REFUSED:
+                    connected.socket.transport.pause_reading()
+                    await self._turn_away(connected.socket, reason)
                     break
-                visitor.pending.put_nowait(Refused(reason=why) if why else content)
-                if why:
+                connected.pending.put_nowait(Refused(reason=reason) if reason else content)
+                if reason:
                     await asyncio.sleep(PAUSE_S)
         except ConnectionClosed:
             pass
         finally:
-            visitor.pending.put_nowait(None)
+            connected.pending.put_nowait(None)
 
     async def _watch(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -296,49 +297,49 @@ class Bridge:
         try:
             await connection.send(self._welcome.model_dump_json())
             async for _ in connection:
-                await self._turn_away(connection, f"this stream is read only; command at {COMMAND}")
+                await self._turn_away(connection, f"this stream is read only; command at {COMMAND_PATH}")
                 return
         except ConnectionClosed:
             return
         finally:
             self._clients.discard(connection)
 
-    def _answer(self, content: str | bytes, visitor: Visitor) -> State | Refused:
-        """Take a message, and return what to say to it."""
-        now, began = time.monotonic(), time.thread_time()
+    def _answer(self, content: str | bytes, connected: CommandConnection) -> State | Refused:
+        """Take a message, and return the answer."""
+        now, began = self._client.clock(), time.thread_time()
         try:
             message = READ.validate_python(json.loads(content))
             if isinstance(message, Stop):
-                self._mailbox.stop(now, visitor.commander)
+                self._client.stop(now, connected.commander)
                 return self._state(0)
-            self._mailbox.put(message, now, visitor.commander)
+            self._client.put(message, now, connected.commander)
             return self._state(message.sequence)
         except (TensionlabError, ValueError, RecursionError) as error:
             return Refused(reason=reason_of(error))
         except Exception as error:  # whatever it is that was not foreseen: no message ends the bridge
-            logging.getLogger(__name__).exception("a message of %s", visitor.commander.who)
+            logging.getLogger(__name__).exception("a message of %s", connected.commander.name)
             return Refused(reason=reason_of(error))
         finally:
-            visitor.budget.worked(time.thread_time() - began, now)
+            connected.budget.add_reading(time.thread_time() - began, now)
 
     async def _turn_away(self, connection: ServerConnection, reason: str) -> None:
-        """Say why, and close; who does not listen is cut off."""
+        """Send the reason, and close; a client that does not listen is cut off."""
         from websockets.exceptions import ConnectionClosed
 
         try:
-            told = Refused(reason=reason[:MAX_MESSAGE_CHARACTERS])
-            await asyncio.wait_for(connection.send(told.model_dump_json()), FAREWELL_S)
+            refusal = Refused(reason=reason[:MAX_MESSAGE_CHARACTERS])
+            await asyncio.wait_for(connection.send(refusal.model_dump_json()), CLOSE_TIMEOUT_S)
             await asyncio.wait_for(
-                connection.close(1008, reason.encode()[:CLOSE_BYTES].decode(errors="ignore")), FAREWELL_S
+                connection.close(1008, reason.encode()[:MAX_CLOSE_BYTES].decode(errors="ignore")), CLOSE_TIMEOUT_S
             )
         except ConnectionClosed:
             pass
         except TimeoutError:
             connection.transport.abort()
 
-    def _broadcast(self, event: Event) -> None:
+    def _send_event(self, event: Event) -> None:
         from websockets.asyncio.server import broadcast
 
-        commanding = {self._visitor.connection} if self._visitor is not None else set()
+        commanding = {self._commanding.socket} if self._commanding is not None else set()
         clients = self._clients - commanding if event.kind == "rate" else self._clients
         broadcast(clients, event.model_dump_json(exclude_none=True))

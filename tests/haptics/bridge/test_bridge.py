@@ -20,11 +20,12 @@ import pytest
 from pythonosc.udp_client import SimpleUDPClient
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
+from websockets.sync.server import serve
 
 from benchmarks.processes import process
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client import BridgeClient
-from tensionlab.haptics.bridge.messages import LARGEST, Stop
+from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, Stop, Welcome
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import load_scenario
 
@@ -76,23 +77,23 @@ def push_until(client, wanted, effects=FLOOR, hand=HAND, rate=90.0):
     raise AssertionError(f"after {HANGS_S:g} s it still is {state}")
 
 
-def floor_felt(state):
-    """Is 1 N up desired, and pulled?"""
+def floor_rendered(state):
+    """Is 1 N up desired, and measured?"""
     return state.fresh == 1.0 and all(
         force == pytest.approx([0.0, 1.0, 0.0], abs=off)
-        for force, off in ((state.asked, 0.01), (state.pulled, 0.05))
+        for force, off in ((state.desired, 0.01), (state.measured, 0.05))
     )
 
 
-def test_what_is_asked_for_is_pulled(bridge):
+def test_what_is_desired_is_pulled(bridge):
     with BridgeClient(bridge) as client:
         assert client.welcome.rig == "bartels2026-validation"
-        state = push_until(client, floor_felt)
+        state = push_until(client, floor_rendered)
         assert state.position == pytest.approx(HAND, abs=1e-3)
         assert state.rendering == [False, False, False, True]
         assert state.brakes == ["OPEN"] * 4
         assert 0.0 < state.ceiling <= 1.001 / (0.01 + state.delay)  # cycles that come late make it softer
-        push_until(client, lambda state: state.asked == [0.0, 0.0, 0.0], {})
+        push_until(client, lambda state: state.desired == [0.0, 0.0, 0.0], {})
 
 
 def test_each_message_has_one_answer_with_its_number(bridge):
@@ -101,17 +102,17 @@ def test_each_message_has_one_answer_with_its_number(bridge):
             assert client.frame(0.1 * number, HAND, sequence=number).sequence == number
 
 
-def test_a_client_that_falls_silent_feels_nothing_within_the_timeout(bridge):
+def test_a_client_that_falls_silent_has_no_force_within_the_timeout(bridge):
     with BridgeClient(bridge) as client, connect(f"{bridge}/events", compression=None) as watch:
         timeout = json.loads(watch.recv())["timeout"]
-        push_until(client, floor_felt)
+        push_until(client, floor_rendered)
         time.sleep(timeout + 0.1)
-        told = []
-        while not any(event["kind"] == "silent" for event in told):
-            told.append(json.loads(watch.recv(timeout=5.0)))
+        events = []
+        while not any(event["kind"] == "silent" for event in events):
+            events.append(json.loads(watch.recv(timeout=5.0)))
         # Asking again brings the force back, from nothing.
-        assert client.frame(9.0, HAND).asked == pytest.approx([0.0, 0.0, 0.0], abs=0.05)
-        push_until(client, floor_felt)
+        assert client.frame(9.0, HAND).desired == pytest.approx([0.0, 0.0, 0.0], abs=0.05)
+        push_until(client, floor_rendered)
 
 
 def heard(watch, kind, within=HANGS_S):
@@ -124,7 +125,7 @@ def heard(watch, kind, within=HANGS_S):
     raise AssertionError(f"no event {kind!r}")
 
 
-def test_who_watches_hears_rates_and_what_is_softer_than_asked_for(bridge):
+def test_a_watching_client_gets_rates_and_what_is_softer_than_desired(bridge):
     ceiling = {"kind": "wall", "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, -1.0, 0.0]}}
     with BridgeClient(bridge) as client, connect(f"{bridge}/events", compression=None) as watch:
         push_until(client, lambda state: state.fresh == 1.0, {"above": ceiling}, (0.0, 0.325, 0.0))
@@ -170,13 +171,13 @@ BAD = [
 
 def test_what_is_wrong_is_refused_with_a_reason_and_changes_nothing(bridge):
     with BridgeClient(bridge) as client:
-        push_until(client, floor_felt)
+        push_until(client, floor_rendered)
         for content, reason in BAD:
-            client._line.send(content)
+            client._socket.send(content)
             with pytest.raises(HardwareError, match="the bridge refused") as caught:
                 client._answer("state")
             assert reason in str(caught.value)
-            push_until(client, floor_felt, None)  # what it asked for before
+            push_until(client, floor_rendered, None)  # its effects of before
 
 
 def closed(line, within=HANGS_S):
@@ -194,7 +195,7 @@ def closed(line, within=HANGS_S):
 
 def test_what_is_too_large_ends_the_connection(bridge):
     with connect(f"{bridge}/command", compression=None) as line:
-        line.send("x" * (LARGEST + 1))
+        line.send("x" * (MAX_MESSAGE_BYTES + 1))
         assert closed(line)[0] == 1009
 
 
@@ -244,7 +245,7 @@ def test_a_page_of_this_machine_may_connect(bridge):
         assert json.loads(line.recv())["type"] == "welcome"
 
 
-def test_a_token_is_asked_for_and_needed_beyond_this_machine(tmp_path, monkeypatch):
+def test_a_token_is_needed_beyond_this_machine(tmp_path, monkeypatch):
     file = tmp_path / "token"
     file.write_text("secret\n")
     with served("--token-file", file) as (url, _):
@@ -279,7 +280,7 @@ def test_a_token_file_without_a_token_is_refused(run, tmp_path, content, said):
     assert said in err
 
 
-def test_osc_asks_for_the_same(tmp_path):
+def test_osc_does_the_same(tmp_path):
     log = tmp_path / "osc.mcap"
     with served("--osc", 0, "--log", log) as (url, running):
         port = int(running.stdout.readline().split()[-1])
@@ -341,11 +342,22 @@ def test_a_stop_ends_the_run_and_ctrl_c_does_too():
         assert running.wait(HANGS_S) == 0
 
 
+def test_a_bridge_with_another_version_of_the_messages_is_refused():
+    welcome = Welcome(protocol=1, rig="old", modules=[], bodies=["hand"], rate=50.0, timeout=0.25)
+    with serve(lambda line: line.send(welcome.model_dump_json()), "127.0.0.1", 0) as old:
+        thread = threading.Thread(target=old.serve_forever)
+        thread.start()
+        with pytest.raises(HardwareError, match="the bridge has version 1 of the messages, this client 2"):
+            BridgeClient(f"ws://127.0.0.1:{old.socket.getsockname()[1]}")
+        old.shutdown()
+        thread.join()
+
+
 def test_the_python_example_runs(bridge):
     words = [sys.executable, ROOT / "examples/bridge/client.py", bridge, "2"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60.0, check=False)
     assert done.returncode == 0, done.stderr
-    assert "asked for" in done.stdout
+    assert "desired" in done.stdout
 
 
 def test_a_client_that_is_killed_leaves_no_force_behind(bridge):
@@ -364,7 +376,7 @@ def test_a_client_that_is_killed_leaves_no_force_behind(bridge):
 
 
 SECONDS = float(os.environ.get("TENSIONLAB_BRIDGE_SECONDS", "16"))
-"""How long each client drives the rig; the issue of the bridge asked for a minute once."""
+"""How long each client drives the rig; a minute was wanted once."""
 MATERIALS = load_scenario("materials")
 LIFT = np.array([0.0, 0.0, 0.005])
 """A hand that does not give way presses less deep than the scenario's: windings bear 3 N for long, not 6."""
@@ -399,13 +411,13 @@ def materials():
 
 
 def require_driven(found, rates):
-    """A client has driven the materials: it felt each of them, and the loop went on, if slower where starved."""
+    """A client has driven the materials: with a force of each, and the loop went on, if slower where starved."""
     print(found, [(round(rate["cycles"]), round(rate["frames"]), round(rate["gap"], 3)) for rate in rates])
     assert found["scenario"] == "materials"
     assert found["count"] > 0.25 * 90 * SECONDS
     assert found["longest"] < 5.0
-    assert set(found["felt"]) == {phase["name"] for phase in PLAN["phases"]}
-    assert min(found["felt"].values()) > 0.3
+    assert set(found["forces"]) == {phase["name"] for phase in PLAN["phases"]}
+    assert min(found["forces"].values()) > 0.3
     assert len(rates) > SECONDS / 2
     assert statistics.median(rate["cycles"] for rate in rates) > 25
     assert statistics.median(rate["frames"] for rate in rates) > 22
@@ -413,7 +425,7 @@ def require_driven(found, rates):
 
 @pytest.mark.slow
 def test_a_python_client_drives_the_materials():
-    count, longest, felt, ahead = 0, 0.0, {}, 0.0
+    count, longest, forces, ahead = 0, 0.0, {}, 0.0
     with materials() as (url, rates):
         with BridgeClient(url) as client:
             begin = time.monotonic()
@@ -425,12 +437,12 @@ def test_a_python_client_drives_the_materials():
                 longest = max(longest, time.monotonic() - sent)
                 ahead = ahead if count else state.time
                 for phase in MATERIALS.now(state.time % MATERIALS.seconds):
-                    force = max(math.hypot(*state.asked), any(state.rendering) * math.hypot(*state.pulled))
-                    felt[phase.name] = max(felt.get(phase.name, 0.0), force)
+                    force = max(math.hypot(*state.desired), any(state.rendering) * math.hypot(*state.measured))
+                    forces[phase.name] = max(forces.get(phase.name, 0.0), force)
                 count += 1
                 time.sleep(max(begin + count / 90.0 - time.monotonic(), 0.0))
             scenario = client.welcome.scenario
-        require_driven({"scenario": scenario, "count": count, "longest": longest, "felt": felt}, rates)
+        require_driven({"scenario": scenario, "count": count, "longest": longest, "forces": forces}, rates)
 
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

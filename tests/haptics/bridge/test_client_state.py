@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.bridge.client_state import Mailbox
+from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.messages import Frame
 from tests.support.runs import four
 
@@ -13,7 +13,7 @@ def frame(time, *position, effects=None, rotation=None):
 
 
 def test_between_two_frames_a_hand_moves_evenly_one_frame_behind_and_then_for_as_long_again():
-    box = Mailbox(four())
+    box = ClientState(four())
     box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
     box.put(frame(10.02, 0.02, 0.0, 0.0), 100.02)
     for age, x in ((0.0, 0.0), (0.01, 0.01), (0.02, 0.02), (0.03, 0.03), (0.05, 0.02)):
@@ -27,7 +27,7 @@ def test_between_two_frames_a_hand_moves_evenly_one_frame_behind_and_then_for_as
 def test_a_hand_moves_evenly_though_its_frames_come_unevenly():
     sent = np.arange(200) / 90.0
     came = np.maximum.accumulate(sent + np.random.default_rng(1).uniform(0.003, 0.012, 200))
-    box, number, places, times = Mailbox(four()), 0, [], np.arange(0.5, 2.0, 0.005)
+    box, number, places, times = ClientState(four()), 0, [], np.arange(0.5, 2.0, 0.005)
     for now in times:
         while came[number] <= now:
             box.put(frame(5.0 + sent[number], 0.4 * sent[number], 0.3, 0.0), came[number])
@@ -38,7 +38,7 @@ def test_a_hand_moves_evenly_though_its_frames_come_unevenly():
 
 
 def test_a_gap_is_no_motion():
-    box = Mailbox(four())
+    box = ClientState(four())
     box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
     box.put(frame(12.0, 0.5, 0.0, 0.0), 102.0)
     motion = box.motion("hand", 102.0)
@@ -47,7 +47,7 @@ def test_a_gap_is_no_motion():
 
 
 def test_a_leap_is_no_motion():
-    box = Mailbox(four())
+    box = ClientState(four())
     box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
     box.put(frame(10.01, 0.15, 0.0, 0.0), 100.01)
     motion = box.motion("hand", 100.012)
@@ -56,7 +56,7 @@ def test_a_leap_is_no_motion():
 
 
 def test_time_that_goes_back_is_no_motion_either():
-    box = Mailbox(four())
+    box = ClientState(four())
     box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
     box.put(frame(9.0, 0.01, 0.0, 0.0), 100.01)
     assert np.isfinite(box.motion("hand", 100.0105).velocity).all()
@@ -64,7 +64,7 @@ def test_time_that_goes_back_is_no_motion_either():
 
 
 def test_bodies_that_nobody_mentioned_are_nowhere():
-    box = Mailbox(four())
+    box = ClientState(four())
     assert box.motion("hand", 0.0) is None
     assert box.age(0.0) == np.inf
     box.put(frame(0.0, 0.0, 0.0, 0.0), 1.0)
@@ -72,7 +72,7 @@ def test_bodies_that_nobody_mentioned_are_nowhere():
 
 
 def test_a_quaternion_turns():
-    box = Mailbox(four())
+    box = ClientState(four())
     half = np.sqrt(0.5)
     box.put(frame(0.0, 0.0, 0.0, 0.0, rotation=(0.0, 0.0, half, half)), 0.0)
     turn = box.motion("hand", 0.0).rotation
@@ -80,7 +80,7 @@ def test_a_quaternion_turns():
 
 
 def test_effects_stay_until_others_are_named_and_a_bad_frame_changes_nothing():
-    box = Mailbox(four())
+    box = ClientState(four())
     box.put(frame(0.0, 0.0, 0.0, 0.0, effects={"a": {"kind": "wall", "stiffness": 50.0}}), 0.0)
     box.put(frame(0.1, 0.1, 0.0, 0.0), 0.1)
     assert box.effects["a"].stiffness == 50.0

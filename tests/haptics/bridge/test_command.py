@@ -1,13 +1,13 @@
-"""One client commands at a time, whichever door it comes by."""
+"""One client commands at a time, by WebSocket or OSC, and within its budget."""
 
 import pytest
 from pythonosc.osc_message_builder import build_msg
 
 from tensionlab.errors import EffectError
-from tensionlab.haptics.bridge.client_state import Mailbox
-from tensionlab.haptics.bridge.command import SILENCE_S, FrameRefused
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.command import BYTES_AT_ONCE, BYTES_PER_S, SILENCE_S, Budget, FrameRefused
 from tensionlab.haptics.bridge.messages import Frame
-from tensionlab.haptics.bridge.osc import OscDoor
+from tensionlab.haptics.bridge.osc import OscServer
 from tests.support.runs import four
 
 FRAME = Frame.model_validate({"time": 0.0, "bodies": {"hand": {"position": [0.0, 0.31, 0.0]}}})
@@ -17,35 +17,35 @@ STOP = build_msg("/stop", []).dgram
 
 @pytest.fixture
 def box():
-    return Mailbox(four())
+    return ClientState(four())
 
 
 @pytest.fixture
 def door(box):
-    """OSC, without its thread: the test hands it datagrams. What it complains of is in `said`."""
+    """OSC, without its thread: the test hands it datagrams. What it reports is in `said`."""
     said = []
-    opened = OscDoor(box, "127.0.0.1", 0, said.append)
+    opened = OscServer(box, "127.0.0.1", 0, said.append)
     opened.said = said
     yield opened
     opened._socket.close()
 
 
 def test_a_second_one_waits_until_the_first_has_gone_or_been_silent(box):
-    told = []
-    first = box.command.take("first", 0.0, told.append)
+    reasons = []
+    first = box.command.take("first", 0.0, reasons.append)
     with pytest.raises(
         FrameRefused, match="another client commands; watch at /events, or wait until first has gone"
     ):
-        box.command.take("second", SILENCE_S - 0.1, told.append)
+        box.command.take("second", SILENCE_S - 0.1, reasons.append)
     box.put(FRAME, 3.0, first)
     with pytest.raises(FrameRefused):
-        box.command.take("second", SILENCE_S + 1.0, told.append)
-    second = box.command.take("second", 3.0 + SILENCE_S, told.append)
-    assert told == ["silent for 5 s: second commands now"]
+        box.command.take("second", SILENCE_S + 1.0, reasons.append)
+    second = box.command.take("second", 3.0 + SILENCE_S, reasons.append)
+    assert reasons == ["silent for 5 s: second commands now"]
     with pytest.raises(FrameRefused, match="silent for 5 s"):
         box.put(FRAME, 9.0, first)
     box.command.leave(second)
-    box.command.take("third", 9.0, told.append)
+    box.command.take("third", 9.0, reasons.append)
 
 
 def test_the_next_client_begins_anew(box):
@@ -62,7 +62,7 @@ def test_osc_sets_no_force_while_another_client_commands(box, door):
     door._take(PULL, "127.0.0.1", 1.0)
     door._take(STOP, "127.0.0.1", 1.0)
     assert not box.effects
-    assert not box.stop_wanted
+    assert not box.stop_requested
     assert door.said == [
         "OSC: clients that do not command ignored: another client commands; watch at /events, or wait until first "
         "has gone or been silent for 5 s"
@@ -95,7 +95,7 @@ def test_an_unknown_address_or_a_bad_message_changes_nothing(box, door):
     assert len(door.said) == 4  # one of each kind
     assert any("no address '/nowhere'" in line for line in door.said)
     assert any("'pull': centre is (0.0, 0.0); give 3 components" in line for line in door.said)
-    door._complaints.summarise(now=True)
+    door._ignored.summarise(now=True)
     assert "2999 x malformed datagrams" in door.said[-1]
     box.put(FRAME, 2.0, door._commander)
 
@@ -141,3 +141,43 @@ def test_an_effect_that_is_said_again_is_not_read_again(box):
     assert box.effects["a"] is before
     with pytest.raises(EffectError):
         box.put(Frame.model_validate({"time": 0.0, "effects": {"a": {"kind": "recoil", "shots": 1.0}}}), 0.2)
+
+
+def refused(size, rate, work=0.0, seconds=10.0):
+    """Share of messages that are refused, of so many bytes, at a rate, that take so long to read; and why."""
+    budget, reasons = Budget(), []
+    for number in range(int(rate * seconds)):
+        why = budget.refuse(size, number / rate)
+        reasons.append(why)
+        if not why:
+            budget.add_reading(work, number / rate)
+    return sum(map(bool, reasons)) / len(reasons), reasons[-1]
+
+
+def test_what_a_game_sends_is_never_too_much():
+    assert refused(5_000, 120.0, 1e-3) == (0.0, "")
+
+
+@pytest.mark.parametrize(
+    ("size", "rate", "work", "said"),
+    [
+        (100, 1000.0, 0.0, "a flood: at most 500 messages a second"),
+        (60_000, 450.0, 0.0, "too many bytes: at most 1000 kB a second"),
+        (100, 100.0, 0.01, "too much to read: at most 20 % of a processor's time"),
+    ],
+)
+def test_too_much_is_refused_with_the_reason(size, rate, work, said):
+    share, why = refused(size, rate, work)
+    assert share > 0.3
+    assert why in (said, "")
+    assert said in {refused(size, rate, work, seconds)[1] for seconds in (9.7, 9.8, 9.9, 10.0)}
+
+
+def test_a_pause_is_enough_to_go_on():
+    budget = Budget()
+    while not budget.refuse(60_000, 0.0):
+        pass
+    for _ in range(1000):
+        budget.refuse(60_000, 0.0)
+    assert budget.refuse(100, 0.1)
+    assert not budget.refuse(100, 2.0 * BYTES_AT_ONCE / BYTES_PER_S)

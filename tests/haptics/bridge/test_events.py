@@ -1,4 +1,4 @@
-"""What clients hear of a run, by real cycles of a real rig."""
+"""What clients receive of a run, by real cycles of a real rig."""
 
 from dataclasses import replace
 from itertools import islice
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tensionlab.demand import Demand, Impedance
-from tensionlab.haptics.bridge.events import News
+from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import KINDS
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
@@ -17,19 +17,19 @@ RIG = four()
 FORCE = Demand(np.array([0.0, 1.0, 0.0]))
 
 
-class Heard:
-    """News, what they told, and how many frames there have been."""
+class Received:
+    """Events that a client receives, and how many frames there have been."""
 
     def __init__(self):
         self.frames, self.events, self.renderer = 0, [], Renderer(RIG)
         names = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
-        self.news = News(RIG, *names, lambda: self.frames)
-        self.news.tell = self.events.append
+        self.run = RunEvents(RIG, *names, lambda: self.frames)
+        self.run.send = self.events.append
 
     def take(self, state, demand=FORCE, share=1.0):
-        self.news.take(state, demand, share, self.renderer)
+        self.run.take(state, demand, share, self.renderer)
 
-    def told(self, kind):
+    def of(self, kind):
         return [event for event in self.events if event.kind == kind]
 
 
@@ -39,88 +39,88 @@ def states(count):
         yield replace(cycle.state, limits=np.zeros(RIG.m, dtype=np.int64))
 
 
-def test_rates_are_told_once_a_second_as_numbers():
-    heard = Heard()
+def test_rates_are_sent_once_a_second_as_numbers():
+    received = Received()
     for state in states(160):
-        heard.frames += 2 if state.cycle % 10 else 0
+        received.frames += 2 if state.cycle % 10 else 0
         late = 0.013 if state.cycle == 70 else 0.0
-        heard.take(replace(state, time=state.time + late))
-    found = heard.told("rate")
+        received.take(replace(state, time=state.time + late))
+    found = received.of("rate")
     assert [event.time for event in found] == pytest.approx([1.0, 2.0, 3.0])
     assert [event.cycles for event in found] == pytest.approx([50.0] * 3)
     assert [event.gap for event in found] == pytest.approx([0.02, 0.033, 0.02])
     assert [event.frames for event in found] == pytest.approx([90.0] * 3)
 
 
-def test_a_ceiling_that_moves_by_a_quarter_is_told():
-    heard = Heard()
+def test_a_ceiling_that_moves_by_a_quarter_is_sent():
+    received = Received()
     for state, ceiling in zip(states(6), (4.0, 33.0, 33.0, 40.0, 26.0, 24.0), strict=True):
-        heard.renderer.ceiling, heard.renderer.delay = ceiling, 1.0 / ceiling
-        heard.take(state)
-    assert [event.ceiling for event in heard.told("ceiling")] == [4.0, 33.0, 24.0]
-    assert heard.told("ceiling")[1].delay == pytest.approx(1.0 / 33.0)
+        received.renderer.ceiling, received.renderer.delay = ceiling, 1.0 / ceiling
+        received.take(state)
+    assert [event.ceiling for event in received.of("ceiling")] == [4.0, 33.0, 24.0]
+    assert received.of("ceiling")[1].delay == pytest.approx(1.0 / 33.0)
 
 
 def test_an_effect_stiffer_than_what_is_rendered_is_named_once():
-    heard = Heard()
-    heard.renderer.ceiling = 14.0
+    received = Received()
+    received.renderer.ceiling = 14.0
     for state in states(160):
         there = state.cycle < 60 or state.cycle >= 130
-        heard.renderer.cut = {"floor": {"stiffness": 300.0}} if there else {}
-        heard.take(state)
-    found = heard.told("stiff")
+        received.renderer.cut = {"floor": {"stiffness": 300.0}} if there else {}
+        received.take(state)
+    found = received.of("stiff")
     assert [event.time for event in found] == pytest.approx([0.0, 2.6])
     assert (found[0].effect, found[0].stiffness, found[0].ceiling) == ("floor", 300.0, 14.0)
     assert found[0].text == '"floor": stiffness is 300 N/m, 14 N/m are rendered, by the host'
 
 
 def test_the_state_has_brakes_and_who_renders():
-    heard = Heard()
-    nothing = heard.news.state(3)
+    received = Received()
+    nothing = received.run.state(3)
     assert (nothing.sequence, nothing.brakes, nothing.ceiling) == (3, ["UNKNOWN"] * 4, 0.0)
     first, second = states(2)
-    heard.take(first)
-    assert heard.news.state(4).brakes == ["UNKNOWN"] * 4
+    received.take(first)
+    assert received.run.state(4).brakes == ["UNKNOWN"] * 4
     demand = Demand(np.zeros(3), {"top": Impedance(1.0, 50.0)}, frozenset({"floor-2"}))
     brakes = np.array([BrakeState.OPEN, BrakeState.CLOSED, BrakeState.OPEN, BrakeState.OPENING])
-    heard.renderer.ceiling, heard.renderer.delay = 20.0, 0.04
-    heard.take(replace(second, brakes=brakes), demand)
-    said = heard.news.state(5)
+    received.renderer.ceiling, received.renderer.delay = 20.0, 0.04
+    received.take(replace(second, brakes=brakes), demand)
+    said = received.run.state(5)
     assert said.brakes == ["OPEN", "CLOSED", "OPEN", "OPENING"]
     assert said.braked == [False, True, False, False]
     assert said.rendering == [False, False, False, True]
     assert (said.ceiling, said.delay) == (20.0, 0.04)
-    told = {event.module: event.text for event in heard.told("brake")}
-    assert told["floor-2"] == "its brake is CLOSED"
+    texts = {event.module: event.text for event in received.of("brake")}
+    assert texts["floor-2"] == "its brake is CLOSED"
 
 
-def test_what_changes_is_told_of_the_module():
-    heard = Heard()
+def test_what_changes_is_sent_of_the_module():
+    received = Received()
     first, second, third = states(3)
-    heard.take(first)
-    heard.take(replace(second, limits=np.array([0, Limit.UPPER, 0, 0]), faults=np.array([0, 0, 1, 0])))
-    heard.take(replace(third, active=np.array([False, True, True, True])))
-    assert [event.module for event in heard.told("limit")] == ["floor-2", "floor-2"]
-    assert [event.module for event in heard.told("fault")] == ["floor-3"]
-    assert [event.module for event in heard.told("lost")] == ["floor-1"]
-    assert {event.kind for event in heard.events} <= set(KINDS)
+    received.take(first)
+    received.take(replace(second, limits=np.array([0, Limit.UPPER, 0, 0]), faults=np.array([0, 0, 1, 0])))
+    received.take(replace(third, active=np.array([False, True, True, True])))
+    assert [event.module for event in received.of("limit")] == ["floor-2", "floor-2"]
+    assert [event.module for event in received.of("fault")] == ["floor-3"]
+    assert [event.module for event in received.of("lost")] == ["floor-1"]
+    assert {event.kind for event in received.events} <= set(KINDS)
 
 
-def test_a_module_that_may_not_pull_as_hard_is_told_and_when_it_may_again():
-    heard = Heard()
+def test_a_module_that_may_not_pull_as_hard_is_sent_and_when_it_may_again():
+    received = Received()
     whole = RIG.limits.upper
     for state, top in zip(states(6), (6.0, 5.8, 5.4, 5.2, 4.9, 6.0), strict=True):
-        heard.take(replace(state, upper_now=np.array([*whole[:3], top])))
-    found = heard.told("derated")
+        received.take(replace(state, upper_now=np.array([*whole[:3], top])))
+    found = received.of("derated")
     assert [(event.module, event.upper) for event in found] == [("top", 5.4), ("top", 4.9), ("top", 6.0)]
     assert found[0].text == "pulls with up to 5.40 N of 6 N, so that it does not get too hot"
 
 
-def test_silence_and_its_end_are_told():
-    heard = Heard()
+def test_silence_and_its_end_are_sent():
+    received = Received()
     for state, share in zip(states(5), (0.0, 0.5, 1.0, 0.0, 0.2), strict=True):
-        heard.take(state, share=share)
-    assert [event.kind for event in heard.events if event.kind in ("silent", "fresh")] == [
+        received.take(state, share=share)
+    assert [event.kind for event in received.events if event.kind in ("silent", "fresh")] == [
         "fresh",
         "silent",
         "fresh",

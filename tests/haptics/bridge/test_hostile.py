@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks.hostile_messages import datagrams, draw, texts
-from tensionlab.haptics.bridge.client_state import Mailbox
+from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.messages import Refused, Welcome
-from tensionlab.haptics.bridge.osc import OscDoor
-from tensionlab.haptics.bridge.server import Bridge, Visitor
+from tensionlab.haptics.bridge.osc import OscServer
+from tensionlab.haptics.bridge.server import Bridge, CommandConnection
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.scenarios import ScenarioDemand, load_scenario
 from tests.support.runs import cycles, four
@@ -36,28 +36,28 @@ def require_possible(demand, rig):
 def test_whatever_is_said_is_answered_and_the_loop_goes_on_within_limits(name):
     scenario = None if name == "rig" else load_scenario(name)
     rig = four() if scenario is None else scenario.rig
-    box, answers = Mailbox(rig), []
+    box, answers = ClientState(rig), []
     welcome = Welcome(rig=rig.name, modules=[], scenario=None, bodies=[], rate=50.0, timeout=0.25)
     bridge = Bridge(box, welcome, lambda number: number)
-    inner = FreeEffects(rig, box) if scenario is None else ScenarioDemand(scenario, repeat=True)
-    demand = BridgedDemand(box, inner, note=lambda *news: pytest.fail(f"an effect failed: {news}"))
+    inner = FreeEffects(box) if scenario is None else ScenarioDemand(scenario, repeat=True)
+    demand = BridgedDemand(box, inner, on_event=lambda *news: pytest.fail(f"an effect failed: {news}"))
     states = [cycle.state for cycle in cycles(rig, 2 * COUNT)]
     names, home = ["hand", *rig.frames], rig.home.tolist()
 
     def cycle(number):
         require_possible(demand(states[number]), rig)
 
-    visitor = Visitor(None, box.command.take("JSON", time.monotonic(), pytest.fail))
+    connected = CommandConnection(None, box.command.take("JSON", time.monotonic(), pytest.fail))
     for number, text in enumerate(draw(texts(rig.dimension, names, home), COUNT, 1)):
-        answers.append(bridge._answer(text, visitor))
+        answers.append(bridge._answer(text, connected))
         cycle(number)
     bridge._loop.close()
-    box.command.leave(visitor.commander)
+    box.command.leave(connected.commander)
     refused = [answer for answer in answers if isinstance(answer, Refused)]
     assert all(0 < len(answer.reason) <= 300 for answer in refused)
     assert len(answers) // 10 < len(refused) < len(answers) * 9 // 10
     said = []
-    door = OscDoor(box, "127.0.0.1", 0, said.append)
+    door = OscServer(box, "127.0.0.1", 0, said.append)
     before = box.count
     for number, data in enumerate(draw(datagrams(rig.dimension, names, home), COUNT, 2)):
         door._take(data, "127.0.0.1", time.monotonic())
@@ -65,4 +65,4 @@ def test_whatever_is_said_is_answered_and_the_loop_goes_on_within_limits(name):
     door._socket.close()
     assert box.count > before
     assert said
-    assert not box.stop_wanted
+    assert not box.stop_requested

@@ -1,14 +1,13 @@
-"""How what is in the mailbox becomes a demand."""
+"""How what a client sends becomes a demand."""
 
 import logging
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from tensionlab.demand import Demand, Pose
-from tensionlab.haptics.bridge.client_state import Mailbox
+from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.messages import Frame
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects
 from tensionlab.haptics.effects import Vibration, Viscous
@@ -19,6 +18,16 @@ from tensionlab.scenarios import ScenarioDemand, load_scenario
 from tests.support.runs import cycles, four
 
 RIG = four()
+
+
+@dataclass
+class Clock:
+    """Simulated clock: it stands until a test moves it."""
+
+    now: float = 100.0
+
+    def __call__(self):
+        return self.now
 
 
 class Shares:
@@ -37,41 +46,41 @@ def frame(effects=None):
 
 
 def test_the_force_comes_and_goes_with_the_frames():
-    box = Mailbox(RIG)
+    box = ClientState(RIG, Clock())
     inner = Shares(RIG)
     demand = BridgedDemand(box, inner)
     states = [cycle.state for cycle in cycles(RIG, 40)]
     demand(states[0])
     assert inner.found == [0.0]
-    box.put(frame(), time.monotonic())
+    box.put(frame(), box.clock())
     for state in states[1:10]:
         demand(state)
     assert (np.diff(inner.found) >= 0.0).all()
     assert inner.found[4] == pytest.approx(0.55, abs=0.05)  # 80 of 150 ms, smoothly
     assert inner.found[-1] == 1.0
-    time.sleep(0.26)
+    box.clock.now += 0.26
     demand(states[10])
     assert inner.found[-1] == 0.0
     assert not demand(states[11]).stop
-    box.stop_wanted = True
+    box.stop_requested = True
     assert demand(states[12]).stop
 
 
 def test_the_hand_is_where_the_client_says_or_else_the_cables():
-    box = Mailbox(RIG)
-    free = FreeEffects(RIG, box)
+    box = ClientState(RIG, Clock())
+    free = FreeEffects(box)
     spring = {"spring": {"kind": "spring", "centre": [0.0, 0.41, 0.0], "stiffness": 3.0}}
     state = replace(next(cycles(RIG, 2)).state, pose=Pose(np.array([0.0, 0.36, 0.0])))
-    box.put(Frame.model_validate({"time": 0.0, "effects": spring}), time.monotonic())
+    box.put(Frame.model_validate({"time": 0.0, "effects": spring}), box.clock())
     assert free(state, box.effects, 1.0).impedances["top"].rest == pytest.approx(state.lengths[3] - 0.05, abs=1e-3)
-    box.put(frame(spring), time.monotonic())
+    box.put(frame(spring), box.clock())
     assert free(state, box.effects, 1.0).impedances["top"].rest == pytest.approx(state.lengths[3] - 0.10, abs=1e-3)
 
 
 def test_a_clients_effects_take_the_place_of_the_scenarios_when_it_is_their_time():
     scenario = load_scenario("materials")
-    told = []
-    demand = ScenarioDemand(scenario, lambda *news: told.append(news), repeat=True)
+    events = []
+    demand = ScenarioDemand(scenario, lambda *event: events.append(event), repeat=True)
     state = next(cycles(scenario.rig, 2)).state
     over = {"hum": Vibration(amplitude=0.1), "mine": Viscous(1.0)}
     hum = next(phase for phase in scenario.phases if "hum" in phase.effects)
@@ -82,10 +91,10 @@ def test_a_clients_effects_take_the_place_of_the_scenarios_when_it_is_their_time
         amplitudes = [each.amplitude for each in demand(then, over).impedances.values()]
         assert amplitudes == [pytest.approx(0.1, rel=0.2)]
         assert not demand(then, over, 0.0).impedances
-        # In another phase there is none of it, but what is no scenario's own is felt.
+        # In another phase there is none of it, but what is no scenario's own is rendered.
         before = replace(state, time=begin + 1.0)
         assert all(each.amplitude == 0.0 for each in demand(before, over).impedances.values())
-    assert told.count(("phase", hum.name)) == 2
+    assert events.count(("phase", hum.name)) == 2
 
 
 def test_a_hand_that_is_put_elsewhere_has_no_speed():
@@ -123,15 +132,15 @@ class Faulty:
         ([0.0, 1e300, 0.0], None),
     ],
 )
-def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_is_told(then, why, caplog):
+def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_is_dismissed(then, why, caplog):
     caplog.set_level(logging.CRITICAL)
-    box, told, noted = Mailbox(RIG), [], []
-    client = box.command.take("client", time.monotonic(), told.append)
-    demand = BridgedDemand(box, FreeEffects(RIG, box), note=lambda *news: noted.append(news))
+    box, reasons, events = ClientState(RIG, Clock()), [], []
+    client = box.command.take("client", box.clock(), reasons.append)
+    demand = BridgedDemand(box, FreeEffects(box), on_event=lambda *event: events.append(event))
     forces = []
     for cycle in cycles(RIG, 40):
         if not client.dismissed:
-            box.put(frame(), time.monotonic(), client)
+            box.put(frame(), box.clock(), client)
             box._effects = {"bad": Faulty(then, demand.__dict__.setdefault("count", []))}
         wrench = demand(replace(cycle.state, lengths=RIG.lengths(RIG.home))).wrench
         forces.append(0.0 if wrench is None else wrench[1])
@@ -146,32 +155,30 @@ def test_a_clients_effect_that_fails_is_removed_its_force_fades_and_the_client_i
     assert not box.effects
     assert client.dismissed.startswith("the effects are removed: effect 'bad' failed: ")
     assert why in client.dismissed
-    assert told == [client.dismissed]
-    assert noted[0][0] == "removed"
+    assert reasons == [client.dismissed]
+    assert events[0][0] == "removed"
 
 
 def test_a_scenarios_own_effect_that_fails_ends_the_run_in_words():
     scenario = load_scenario("materials")
     phase = replace(scenario.phases[0], effects={"bad": Faulty(RuntimeError("no way"), [1] * 99)})
-    box = Mailbox(scenario.rig)
-    client = box.command.take("client", time.monotonic(), print)
+    box = ClientState(scenario.rig, Clock())
+    client = box.command.take("client", box.clock(), print)
     demand = BridgedDemand(box, ScenarioDemand(replace(scenario, phases=(phase,))))
-    box.put(
-        Frame.model_validate({"time": 0.0, "effects": {"mine": {"kind": "viscous"}}}), time.monotonic(), client
-    )
+    box.put(Frame.model_validate({"time": 0.0, "effects": {"mine": {"kind": "viscous"}}}), box.clock(), client)
     with pytest.raises(EffectFailed, match="effect 'bad' failed: RuntimeError: no way"):
         demand(next(cycles(scenario.rig, 2)).state)
     assert not client.dismissed
 
 
-def test_far_from_a_wall_no_module_is_asked_for_what_it_would_refuse():
-    box = Mailbox(RIG)
-    free = FreeEffects(RIG, box)
+def test_far_from_a_wall_no_module_is_commanded_what_it_would_refuse():
+    box = ClientState(RIG, Clock())
+    free = FreeEffects(box)
     floor = {"kind": "wall", "plane": {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}}
     state = next(cycles(RIG, 2)).state
     for height in (0.1, 2.0, 90.0):
         there = {"hand": {"position": [0.0, height, 0.0]}}
-        box.put(Frame.model_validate({"time": 0.0, "bodies": there, "effects": {"a": floor}}), time.monotonic())
+        box.put(Frame.model_validate({"time": 0.0, "bodies": there, "effects": {"a": floor}}), box.clock())
         springs = free(state, box.effects, 1.0).impedances
         assert ("top" in springs) == (height == 0.1)
         assert all(spring.rest <= 5.0 and spring.feed_forward <= 6.0 for spring in springs.values())
