@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Status
-from tensionlab.arrays import Floats, Integers
+from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers
 from tensionlab.demand import Impedance
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.statistics import Cycle
@@ -229,6 +229,8 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
             continue
         key = name if all(name in row for row in parsed) else OLD_NAMES.get(name, name)
         values = np.array([row[key] for row in parsed], dtype=TYPES[name])
+        if values.dtype.kind == "f" and (np.abs(values[np.isfinite(values)]) >= MAX_MAGNITUDE).any():
+            raise ValueError(f"a number of {MAX_MAGNITUDE:g} or more in {name}")
         found[name] = values.reshape(len(rows), *shape)
     if not (np.isfinite(found["time"]).all() and np.isfinite(found["start_delay"]).all()):
         raise ValueError("a cycle without a time")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation
+from tensionlab.arrays import MAX_MAGNITUDE
 from tensionlab.errors import LogError, MissingDependency
 from tensionlab.files import writing
 from tensionlab.files.reading import brief, parse_json
@@ -193,7 +193,7 @@ def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
     """A setup from JSON, which knows no tuples."""
     given = {key: tuple(each) if isinstance(each, list) else each for key, each in values.items()}
     (setup,) = from_mappings([given], RunSetup, f"{path}: setup", LogError)
-    if not 0.0 < setup.rate < math.inf:
+    if not 0.0 < setup.rate < MAX_MAGNITUDE:
         raise LogError(f"{path}: setup: rate is {setup.rate:g} Hz; the log is damaged")
     if not len(setup.lower) == len(setup.upper) == rig.m:
         raise LogError(f"{path}: setup: has {len(setup.lower)} tension limits for {rig.m} modules; it is damaged")

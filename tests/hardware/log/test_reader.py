@@ -206,6 +206,25 @@ def test_what_is_whole_and_makes_no_sense_is_refused(tmp_path, what, value, said
     assert "bad.mcap" in str(refused.value)
 
 
+@pytest.mark.parametrize("name", ["time", "start_delay", "commanded"])
+def test_numbers_whose_products_would_overflow_are_damage(tmp_path, name):
+    good, bad = tmp_path / "good.mcap", tmp_path / "bad.mcap"
+    runs.logged(good, runs.four(), 2)
+    writer = McapWriter(bad, {"cycle": {"title": "c"}})
+    for record in read_records(good):
+        if record.kind == "attachment":
+            writer.attachment(record.name, "text/plain", record.content)
+        elif record.kind == "metadata":
+            writer.metadata(record.name, record.content)
+        elif record.name == "cycle":
+            row = json.loads(record.content)
+            row[name] = [1e308] * len(row[name]) if isinstance(row[name], list) else 1e308
+            writer.message("cycle", 1, 1, json.dumps(row).encode())
+    writer.finish()
+    with pytest.raises(LogError, match="it is damaged"):
+        read_run(bad)
+
+
 def test_metadata_nested_too_deep_are_damage(tmp_path):
     file = tmp_path / "x.mcap"
     writer = McapWriter(file, {})
