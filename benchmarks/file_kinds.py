@@ -134,16 +134,16 @@ def _read_space(place: Path) -> object:
 
 @cache
 def _scenario() -> dict[str, Any]:
-    from tensionlab.scenarios.scenario_file import FOLDER
+    from tensionlab.scenarios.scenario import FOLDER
 
     return tomllib.loads((FOLDER / "bow.toml").read_text(encoding="utf-8"))
 
 
 def _read_scenario(place: Path) -> object:
-    from tensionlab.scenarios.scenario_file import FOLDER, load_scenario
+    from tensionlab.scenarios.scenario import FOLDER, load_scenario
 
     scenario = load_scenario(place, FOLDER / "bow.rig.toml")
-    return scenario.now(1.0), scenario.person.script.position(1.0)
+    return scenario.active_phases(1.0), scenario.person.script.position(1.0)
 
 
 def _program() -> dict[str, Any]:

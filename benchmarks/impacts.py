@@ -1,4 +1,4 @@
-"""Is a head ever pulled too hard? Many random impacts on the wall of scenario B, and what the head really felt."""
+"""Random impacts of a head on the wall of scenario B, and the largest force on it."""
 
 from __future__ import annotations
 
@@ -21,41 +21,41 @@ from tensionlab.haptics.effects.contact import Plane
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
-from tensionlab.scenarios.expected_collision import hold_of
-from tensionlab.scenarios.play import fast_enough, perform, simulated
+from tensionlab.scenarios.expected import find_brake_wall
+from tensionlab.scenarios.play import perform, simulate_modules, temporary_slew
 
-MOST = 60.0
-"""What a head may feel, in N."""
-CONE = math.radians(40.0)
-"""How far from the wall's normal heads come."""
+MAX_FORCE_N = 60.0
+"""Allowed on a head."""
+CONE_RAD = math.radians(40.0)
+"""Largest angle between the wall's normal and a head's way."""
 SHOULDERS = np.array([0.0, 0.0, -0.22])
-"""Where the torso is, as seen from the head that means to be somewhere, in m."""
-STILL, PUSHING = 0.05, 0.3
-"""How long a head stays where it begins, and where it means to get, in s."""
-PEAK = 1.875
-"""How much faster than on average a motion of the least jerk is half way."""
-STOPPED = 0.02
-"""How far into the wall a head is that was stopped by it, at most, in m."""
+"""Position of the torso relative to the head's script, in m."""
+STILL_S, PUSHING_S = 0.05, 0.3
+"""Time at the start, and time at the goal of the script, in the wall."""
+PEAK_RATIO = 1.875
+"""Peak over mean speed of a motion with minimum jerk."""
+MAX_STOP_M = 0.02
+"""Largest depth in the wall of a head that was stopped by it."""
 END = Literal["stopped", "gave way", "refused", "motors only"]
-"""What was first decided at the wall, and what came of it: brakes were locked, and stopped it there, or it got
-further in; it was too fast for them; no brake was worth its price."""
+"""First decision at the wall, and its result: brakes were locked, and stopped it there, or it got further in; it
+was too fast for them; no brake was worth its price."""
 ENDS: tuple[END, ...] = ("stopped", "gave way", "refused", "motors only")
 
 
 @dataclass(frozen=True)
 class Impact:
-    """How does a head come at the wall?
+    """Approach of a head to the wall.
 
     Attributes
     ----------
     speed : float
-        With which it means to pass it, in m/s.
+        Of its script at the wall, in m/s.
     direction : tuple of 3 floats
         Of that, a unit vector.
-    place : tuple of 3 floats
-        Where, in m.
+    position : tuple of 3 floats
+        Where the script passes the wall, in m.
     distance : float
-        From there to where it begins, and to where it means to get, in m.
+        From there to the start and to the goal of the script, in m.
     mass, stiffness : float
         Of the head in kg, and of the body that pushes it in N/m.
     latency : float
@@ -66,7 +66,7 @@ class Impact:
 
     speed: float
     direction: tuple[float, ...]
-    place: tuple[float, ...]
+    position: tuple[float, ...]
     distance: float
     mass: float
     stiffness: float
@@ -74,28 +74,28 @@ class Impact:
     seed: int
 
     @property
-    def lasts(self) -> float:
-        """How long does the motion take, in s?"""
-        return PEAK * 2.0 * self.distance / self.speed
+    def duration(self) -> float:
+        """Duration of the motion, in s."""
+        return PEAK_RATIO * 2.0 * self.distance / self.speed
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an impact?
+    """Result of an impact.
 
     Attributes
     ----------
     impact : Impact
     force : float
-        The largest that the head really felt, in N.
+        Largest true force on the head, in N.
     speed : float
-        With which it really passed the wall, along its normal, in m/s; 0 if it did not.
+        True speed at the wall, along its normal, in m/s; 0 if the head did not reach it.
     depth : float
-        How far it got into the wall, in m; below 0 if it did not.
+        Largest depth in the wall, in m; below 0 if it did not.
     end : str
         One of `END`.
     fault : str
-        Which error ended it early, if one did: all modules let go then.
+        Error that ended it early, if one did: all modules release their cables then.
     """
 
     impact: Impact
@@ -107,7 +107,7 @@ class Outcome:
 
 
 def draw_impact(rng: np.random.Generator, wall: Plane) -> Impact:
-    """Draw an impact: where and whence, how fast, and who.
+    """Return a random impact: its position, direction, speed and head.
 
     As many are from 0.05 to 0.32 m/s, where brakes may be locked, as from there to 2 m/s.
     """
@@ -115,8 +115,8 @@ def draw_impact(rng: np.random.Generator, wall: Plane) -> Impact:
     return Impact(
         speed=speed,
         direction=tuple(_within_cone(rng, -wall.n).tolist()),
-        place=tuple((np.asarray(wall.point) + rng.uniform(-0.1, 0.1, 3) * (1.0 - np.abs(wall.n))).tolist()),
-        distance=min(speed * rng.uniform(0.2, 0.6) / PEAK, 0.6),
+        position=tuple((np.asarray(wall.point) + rng.uniform(-0.1, 0.1, 3) * (1.0 - np.abs(wall.n))).tolist()),
+        distance=min(speed * rng.uniform(0.2, 0.6) / PEAK_RATIO, 0.6),
         mass=rng.uniform(3.0, 6.0),
         stiffness=rng.uniform(200.0, 1500.0),
         latency=rng.uniform(0.0, 0.02),
@@ -125,8 +125,8 @@ def draw_impact(rng: np.random.Generator, wall: Plane) -> Impact:
 
 
 def _within_cone(rng: np.random.Generator, axis: Floats) -> Floats:
-    """Draw a direction, evenly among those within the cone."""
-    along = rng.uniform(math.cos(CONE), 1.0)
+    """Return a random direction, evenly distributed in the cone."""
+    along = rng.uniform(math.cos(CONE_RAD), 1.0)
     across = rng.normal(size=3)
     across -= (across @ axis) * axis
     direction: Floats = along * axis + math.sqrt(1.0 - along**2) * across / np.linalg.norm(across)
@@ -134,77 +134,73 @@ def _within_cone(rng: np.random.Generator, axis: Floats) -> Floats:
 
 
 def scenario_of(impact: Impact, scenario: Scenario) -> Scenario:
-    """Which scenario is it, in the place of another one?"""
-    place, way = np.array(impact.place), impact.distance * np.array(impact.direction)
-    times = (STILL, STILL + impact.lasts)
+    """Return a scenario with the person of an impact in place of its own."""
+    position, way = np.array(impact.position), impact.distance * np.array(impact.direction)
+    times = (STILL_S, STILL_S + impact.duration)
     head, torso = (
         Script(
             tuple(
                 Waypoint(when, tuple((where + offset).tolist()))
-                for when, where in zip(times, (place - way, place + way), strict=True)
+                for when, where in zip(times, (position - way, position + way), strict=True)
             )
         )
         for offset in (np.zeros(3), SHOULDERS)
     )
     damping = 1.4 * math.sqrt(impact.stiffness * impact.mass)
     person = PersonPlan(impact.mass, impact.stiffness, damping, head, {"torso": torso})
-    return replace(scenario, person=person, seconds=STILL + impact.lasts + PUSHING)
+    return replace(scenario, person=person, seconds=STILL_S + impact.duration + PUSHING_S)
 
 
 def outcome(impact: Impact, scenario: Scenario) -> Outcome:
-    """What becomes of it on simulated modules?"""
-    _, wall = hold_of(scenario)
+    """Return the outcome of an impact on simulated modules."""
+    _, wall = find_brake_wall(scenario)
     played = scenario_of(impact, scenario)
-    modules = simulated(played, Conditions(impact.latency), impact.seed)
-    heard: list[str] = []
+    modules = simulate_modules(played, Conditions(impact.latency), impact.seed)
+    decisions: list[str] = []
     fault = ""
-    with fast_enough(modules.group, played.slew):
+    with temporary_slew(modules.group, played.slew):
         try:
-            perform(played, modules, lambda kind, text: heard.append(text) if kind == "brake" else None)
+            perform(played, modules, lambda kind, text: decisions.append(text) if kind == "brake" else None)
         except HardwareError as error:
             fault = str(error)
     assert modules.person is not None
-    felt = modules.person.felt
-    inside = -wall.height(felt.position)
+    record = modules.person.record
+    inside = -wall.height(record.position)
     into = np.flatnonzero(inside > 0.0)
-    speeds = np.gradient(inside, felt.time)
+    speeds = np.gradient(inside, record.time)
     depth = float(inside.max())
     return Outcome(
         impact,
-        float(np.linalg.norm(felt.force, axis=1).max()),
+        float(np.linalg.norm(record.force, axis=1).max()),
         float(speeds[into[0]]) if into.size else 0.0,
         depth,
-        _end(heard, depth),
+        _end(decisions, depth),
         fault,
     )
 
 
-def _end(heard: Sequence[str], depth: float) -> END:
-    """How did it end, by what was decided about the brakes? What came first counts."""
-    for text in heard:
+def _end(decisions: Sequence[str], depth: float) -> END:
+    """Return how it ended, by the first decision about the brakes."""
+    for text in decisions:
         if text.startswith("locked"):
-            return "stopped" if depth <= STOPPED else "gave way"
+            return "stopped" if depth <= MAX_STOP_M else "gave way"
         if text == "too fast":
             return "refused"
     return "motors only"
 
 
 def with_strength(rig: Rig, strength: float) -> Rig:
-    """A rig whose brakes give way elsewhere, in N."""
+    """Return a rig whose brakes give way at another force, in N."""
     modules = [each if each.brake is None else replace(each, brake=strength) for each in rig.modules]
     return replace(rig, modules=tuple(modules))
 
 
 def impacts(scenario: Scenario, count: int, seed: int = 0, processes: int = 2) -> Iterator[Outcome]:
-    """What becomes of random impacts? The same ones for a seed, and in the same order.
+    """Yield the outcomes of random impacts; a seed gives the same ones, in the same order.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        With a torso, a rig of a head, and a `Hold` with a plane.
-    count, seed, processes : int
+    The scenario has a torso, a rig of a head, and a brake target with a plane.
     """
-    rng, (_, wall) = np.random.default_rng(seed), hold_of(scenario)
+    rng, (_, wall) = np.random.default_rng(seed), find_brake_wall(scenario)
     drawn = [draw_impact(rng, wall) for _ in range(count)]
     if processes == 1:
         yield from (outcome(each, scenario) for each in drawn)
@@ -214,12 +210,12 @@ def impacts(scenario: Scenario, count: int, seed: int = 0, processes: int = 2) -
 
 
 def report(outcomes: Sequence[Outcome]) -> str:
-    """Say what became of them."""
+    """Return a text about all outcomes."""
     forces = np.array([each.force for each in outcomes])
     worst = outcomes[int(forces.argmax())]
     lines = [
         f"{len(outcomes)} impacts: {forces.max():.1f} N at most, {np.percentile(forces, 99):.1f} N in 99 of 100; "
-        f"{int((forces > MOST).sum())} above {MOST:.0f} N",
+        f"{int((forces > MAX_FORCE_N).sum())} above {MAX_FORCE_N:.0f} N",
         f"the worst, {worst.end}: {worst.speed:.2f} m/s, {worst.impact.mass:.1f} kg, "
         f"{worst.impact.stiffness:.0f} N/m, {1e3 * worst.depth:.0f} mm deep",
     ]
@@ -240,7 +236,7 @@ def report(outcomes: Sequence[Outcome]) -> str:
 
 
 def main() -> None:
-    """Play impacts from the command line; exit status 1 if a head felt too much, or a module failed."""
+    """Play impacts from the command line; exit status 1 if a force was too large, or a module failed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
@@ -257,7 +253,7 @@ def main() -> None:
     outcomes = list(impacts(scenario, options.count, options.seed, options.processes))
     print(report(outcomes))
     print(f"in {time.monotonic() - began:.0f} s")
-    raise SystemExit(any(each.force > MOST or each.fault for each in outcomes))
+    raise SystemExit(any(each.force > MAX_FORCE_N or each.fault for each in outcomes))
 
 
 if __name__ == "__main__":

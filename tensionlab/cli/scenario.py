@@ -16,9 +16,10 @@ from tensionlab.cli.common.output import INTERRUPTED
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
-    from tensionlab.scenarios import Scenario, play
-    from tensionlab.scenarios import expected_values as feel
+    from tensionlab.scenarios import Scenario
     from tensionlab.scenarios.direction import Directions
+    from tensionlab.scenarios.expected_values import Check
+    from tensionlab.scenarios.play import ScenarioModules, ScenarioResult
 
 LIST = "list"
 
@@ -62,8 +63,8 @@ def scenario(
     from tensionlab.errors import HardwareError
     from tensionlab.plots import plot_scenario
     from tensionlab.scenarios import load_scenario
-    from tensionlab.scenarios.direction import directions
-    from tensionlab.scenarios.expected import expected
+    from tensionlab.scenarios.direction import check_directions
+    from tensionlab.scenarios.expected import check_scenario
     from tensionlab.scenarios.play import play
 
     if name == LIST:
@@ -85,8 +86,8 @@ def scenario(
             raise typer.Exit(1) from None
     interrupted = played.statistics.ended.startswith("signal") and not played.statistics.emergency
     whole = seconds in (None, played_one.seconds) and not interrupted
-    rows = expected(played) if whole else ()
-    found = directions(played.run)
+    rows = check_scenario(played) if whole else ()
+    found = check_directions(played.run)
     with output.Keeper(quiet=json) as keeper:
         keeper.write("Picture", picture, lambda path: plot_scenario(played, rows, path))
         if json:
@@ -103,7 +104,7 @@ def scenario(
         raise typer.Exit(1)
 
 
-def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> play.Modules:
+def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> ScenarioModules:
     """Open the modules, to be closed with the rest, and find out who tells where everything is."""
     from contextlib import closing
 
@@ -111,13 +112,13 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     from tensionlab.haptics.bridge.osc import OscServer
     from tensionlab.haptics.bridge.source import tracked_pose
     from tensionlab.hardware import RealClock, connect
-    from tensionlab.scenarios.play import Modules, needs_tracker, simulated
+    from tensionlab.scenarios.play import ScenarioModules, needs_tracker, simulate_modules
 
     if modules is None:
         if osc is not None:
             raise typer.BadParameter("--osc is for real modules; of a simulated person it is known where it is")
         print_simulated()
-        reached = simulated(scenario)
+        reached = simulate_modules(scenario)
         opened.callback(reached.group.close)
         return reached
     if osc is None and needs_tracker(scenario.rig):
@@ -132,7 +133,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
         opened.enter_context(OscServer(client, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
         tracker = tracked_pose(client)
     group = opened.enter_context(closing(connect(scenario.rig, links)))
-    return Modules(group, RealClock(), links, tracker, client=client)
+    return ScenarioModules(group, RealClock(), links, tracker, client=client)
 
 
 def _list(json: bool) -> None:
@@ -160,7 +161,7 @@ def _list(json: bool) -> None:
     output.console().print(table)
 
 
-def _show(played: play.Played, rows: tuple[feel.Row, ...], found: Directions) -> None:
+def _show(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
     """Print what was felt, and where forces pointed."""
     console = output.console()
     title = f"{played.scenario.title}: {played.scenario.about}"
@@ -175,25 +176,25 @@ def _show(played: play.Played, rows: tuple[feel.Row, ...], found: Directions) ->
     reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
     elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""
     console.print(
-        f"Forces above 0.5 N in {found.judged} of {len(played.run)} cycles: "
+        f"Forces above 0.5 N in {found.cycles} of {len(played.run)} cycles: "
         f"{found.within} within 45 degrees of the intended ones{elsewhere}."
     )
     console.print(f"The loop was {1e3 * _delay(played):.0f} ms late.")
 
 
-def _delay(played: play.Played) -> float:
-    from tensionlab.scenarios.expected_values import late
+def _delay(played: ScenarioResult) -> float:
+    from tensionlab.scenarios.expected_values import loop_delay
 
-    return late(played)
+    return loop_delay(played)
 
 
 def _as_json(
-    played: play.Played, rows: tuple[feel.Row, ...], found: Directions, picture: Path
+    played: ScenarioResult, rows: tuple[Check, ...], found: Directions, picture: Path
 ) -> dict[str, object]:
     return {
         "scenario": played.scenario.name,
-        "felt": [{**row._asdict(), "met": row.met} for row in rows],
-        "directions": {"judged": found.judged, "within": found.within, **found.reasons},
+        "checks": [{**row._asdict(), "met": row.met} for row in rows],
+        "directions": {"cycles": found.cycles, "within": found.within, **found.reasons},
         "delay": _delay(played),
         "run": played.statistics.summary(),
         "events": [vars(event) for event in played.run.events],

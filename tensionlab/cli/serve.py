@@ -96,7 +96,7 @@ def serve(
     from tensionlab.hardware.protocol.codes import BrakeState, Limit
     from tensionlab.hardware.simulation.guided_hand import GuidedHand
     from tensionlab.scenarios import ScenarioDemand
-    from tensionlab.scenarios.play import fast_enough, module_limits, needs_tracker
+    from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 
     loaded, played_one = _loaded(rig, scenario)
     settings, client = _settings(played_one, rate), ClientState(loaded)
@@ -130,7 +130,7 @@ def serve(
             typer.echo(f"OSC at UDP port {door.port}")
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
-        stack.enter_context(fast_enough(group, QUICK if played_one is None else played_one.slew))
+        stack.enter_context(temporary_slew(group, QUICK if played_one is None else played_one.slew))
         inner.renderer.limits = module_limits(loaded, group)
         demand = BridgedDemand(client, inner, events.take, events.note)
         tracker = follow if played_one is not None or needs_tracker(loaded) else None

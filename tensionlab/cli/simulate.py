@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tensionlab.hardware.simulation.serve import PlannedFault
     from tensionlab.model.rig import Rig
     from tensionlab.scenarios import Scenario
-    from tensionlab.scenarios.served_person import ServedPerson
+    from tensionlab.scenarios.person import PersonSimulation
     from tensionlab.validation.error_model import Errors
 
 
@@ -191,17 +191,18 @@ def _loaded(path: Path | None) -> Rig | None:
     return None if path is None else load_rig(path)
 
 
-def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> ServedPerson:
+def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> PersonSimulation:
     """Who holds the cables, and is tracked, if that is wanted?"""
     from tensionlab.haptics.bridge.osc import OscTracker
-    from tensionlab.scenarios.served_person import ServedPerson
+    from tensionlab.scenarios.person import PersonSimulation
 
     if tracker is None:
-        return ServedPerson(scenario)
+        return PersonSimulation(scenario.person, scenario.rig)
     host, _, port = tracker.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise typer.BadParameter(f"--tracker is HOST:PORT, such as 127.0.0.1:9000; got {tracker!r}")
-    return ServedPerson(scenario, opened.enter_context(OscTracker(host, int(port))).send)
+    track = opened.enter_context(OscTracker(host, int(port))).send
+    return PersonSimulation(scenario.person, scenario.rig, track)
 
 
 def _errors(rig: Rig, preset: str, seed: int) -> Errors:

@@ -11,12 +11,12 @@ from tensionlab.arrays import Floats
 from tensionlab.plots.scale import two_scales
 from tensionlab.plots.scene import held_name, plane_of
 from tensionlab.plots.style import BLUE
-from tensionlab.scenarios.expected_values import Touch, touch
+from tensionlab.scenarios.expected_values import ForceRecord, rendered_force
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.scenarios.play import Played
+    from tensionlab.scenarios.play import ScenarioResult
 
 SETTLED = 0.3
 """What is felt within so many s of a phase's begin is the modules coming up, or what was before."""
@@ -40,15 +40,15 @@ class Against(NamedTuple):
     felt: Course
 
 
-def against(played: Played) -> list[Against]:
+def against(played: ScenarioResult) -> list[Against]:
     """For which phases does a picture of force against distance make sense, and what is in it?
 
     Those with a flat surface that pushes or pulls: the force out of it, against the height above it. And those of
     a scenario that is seen from a body, as a bow: the pull towards it, against the distance from it.
     """
     run, frame = played.run, played.scenario.seen_from
-    felt, told = touch(played), touch(replace(played, felt=None))
-    meant = Touch(run.time, told.position, run.desired)
+    felt, told = rendered_force(played), rendered_force(replace(played, person=None))
+    meant = ForceRecord(run.time, told.position, run.desired)
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:
@@ -72,7 +72,7 @@ def draw_against(axes: Axes, each: Against, knee: float) -> None:
     axes.set_title(each.title)
 
 
-def _course(part: Touch, plane: Any) -> Course:
+def _course(part: ForceRecord, plane: Any) -> Course:
     arm, force = part.position, part.force
     if plane is None:
         distance = np.linalg.norm(arm, axis=1)

@@ -88,7 +88,7 @@ def way(scenario: Scenario) -> tuple[Floats, Moment]:
     way, stopped = [], []
     for time, moment in zip(times, moments, strict=True):
         held = moment.held
-        for phase in scenario.now(float(time)):
+        for phase in scenario.active_phases(float(time)):
             if phase.hold is not None:
                 wall = phase.hold.wall(held - origin_of(scenario, moment))
                 held = held - min(wall.distance, 0.0) * np.asarray(wall.normal)

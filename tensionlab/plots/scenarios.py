@@ -18,14 +18,14 @@ from tensionlab.plots.scale import SHADE, two_scales
 from tensionlab.plots.scene import TILE, Moment, draw_scene, held_name, looks_of
 from tensionlab.plots.style import BLUE, GREY, ORANGE, RED, add_legend, legend_beside, new_figure
 from tensionlab.plots.timeline import draw_ribbons, ribbons
-from tensionlab.scenarios.expected_values import touch
+from tensionlab.scenarios.expected_values import rendered_force
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
     from tensionlab.scenarios import Phase
-    from tensionlab.scenarios.play import Played
+    from tensionlab.scenarios.play import ScenarioResult
 
 MATTERS = 0.1
 """An axis is drawn if its force gets to this share of the largest."""
@@ -37,7 +37,7 @@ KNEE = 1.3
 """Beyond so many times the motors' largest tension, forces are drawn on a smaller scale."""
 
 
-def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> None:
+def plot_scenario(played: ScenarioResult, rows: Sequence[Judged], path: str | Path) -> None:
     """Draw a scenario that was played.
 
     On the left its layout, at the moment of the largest force, and force against distance where that makes sense.
@@ -46,8 +46,8 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
 
     Parameters
     ----------
-    played : Played
-    rows : sequence of Row
+    played : ScenarioResult
+    rows : sequence of Check
         Of the table of expected feel; may be empty.
     path : path
         The suffix chooses the format: png, pdf or svg.
@@ -85,13 +85,13 @@ def plot_scenario(played: Played, rows: Sequence[Judged], path: str | Path) -> N
         _draw_left(figure, left, played, upper)
 
 
-def knee_of(played: Played) -> float:
+def knee_of(played: ScenarioResult) -> float:
     """Beyond which force, in N, is a smaller scale due? Beyond what motors pulled with, or one of them can."""
-    motors = np.linalg.norm(touch(replace(played, felt=None)).force, axis=1)
+    motors = np.linalg.norm(rendered_force(replace(played, person=None)).force, axis=1)
     return KNEE * max(float(motors.max()), *played.run.setup.upper)
 
 
-def moment_of(played: Played, time: float) -> Moment:
+def moment_of(played: ScenarioResult, time: float) -> Moment:
     """Where was everything, as the lengths and directions of the cables tell?"""
     run, rig = played.run, played.run.rig
     cycle = int(np.argmin(np.abs(run.time - time)))
@@ -104,16 +104,16 @@ def moment_of(played: Played, time: float) -> Moment:
     return Moment(held, anchors, bodies)
 
 
-def _draw_left(figure: Figure, left: SubFigure, played: Played, height: float) -> None:
+def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: float) -> None:
     """Draw the layout and, below, force against distance; the height is in inches."""
-    felt, curves = touch(played), against(played)
+    felt, curves = rendered_force(played), against(played)
     columns = min(len(curves), 2)
     below = max(PANEL * -(-len(curves) // columns), height - LAYOUT) if curves else 0.0
     ratios = [height - below, below] if curves else [height]
     parts: Any = left.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
     axes = parts[0].subplots()
     latest = float(felt.time[np.argmax(np.linalg.norm(felt.force, axis=1))])
-    path = played.run.position if played.felt is None else played.felt.position
+    path = played.run.position if played.person is None else played.person.position
     names = draw_scene(axes, played.scenario, moment_of(played, latest), path)
     axes.set_anchor("N")
     axes.set_title(f"Layout to scale, at {latest:.2f} s; tiles of {TILE:g} m")
@@ -154,9 +154,9 @@ def _draw_phases(axes: Axes, lanes: list[list[Phase]], last: float) -> None:
     axes.set_title("What is rendered")
 
 
-def draw_force(axes: Axes, played: Played) -> None:
+def draw_force(axes: Axes, played: ScenarioResult) -> None:
     """Draw the force meant, wide and pale, and the one felt, along each axis that matters."""
-    run, felt = played.run, touch(played)
+    run, felt = played.run, rendered_force(played)
     sizes = np.abs(felt.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MATTERS * sizes.max(), 1e-9)]
     for axis in shown:
@@ -164,7 +164,7 @@ def draw_force(axes: Axes, played: Played) -> None:
         axes.plot(felt.time, felt.force[:, axis], color=COLOURS[axis], linewidth=1.2)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
-    who = "really felt" if played.felt is not None else "told by the modules"
+    who = "really felt" if played.person is not None else "told by the modules"
     axes.set_title(f"Force on the {held_name(played.scenario)}" if shown != [] else "Force")
     two = two_scales(axes, felt.force[:, shown], knee_of(played))
     axes.grid()
@@ -180,9 +180,9 @@ def _axis(up: str, letter: str) -> str:
     return f"along {letter}, up" if letter == up else f"along {letter}"
 
 
-def draw_tension(axes: Axes, played: Played, index: int) -> None:
+def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
     """Draw what a module was told, says and, where a simulated person knows, really pulls with."""
-    run, felt = played.run, played.felt
+    run, felt = played.run, played.person
     lower, upper = run.setup.lower[index], run.setup.upper[index]
     for limit in (lower, upper):
         axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9, zorder=1)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensionlab.model.rig import Rig
-    from tensionlab.scenarios import Hold, Phase, Scenario
+    from tensionlab.scenarios import BrakeTarget, Phase, Scenario
 
 DEPTH = (0.40, 0.25)
 """Right and up, for each metre of depth."""
@@ -215,7 +215,7 @@ def _draw_surfaces(
     return drawn
 
 
-def _draw_hold(axes: Axes, view: View, hold: Hold, origin: Floats, held: Floats) -> Floats:
+def _draw_hold(axes: Axes, view: View, hold: BrakeTarget, origin: Floats, held: Floats) -> Floats:
     """Draw a patch of the wall, or an arc of the end of the reach, where they are nearest to what is held.
 
     Returns points of it, (K, d).

@@ -12,7 +12,7 @@ from tensionlab.plots.style import GREEN, legend_beside
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tensionlab.scenarios.play import Played
+    from tensionlab.scenarios.play import ScenarioResult
 
 CARRIED = 1.0
 """A pawl is in where the cable pulls by so many N harder than its motor says."""
@@ -35,7 +35,7 @@ RIBBONS = {
 """What ribbons mean, and their colours."""
 
 
-def ribbons(played: Played) -> dict[str, list[Ribbon]]:
+def ribbons(played: ScenarioResult) -> dict[str, list[Ribbon]]:
     """Which ribbons does the picture need, by the name of their row?"""
     run, carried = played.run, pawls(played)
     alone: NDArray[np.bool_] = np.asarray(np.isfinite(run.impedances).any(axis=2))
@@ -51,7 +51,7 @@ def ribbons(played: Played) -> dict[str, list[Ribbon]]:
     return found
 
 
-def draw_ribbons(axes: Axes, played: Played, rows: dict[str, list[Ribbon]]) -> None:
+def draw_ribbons(axes: Axes, played: ScenarioResult, rows: dict[str, list[Ribbon]]) -> None:
     """Draw a row for each, and say what its colours mean."""
     used: dict[str, None] = {}
     period = 1.0 / played.run.setup.rate
@@ -72,9 +72,9 @@ def draw_ribbons(axes: Axes, played: Played, rows: dict[str, list[Ribbon]]) -> N
     legend_beside(axes, [(RIBBONS[kind][0], {"color": RIBBONS[kind][1], "linewidth": 6}) for kind in used])
 
 
-def pawls(played: Played) -> NDArray[np.bool_]:
+def pawls(played: ScenarioResult) -> NDArray[np.bool_]:
     """In which cycles (K, m) did a pawl carry a cable? Only a simulated person knows; else in none."""
-    run, felt = played.run, played.felt
+    run, felt = played.run, played.person
     found = np.zeros(run.commanded_brakes.shape, dtype=bool)
     if felt is None:
         return found

@@ -1,4 +1,4 @@
-"""Did a run pull where it was meant to, and where not, why?"""
+"""Directions of the measured forces of a run: which are off the desired ones, and for what reason."""
 
 from __future__ import annotations
 
@@ -14,76 +14,75 @@ from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 
-WEAK = 0.5
-"""Forces below have no direction that matters, in N."""
-SETTLING = 0.1
-"""How long modules take to follow a force that turns round, in s: 6 N at 60 N/s."""
-REASONS = ("none intended", "late", "out of reach", "held back", "unexplained")
-"""Why a force may point elsewhere: nothing, or less than 0.5 N, is meant to be felt, and the cables are only taut;
-it points where it was meant to within the loop's delay and 0.1 s; it is proved out of reach; a module is at a
-limit of its own (slew, speed, heat, a brake that opens). The first that applies counts."""
+MIN_FORCE_N = 0.5
+"""Smaller forces have no direction that matters."""
+REVERSAL_S = 0.1
+"""Time in which modules follow a force that turns round: 6 N at 60 N/s."""
+REASONS = ("none desired", "delayed", "infeasible", "module limited", "unexplained")
+"""Why a force may point elsewhere: no force above 0.5 N is desired, and the cables are only taut; it points where
+it should have within the loop's delay and 0.1 s; it is certified infeasible; a module is at a limit of its own
+(slew, speed, heat, a brake that opens). The first that applies counts."""
+ALIGNED_CYCLE, WEAK_CYCLE = -1, -2
+"""In place of a reason: the force is within 45 degrees, or weaker than 0.5 N."""
 
 
 @dataclass(frozen=True)
 class Directions:
-    """How well did a run's forces point where they were meant to?
+    """Counts of the cycles of a run by the direction of their measured force.
 
     Attributes
     ----------
-    judged : int
-        Cycles whose force, by what the modules say they pull with, exceeds 0.5 N.
+    cycles : int
+        With a force above 0.5 N.
     within : int
-        Those within 45 degrees of the intended one.
+        Those within 45 degrees of the desired one.
     reasons : dict of str to int
-        Why the others were not, by `REASONS`.
+        The others, by `REASONS`.
     """
 
-    judged: int
+    cycles: int
     within: int
     reasons: dict[str, int]
 
 
-def directions(run: Run) -> Directions:
-    """Judge the force of each cycle of a run whose rig holds a point."""
-    reasons = why(run)
-    counts = {reason: int((reasons == number).sum()) for number, reason in enumerate(REASONS)}
-    return Directions(int((reasons >= -1).sum()), int((reasons == -1).sum()), counts)
+def check_directions(run: Run) -> Directions:
+    """Count the cycles, by direction, of a run whose rig holds a point."""
+    found = direction_reasons(run)
+    counts = {reason: int((found == number).sum()) for number, reason in enumerate(REASONS)}
+    return Directions(int((found != WEAK_CYCLE).sum()), int((found == ALIGNED_CYCLE).sum()), counts)
 
 
-def why(run: Run) -> NDArray[np.int64]:
-    """Why did the force of each cycle not point where it was meant to? An index of `REASONS`.
-
-    -1: it did; -2: it was weaker than 0.5 N.
-    """
-    told = told_by(run)
-    meant = np.nan_to_num(run.desired)
-    limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
+def direction_reasons(run: Run) -> NDArray[np.int64]:
+    """Return for each cycle an index of `REASONS`, `ALIGNED_CYCLE` or `WEAK_CYCLE`."""
+    measured = measured_force(run)
+    desired = np.nan_to_num(run.desired)
+    tension_limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
     found = np.full(len(run), REASONS.index("unexplained"))
-    found[~np.isin(run.limiters, limits).all(axis=1)] = REASONS.index("held back")
-    found[run.status == Status.NEAREST] = REASONS.index("out of reach")
-    found[_late(run, told, meant)] = REASONS.index("late")
-    found[np.linalg.norm(meant, axis=1) <= WEAK] = REASONS.index("none intended")
-    found[_near(told, meant)] = -1
-    found[np.linalg.norm(told, axis=1) <= WEAK] = -2
+    found[~np.isin(run.limiters, tension_limits).all(axis=1)] = REASONS.index("module limited")
+    found[run.status == Status.NEAREST] = REASONS.index("infeasible")
+    found[_delayed(run, measured, desired)] = REASONS.index("delayed")
+    found[np.linalg.norm(desired, axis=1) <= MIN_FORCE_N] = REASONS.index("none desired")
+    found[_aligned(measured, desired)] = ALIGNED_CYCLE
+    found[np.linalg.norm(measured, axis=1) <= MIN_FORCE_N] = WEAK_CYCLE
     return found
 
 
-def told_by(run: Run) -> Floats:
-    """Which force is that by what the modules say they pull with, (K, n) in N?"""
+def measured_force(run: Run) -> Floats:
+    """Return the force of the tensions that the modules report, (K, n) in N."""
     force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
     return force
 
 
-def _near(told: Floats, meant: Floats) -> NDArray[np.bool_]:
-    """Where is the angle between two forces (K, n) at most 45 degrees?"""
-    sizes = np.linalg.norm(told, axis=1) * np.linalg.norm(meant, axis=1)
-    return np.asarray((np.einsum("kn,kn->k", told, meant) >= MIN_COSINE * sizes) & (sizes > 0.0))
+def _aligned(measured: Floats, desired: Floats) -> NDArray[np.bool_]:
+    """Return where the angle between two forces (K, n) is at most 45 degrees."""
+    sizes = np.linalg.norm(measured, axis=1) * np.linalg.norm(desired, axis=1)
+    return np.asarray((np.einsum("kn,kn->k", measured, desired) >= MIN_COSINE * sizes) & (sizes > 0.0))
 
 
-def _late(run: Run, told: Floats, meant: Floats) -> NDArray[np.bool_]:
-    """Where does the force point as it was meant to shortly before?"""
-    delay = np.nanmax(run.delays, initial=0.0) + SETTLING
+def _delayed(run: Run, measured: Floats, desired: Floats) -> NDArray[np.bool_]:
+    """Return where the force points as it should have shortly before."""
+    delay = np.nanmax(run.delays, initial=0.0) + REVERSAL_S
     found = np.zeros(len(run), dtype=bool)
     for back in range(1, min(math.ceil(delay * run.setup.rate), len(run) - 1) + 1):
-        found[back:] |= _near(told[back:], meant[:-back])
+        found[back:] |= _aligned(measured[back:], desired[:-back])
     return found

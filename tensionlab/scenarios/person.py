@@ -1,48 +1,63 @@
-"""Somebody whose hand or head the cables hold: it means to go somewhere, and gives way to them."""
+"""Simulated person whose hand or head the cables hold: it follows a script, and yields to their force."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
+from tensionlab.haptics.bridge.client_state import HAND
 from tensionlab.haptics.effects.parameters import (
     PositiveDamping,
     PositiveMass,
     PositiveStiffness,
     require_parameters,
 )
+from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
+from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
+from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios.script import Script
+from tensionlab.scenarios.script import Script, Waypoint
 
-STEP = 1e-3
-"""The longest step of the integration, in s."""
-AHEAD = 1e-4
-"""For how fast the place is that it means to be at, in s."""
+MAX_STEP_S = 1e-3
+"""Longest step of the integration."""
+SPEED_STEP_S = 1e-4
+"""Step of the difference that gives the script's velocity."""
+TRACKER_RATE_HZ = 90.0
+"""Rate of a simulated tracker; those of head-mounted displays have it."""
+RETURN_S = 1.0
+"""Duration of the way back to the start."""
+PULLING = (State.ARMED, State.RUNNING)
+"""States of a module that pulls."""
+Track = Callable[[Mapping[str, Floats], float], None]
+"""Receives the positions of bodies by name, in m, and their time, in s since 1970."""
 
 
 @dataclass(frozen=True)
 class PersonPlan:
-    """What moves, and how does it mean to?
+    """Parameters of a simulated person: a mass on a spring and a damper whose other end follows a script.
 
-    A mass on a spring and a damper whose other end follows a script: the equilibrium point of an arm (Hogan 1985,
-    "The mechanics of multi-joint posture and movement control").
+    That is the equilibrium point of an arm (Hogan 1985, "The mechanics of multi-joint posture and movement
+    control").
 
     Parameters
     ----------
     mass : float
         Of the hand with what moves along, or of the head, in kg.
     stiffness, damping : float
-        With which it is held to the script, in N/m and N s/m.
+        Of the spring and the damper, in N/m and N s/m.
     script : Script
         Of the hand or the head.
     bodies : mapping of str to Script
-        Of the frames that modules ride on: where their origin is. They do not turn.
+        Origins of the frames that modules ride on. They do not turn.
     """
 
     mass: PositiveMass
@@ -56,8 +71,8 @@ class PersonPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class Felt:
-    """What became of a person: rows, one a ms.
+class PersonRecord:
+    """Motion of a simulated person and the cables' pull on it: rows, one a ms.
 
     Attributes
     ----------
@@ -66,9 +81,9 @@ class Felt:
     position : (K, d) array
         Of the hand or the head, in m.
     force : (K, d) array
-        That the cables really pulled it with, in N.
+        True force of the cables, in N.
     tensions : (K, m) array
-        Of the cables, in N.
+        True tensions, in N.
     """
 
     time: Floats
@@ -78,54 +93,44 @@ class Felt:
 
 
 class Person:
-    """A simulated person: a motion that gives way to the cables.
+    """Simulated person, called with a time for its pose.
 
-    It stands still where its script starts until `begin` is called.
-
-    Parameters
-    ----------
-    plan : PersonPlan
-    rig : Rig
-        Whose point is the hand or the head.
-
-    Attributes
-    ----------
-    pose : Pose
-        Where hand or head and bodies are now.
+    It stands still where its script starts until `begin` is called. The rig's point is its hand or head; `pose`
+    has its current pose and that of the bodies.
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig) -> None:
         self._plan, self._rig = plan, rig
         self._time, self._start = 0.0, math.inf
-        self._place = plan.script.position(0.0)
-        self._velocity: Floats = np.zeros_like(self._place)
+        self._position = plan.script.position(0.0)
+        self._velocity: Floats = np.zeros_like(self._position)
         self._tensions: Floats = np.zeros(rig.m)
         self._rows: list[tuple[float, Floats, Floats, Floats]] = []
-        self.pose = self._posed()
+        self.pose = self._current_pose()
 
     def begin(self) -> None:
-        """Let the script begin now, unless it has."""
+        """Start the script now, unless it has started."""
         self._start = min(self._start, self._time)
 
     def apply_tensions(self, tensions: Floats) -> None:
-        """Take what the cables pull with from now on, (m,) in N."""
+        """Set the cables' tensions from now on, (m,) in N."""
         self._tensions = tensions
 
     def __call__(self, time: float) -> Pose:
-        """Where are hand or head and bodies, at a time in s that does not go back?"""
+        """Return the pose at a time in s, which must not decrease from call to call."""
         while (left := time - self._time) > 1e-9:
-            step = min(left, STEP)
+            step = min(left, MAX_STEP_S)
             self._time += step
             if self._start < math.inf:
                 self._move(step)
         return self.pose
 
     @property
-    def felt(self) -> Felt:
-        """What became of it since its script began?"""
+    def record(self) -> PersonRecord:
+        """Everything since the script began."""
         time, position, force, tensions = zip(*self._rows, strict=True) if self._rows else ((),) * 4
         d, m = self._rig.dimension, self._rig.m
-        return Felt(
+        return PersonRecord(
             np.array(time),
             np.array(position).reshape(-1, d),
             np.array(force).reshape(-1, d),
@@ -136,15 +141,93 @@ class Person:
         """Take one step; velocities first, which keeps a spring from gaining energy."""
         plan, now = self._plan, self._time - self._start
         goal = plan.script.position(now)
-        speed = (plan.script.position(now + AHEAD) - goal) / AHEAD
+        speed = (plan.script.position(now + SPEED_STEP_S) - goal) / SPEED_STEP_S
         force = self._rig.structure_matrix(*self.pose) @ self._tensions
-        own = plan.stiffness * (goal - self._place) + plan.damping * (speed - self._velocity)
+        own = plan.stiffness * (goal - self._position) + plan.damping * (speed - self._velocity)
         self._velocity = self._velocity + step * (own + force) / plan.mass
-        self._place = self._place + step * self._velocity
-        self.pose = self._posed()
-        self._rows.append((now, self._place, force, self._tensions))
+        self._position = self._position + step * self._velocity
+        self.pose = self._current_pose()
+        self._rows.append((now, self._position, force, self._tensions))
 
-    def _posed(self) -> Pose:
+    def _current_pose(self) -> Pose:
         now = max(self._time - self._start, 0.0)
         frames = {name: (script.position(now), None) for name, script in self._plan.bodies.items()}
-        return Pose(self._place, frames=frames)
+        return Pose(self._position, frames=frames)
+
+
+class PersonSimulation:
+    """Simulated person that holds the cables of modules served to another process, as often as they are armed.
+
+    It stands still at its start until all modules are armed; then its script begins. When all have been stopped,
+    it goes back there. Modules that are armed meanwhile find it on its way, and its script begins after that.
+
+    Parameters
+    ----------
+    plan : PersonPlan
+    rig : Rig
+    track : callable, optional
+        Called 90 times a second with the positions of the hand and the bodies.
+
+    Attributes
+    ----------
+    far_ends : dict of str to callable
+        Current length of each module's cable, in m.
+    """
+
+    def __init__(self, plan: PersonPlan, rig: Rig, track: Track | None = None) -> None:
+        self._plan, self._rig, self._track = plan, rig, track
+        self._person, self._since = Person(plan, rig), 0.0
+        self._lengths: Floats = rig.lengths(*self._person.pose)
+        self._playing, self._back_at = False, -np.inf
+        self._began, self._frames_sent = time.time(), 0
+        self.far_ends: dict[str, Callable[[], float]] = {
+            module.name: partial(self._length, index) for index, module in enumerate(rig.modules)
+        }
+
+    def take(self, modules: Sequence[SimulatedModule]) -> None:
+        """Apply the tensions of all modules and move on: a watcher of `serve`, called each ms."""
+        samples = [module.sample for module in modules]
+        now = samples[0].seconds
+        self._update_state([sample.state in PULLING for sample in samples], now)
+        self._person.apply_tensions(np.array([sample.tension for sample in samples]))
+        # Where the cables are to be after the modules' next step.
+        pose = self._person(now + COMPLIANT_STEP_S - self._since)
+        self._lengths = self._rig.lengths(*pose)
+        due = int(now * TRACKER_RATE_HZ)
+        if self._track is not None and due > self._frames_sent:
+            self._frames_sent = due
+            # By the modules' time: what they do late, on a busy machine, was not slow.
+            self._track({HAND: pose.position, **_body_positions(pose)}, self._began + now)
+
+    def _update_state(self, pulling: list[bool], now: float) -> None:
+        """Start the script, or the way back, as the modules' states ask for."""
+        if self._playing and not any(pulling):
+            self._restart(return_plan(self._plan, self._person.pose), now)
+            self._playing, self._back_at = False, now + RETURN_S
+        elif not self._playing and all(pulling) and now >= self._back_at:
+            self._restart(self._plan, now)
+            self._playing = True
+
+    def _restart(self, plan: PersonPlan, now: float) -> None:
+        self._person, self._since = Person(plan, self._rig), now
+        self._person.begin()
+
+    def _length(self, index: int) -> float:
+        return float(self._lengths[index])
+
+
+def return_plan(plan: PersonPlan, pose: Pose) -> PersonPlan:
+    """Return the plan that leads from a pose to the start of another plan."""
+
+    def back(script: Script, here: Floats) -> Script:
+        there = script.position(0.0)
+        return Script((Waypoint(0.0, tuple(here.tolist())), Waypoint(RETURN_S, tuple(there.tolist()))))
+
+    positions = _body_positions(pose)
+    bodies = {name: back(script, positions[name]) for name, script in plan.bodies.items()}
+    return replace(plan, script=back(plan.script, pose.position), bodies=bodies)
+
+
+def _body_positions(pose: Pose) -> dict[str, Floats]:
+    frames = pose.frames or {}
+    return {name: np.asarray(frame_of(where).position, dtype=np.float64) for name, where in frames.items()}

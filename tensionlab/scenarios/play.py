@@ -1,4 +1,4 @@
-"""Play a scenario on modules: simulated ones with a simulated person, or real ones with a real one."""
+"""Playing a scenario on modules: simulated ones with a simulated person, or real ones with a real one."""
 
 from __future__ import annotations
 
@@ -23,28 +23,29 @@ from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
 from tensionlab.records import manifest
-from tensionlab.scenarios import Felt, Person, Scenario, ScenarioDemand
-from tensionlab.scenarios.demand_source import Told
+from tensionlab.scenarios.demand_source import Notify, ScenarioDemand
+from tensionlab.scenarios.person import Person, PersonRecord
+from tensionlab.scenarios.scenario import Scenario
 
 SIMULATED = "sim:"
 
 
 @dataclass(frozen=True, eq=False)
-class Modules:
-    """The modules that a scenario is played on, open, and who tells where hand and bodies are.
+class ScenarioModules:
+    """Open modules that a scenario is played on, and the source of the poses of hand and bodies.
 
     Attributes
     ----------
     group : ModuleGroup
     clock : Clock
     links : mapping of str to str
-        Where each was reached.
+        By module.
     tracker : callable or None
-        None: the cables' lengths tell.
+        None: the pose comes from the cables' lengths.
     person : Person or None
         Who is simulated, in this process.
     client : ClientState or None
-        Where the tracker's frames come in: where they fail to come, there is no force.
+        Receives the tracker's frames; where they fail to come, there is no force.
     """
 
     group: ModuleGroup
@@ -56,129 +57,106 @@ class Modules:
 
 
 @dataclass(frozen=True, eq=False)
-class Played:
-    """What became of a scenario?
+class ScenarioResult:
+    """Scenario that was played: the run as the host saw it, and the record of the person.
 
-    Attributes
-    ----------
-    scenario : Scenario
-    run : Run
-        As the host saw it.
-    statistics : Statistics
-    felt : Felt or None
-        What the simulated person really felt; None where nobody was simulated in this process.
+    The record is None where nobody was simulated in this process.
     """
 
     scenario: Scenario
     run: Run
     statistics: Statistics
-    felt: Felt | None
+    person: PersonRecord | None
 
 
 def needs_tracker(rig: Rig) -> bool:
-    """Whether cable lengths cannot tell where everything is: too few cables, or anchors that move."""
+    """Tell whether cable lengths leave the pose open: too few cables, or anchors that move."""
     return bool(rig.frames) or rig.m < rig.n
 
 
-def simulated(
-    scenario: Scenario, conditions: Conditions | None = None, seed: int = 0, *, paced: bool = False
-) -> Modules:
-    """Which modules does a simulated person hold, in this process?
+def simulate_modules(scenario: Scenario, conditions: Conditions | None = None, seed: int = 0) -> ScenarioModules:
+    """Return modules in this process whose cables a simulated person holds; time passes as fast as it can.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    conditions : Conditions, optional
-        Of the links.
-    seed : int
-        Of noise and accidents.
-    paced : bool
-        Whether time passes as it does here, or as fast as it can.
+    The conditions are of the links, the seed of noise and accidents.
     """
     person = Person(scenario.person, scenario.rig)
     world = World(scenario.rig, person, seed)
     links = dict.fromkeys((module.name for module in scenario.rig.modules), SIMULATED)
     tracker = (lambda time: person.pose) if needs_tracker(scenario.rig) else None
-    return Modules(world.group(conditions, seed), WorldClock(world, paced=paced), links, tracker, person)
+    return ScenarioModules(world.group(conditions, seed), WorldClock(world), links, tracker, person)
 
 
 def play(
     scenario: Scenario,
-    modules: Modules,
+    modules: ScenarioModules,
     solver: str = "newton",
     seconds: float | None = None,
     log: str | Path | None = None,
     call: Sequence[str] = ("tensionlab.scenarios.play",),
     progress: Callable[[float], None] | None = None,
-) -> Played:
-    """Play a scenario.
+) -> ScenarioResult:
+    """Play a scenario, and read what was logged.
 
     Parameters
     ----------
     scenario : Scenario
-    modules : Modules
+    modules : ScenarioModules
         Left open.
     solver : str
         As in `tensionlab.allocate`.
     seconds : float, optional
-        How much of it; all if left out.
+        Part of it that is played; all if left out.
     log : path, optional
         An MCAP file for every cycle; a temporary one if left out.
     call : sequence of str
         For the log's manifest.
     progress : callable, optional
-        Told the share that has been played, from 0 to 1.
+        Receives the share that has been played, from 0 to 1.
 
     Raises
     ------
     HardwareError
         What went wrong with a module; all have been told to stop then.
     """
-    with tempfile.TemporaryDirectory() as folder, fast_enough(modules.group, scenario.slew):
+    with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
-        record = RunLog(path, scenario.rig, manifest(call), solver, settings_of(scenario), modules.links)
+        record = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links)
         statistics = perform(scenario, modules, record.note, solver, seconds, record, progress)
-        felt = None if modules.person is None else modules.person.felt
-        return Played(scenario, read_run(path), statistics, felt)
+        person = None if modules.person is None else modules.person.record
+        return ScenarioResult(scenario, read_run(path), statistics, person)
 
 
 def perform(
     scenario: Scenario,
-    modules: Modules,
-    tell: Told | None = None,
+    modules: ScenarioModules,
+    notify: Notify | None = None,
     solver: str = "newton",
     seconds: float | None = None,
     log: RunLog | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Statistics:
-    """Play a scenario on modules that are `fast_enough`, and keep nothing of it unless there is a log.
+    """Play a scenario on modules inside `temporary_slew`; keep nothing of it unless there is a log.
 
-    Parameters
-    ----------
-    scenario, modules, solver, seconds, progress
-        As in `play`.
-    tell : callable, optional
-        As in `ScenarioDemand`.
-    log : RunLog, optional
+    Other parameters are those of `play` and, for ``notify``, of `ScenarioDemand`.
     """
     length = scenario.seconds if seconds is None else seconds
-    scene = ScenarioDemand(scenario, tell)
-    scene.renderer.limits = module_limits(scenario.rig, modules.group)
-    asked: DemandSource = scene if modules.client is None else BridgedDemand(modules.client, scene)
+    inner = ScenarioDemand(scenario, notify)
+    inner.renderer.limits = module_limits(scenario.rig, modules.group)
+    source: DemandSource = inner if modules.client is None else BridgedDemand(modules.client, inner)
 
     def demand(state: RigState) -> Demand:
         if state.cycle == 0 and modules.person is not None:
             modules.person.begin()
         if progress is not None:
             progress(state.time / length)
-        return asked(state)
+        return source(state)
 
     runner = Runner(
         scenario.rig,
         modules.group,
         solver,
         demand,
-        settings_of(scenario),
+        _settings(scenario),
         log=log,
         clock=modules.clock,
         tracker=modules.tracker,
@@ -186,8 +164,7 @@ def perform(
     return runner.run(length)
 
 
-def settings_of(scenario: Scenario) -> RunSettings:
-    """How does a scenario want to be run?"""
+def _settings(scenario: Scenario) -> RunSettings:
     return RunSettings(rate=scenario.rate, nearest=scenario.nearest)
 
 
@@ -207,8 +184,8 @@ def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:
 
 
 @contextmanager
-def fast_enough(group: ModuleGroup, slew: float | None) -> Iterator[None]:
-    """Let tensions change so fast, in N/s, and set the modules back after it; None: leave them alone."""
+def temporary_slew(group: ModuleGroup, slew: float | None) -> Iterator[None]:
+    """Set the modules' slew-rate limit in N/s, and restore it afterwards; None: leave them alone."""
     if slew is None:
         yield
         return

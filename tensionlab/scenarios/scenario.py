@@ -1,42 +1,101 @@
-"""What is a scenario? A rig, a person, and what is to be felt when."""
+"""Scenarios: a rig, a person, effects and brake targets by phase; read from TOML by name or path."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from tensionlab.allocation import Nearest
-from tensionlab.errors import ScenarioError
-from tensionlab.files.reading import brief
+from tensionlab.arrays import Floats
+from tensionlab.errors import EffectError, ScenarioError
+from tensionlab.files.reading import brief, read_toml
 from tensionlab.haptics.brakes.choice import brake_strengths
-from tensionlab.haptics.brakes.contact import ImpactCap
-from tensionlab.haptics.effects.effect import Effect
+from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
+from tensionlab.haptics.effects import Plane
+from tensionlab.haptics.effects.described import effect_of, read
+from tensionlab.haptics.effects.effect import Effect, norm, normalized
+from tensionlab.haptics.effects.parameters import Length, PositiveForce, require_dimension, require_parameters
+from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios.brake_target import Hold
 from tensionlab.scenarios.person import PersonPlan
+
+FOLDER = Path(__file__).parent / "files"
+"""Scenarios of this package: NAME.toml, and NAME.rig.toml beside it."""
+SCENARIOS = ("materials", "collision", "recoil", "weight", "bow")
+"""Their names, in the order of the publication."""
+KEYS = {
+    "title": str,
+    "about": str,
+    "seconds": float,
+    "rate": float,
+    "nearest": Nearest,
+    "seen_from": str,
+    "slew": float,
+    "labels": dict[str, str],
+    "stands": tuple[float, ...],
+    "up": str,
+}
+NEEDED = ("title", "about", "seconds", "up")
+PHASE_KEYS = {"name": str, "begin": float, "end": float}
+
+
+@dataclass(frozen=True)
+class BrakeTarget:
+    """Surface at which brakes stop the hand or the head: a wall, or the end of a reach; exactly one of them.
+
+    Parameters
+    ----------
+    force : float
+        That the brakes hold, in N.
+    plane : Plane or None
+        A wall; its normal is towards the free side.
+    reach : float or None
+        Largest distance, in m, from the origin of the frame that the effects are in.
+    cap : ImpactCap or None
+        For what must not be hurt.
+    timing : Timing
+        Of the brakes by themselves; the delay of the loop comes on top.
+    """
+
+    force: PositiveForce
+    plane: Plane | None = None
+    reach: Length | None = None
+    cap: ImpactCap | None = None
+    timing: Timing = TIMING
+
+    def __post_init__(self) -> None:
+        require_parameters(self, ScenarioError)
+        if (self.plane is None) == (self.reach is None):
+            raise ScenarioError("a hold has a plane or a reach: give one of them")
+
+    def wall(self, position: Floats) -> Wall:
+        """Return the wall as seen from a position (d,)."""
+        if self.plane is not None:
+            return Wall(self.plane.n, float(self.plane.height(position)), self.force)
+        assert self.reach is not None
+        inward = -normalized(position) if position.any() else np.eye(position.size)[0]
+        return Wall(inward, self.reach - float(norm(position)), self.force)
+
+    def delayed_timing(self, delay: float) -> Timing:
+        """Return the brakes' timing over a loop with a delay in s."""
+        return replace(self.timing, latency=self.timing.latency + delay)
 
 
 @dataclass(frozen=True)
 class Phase:
-    """What is to be felt from one time to another?
-
-    Parameters
-    ----------
-    name : str
-    begin, end : float
-        In s since the scenario began.
-    effects : mapping of str to Effect
-        By any names.
-    hold : Hold or None
-        What brakes are to hold against.
-    """
+    """Effects by name, and the brake target, from one time to another, in s since the scenario began."""
 
     name: str
     begin: float
     end: float
     effects: Mapping[str, Effect] = field(default_factory=dict)
-    hold: Hold | None = None
+    hold: BrakeTarget | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.begin < self.end < math.inf:
@@ -45,7 +104,7 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """What is played?
+    """Rig, person and phases of something to render.
 
     Attributes
     ----------
@@ -55,21 +114,21 @@ class Scenario:
     person : PersonPlan
         Who is simulated, where no real person is.
     phases : tuple of Phase
-        Those whose time it is are felt together.
+        Those that overlap are rendered together.
     seconds : float
-        How long it takes.
+        Duration.
     rate : float
-        Cycles a second.
+        In Hz.
     nearest : str
-        What to render out of reach.
+        Policy for infeasible forces.
     seen_from : str or None
-        Body frame from whose origin effects and holds see the hand; the world's if None.
+        Body frame in which effects and brake targets are; the world if None.
     slew : float or None
-        How fast the modules' tensions must be able to change, in N/s; None: as they come.
+        Slew-rate limit that the modules need, in N/s; None: as they come.
     labels : mapping of str to str
-        What to call the held point and the bodies in pictures.
+        Names of the held point and the bodies in pictures.
     stands : tuple of floats or None
-        Between the feet of the person, for pictures; None: no person is drawn.
+        Point between the feet of the person, for pictures; None: no person is drawn.
     up : str or None
         Axis of the world that points up, for which effects and scripts are meant. A rig with another is refused.
     """
@@ -90,59 +149,113 @@ class Scenario:
     up: str | None = None
 
     def __post_init__(self) -> None:
-        rig, given = self.rig, set(self.person.bodies)
+        rig, frames = self.rig, brief(sorted(self.rig.frames))
         if rig.n != rig.dimension:
-            raise ScenarioError(f'scenario "{self.name}": rig "{rig.name}" turns; give one of a point')
+            raise self._error(f'rig "{rig.name}" turns; give one of a point')
         if self.up is not None and self.up != rig.up:
             its = 'no key "up"' if rig.up is None else f'up = "{rig.up}"'
-            raise ScenarioError(
-                f'scenario "{self.name}" has up = "{self.up}", and rig "{rig.name}" {its}; give a rig whose file '
+            raise self._error(
+                f'it has up = "{self.up}", and rig "{rig.name}" {its}; give a rig whose file '
                 f'says up = "{self.up}", with its anchors in those axes'
             )
-        if given != set(rig.frames):
-            raise ScenarioError(
-                f'scenario "{self.name}": the person has the bodies {brief(sorted(given))}, but modules ride on '
-                f"{brief(sorted(rig.frames))}; give a script for each of these"
+        if set(self.person.bodies) != set(rig.frames):
+            raise self._error(
+                f"the person has the bodies {brief(sorted(self.person.bodies))}, but modules ride on {frames}; "
+                "give a script for each of these"
             )
         if self.seen_from is not None and self.seen_from not in rig.frames:
-            raise ScenarioError(
-                f'scenario "{self.name}": seen_from is "{self.seen_from:.40}"; '
-                f"give one of {brief(sorted(rig.frames))}"
-            )
+            raise self._error(f'seen_from is "{self.seen_from:.40}"; give one of {frames}')
         if not self.phases:
-            raise ScenarioError(f'scenario "{self.name}" has no phases; give at least one')
+            raise self._error("there are no phases; give at least one")
         for name, script in {"person": self.person.script, **self.person.bodies}.items():
-            if (given_axes := len(script.waypoints[0].position)) != rig.dimension:
-                raise ScenarioError(
-                    f'scenario "{self.name}": waypoints of "{name}" have {given_axes} coordinates; give '
-                    f"{rig.dimension}, as the rig has axes"
+            if (axes := len(script.waypoints[0].position)) != rig.dimension:
+                raise self._error(
+                    f'waypoints of "{name}" have {axes} coordinates; give {rig.dimension}, as the rig has axes'
                 )
         if not (0.0 < self.rate < math.inf and 0.0 < self.seconds < math.inf):
-            raise ScenarioError(
-                f'scenario "{self.name}": seconds {self.seconds}, rate {self.rate}; give both above 0'
-            )
+            raise self._error(f"seconds {self.seconds}, rate {self.rate}; give both above 0")
         if self.stands is not None and len(self.stands) != rig.dimension:
-            raise ScenarioError(
-                f'scenario "{self.name}": stands is {brief(list(self.stands))}; '
-                f"give {rig.dimension} coordinates, in m"
-            )
-        for phase in self.phases:
-            if phase.hold is not None and phase.hold.cap is not None:
-                self._require_gentle(phase.hold.cap)
-        named = [name for phase in self.phases for name in phase.effects]
-        if len(set(named)) < len(named):
-            raise ScenarioError(f'scenario "{self.name}": the effects are {brief(named)}; give each its own name')
-
-    def _require_gentle(self, cap: ImpactCap) -> None:
-        """Refuse cables that could together pull harder than is allowed: a brake's force is not measured."""
-        most = float((self.rig.limits.upper + brake_strengths(self.rig)).sum())
-        if most > cap.force:
-            raise ScenarioError(
-                f'scenario "{self.name}": the motors and brakes of rig "{self.rig.name}" hold up to {most:g} N '
-                f"together, and a hold's cap allows {cap.force:g} N; put breakaway links on the cables with "
+            raise self._error(f"stands is {brief(list(self.stands))}; give {rig.dimension} coordinates, in m")
+        caps = [phase.hold.cap.force for phase in self.phases if phase.hold is not None and phase.hold.cap]
+        # All cables together: the force of a brake is not measured.
+        strongest = float((rig.limits.upper + brake_strengths(rig)).sum())
+        if caps and strongest > min(caps):
+            raise self._error(
+                f'the motors and brakes of rig "{rig.name}" hold up to {strongest:g} N '
+                f"together, and a hold's cap allows {min(caps):g} N; put breakaway links on the cables with "
                 "brakes, and give the force at which they part as `brake` in the rig file"
             )
+        named = [name for phase in self.phases for name in phase.effects]
+        if len(set(named)) < len(named):
+            raise self._error(f"the effects are {brief(named)}; give each its own name")
 
-    def now(self, time: float) -> tuple[Phase, ...]:
-        """Which phases are on, at a time in s?"""
+    def _error(self, problem: str) -> ScenarioError:
+        return ScenarioError(f'scenario "{self.name}": {problem}')
+
+    def active_phases(self, time: float) -> tuple[Phase, ...]:
+        """Return the phases at a time in s."""
         return tuple(phase for phase in self.phases if phase.begin <= time < phase.end)
+
+
+def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = None) -> Scenario:
+    """Return a scenario of this package, or from a file.
+
+    Parameters
+    ----------
+    name : str or path
+        One of `SCENARIOS`, or a file (``.toml``).
+    rig : path, optional
+        A rig file in place of the scenario's own, which is NAME.rig.toml beside NAME.toml.
+
+    Raises
+    ------
+    ScenarioError
+        Naming the file and the key: what is wrong and what to do.
+    RigError
+        If the rig's file is.
+    """
+    path = Path(name)
+    if path.suffix != ".toml":
+        if str(name) not in SCENARIOS:
+            raise ScenarioError(f'no scenario "{name}"; there are {", ".join(SCENARIOS)}, or give a file (.toml)')
+        path = FOLDER / f"{name}.toml"
+    table = read_toml(path, "a scenario file (*.toml)", ScenarioError)
+    try:
+        return _scenario(table, path, rig)
+    except (ScenarioError, EffectError) as error:
+        raise ScenarioError(f"{path}: {error}") from None
+
+
+def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> Scenario:
+    unknown = set(table) - set(KEYS) - {"person", "phases"}
+    if unknown:
+        raise ScenarioError(f'no key "{min(unknown)}"; there are {", ".join((*KEYS, "person", "phases"))}')
+    for key in (*NEEDED, "person", "phases"):
+        if key not in table:
+            raise ScenarioError(f'key "{key}" is missing')
+    loaded = load_rig(path.with_suffix(".rig.toml") if rig is None else rig)
+    if not isinstance(table["phases"], list):
+        raise ScenarioError("phases: give a list of tables, [[phases]]")
+    return Scenario(
+        name=path.stem,
+        rig=loaded,
+        person=read("person", PersonPlan, table["person"]),
+        phases=tuple(_phase(each, loaded) for each in table["phases"]),
+        **{key: read(key, kind, table[key]) for key, kind in KEYS.items() if key in table},
+    )
+
+
+def _phase(table: Any, rig: Rig) -> Phase:
+    """Return a phase, whose effects have a kind and parameters as over the bridge."""
+    if not isinstance(table, Mapping) or not isinstance(table.get("effects", {}), Mapping):
+        raise ScenarioError("phases: each is a table, and its effects are tables too")
+    where = f'phase "{table.get("name", "?")}"'
+    effects = {each: effect_of(each, given, rig) for each, given in table.get("effects", {}).items()}
+    hold = None
+    if "hold" in table:
+        hold = read(f"{where}: hold", BrakeTarget, table["hold"])
+        require_dimension(hold, rig.dimension, f"{where}: hold")
+    if unknown := set(table) - {*PHASE_KEYS, "effects", "hold"}:
+        raise ScenarioError(f'{where}: no key "{min(unknown)}"; there are name, begin, end, effects, hold')
+    given = {key: read(f"{where}: {key}", kind, table.get(key)) for key, kind in PHASE_KEYS.items()}
+    return Phase(**given, effects=effects, hold=hold)

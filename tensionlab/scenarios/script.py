@@ -1,4 +1,4 @@
-"""Where does somebody mean to be, and when? Places to be at, one after another, and a little unrest."""
+"""Scripts of motion: waypoints, one after another, and a little sway."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tensionlab.haptics.effects.parameters import Frequency, Point, Time, requir
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where to be at a time: s since the begin, and m."""
+    """Position in m at a time in s since the start."""
 
     time: Time
     position: Point
@@ -26,7 +26,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class Sway:
-    """A little motion to and fro: amplitudes in m, one an axis, and Hz."""
+    """Small motion to and fro: amplitudes in m, one an axis, and a frequency in Hz."""
 
     amplitude: Point
     frequency: Frequency = 0.4
@@ -37,17 +37,10 @@ class Sway:
 
 @dataclass(frozen=True)
 class Script:
-    """A motion through waypoints.
+    """Motion through at least one waypoint, in order of time, plus a sway if there is one.
 
-    From one to the next it goes with the least jerk (Flash and Hogan 1985, "The coordination of arm movements"),
-    from rest to rest; it stays where it is before the first and after the last.
-
-    Parameters
-    ----------
-    waypoints : tuple of Waypoint
-        At least one, in order.
-    sway : Sway or None
-        Added to it.
+    Between waypoints it has minimum jerk (Flash and Hogan 1985, "The coordination of arm movements"), from rest to
+    rest; it stays where it is before the first and after the last.
     """
 
     waypoints: tuple[Waypoint, ...]
@@ -57,24 +50,26 @@ class Script:
         if not self.waypoints:
             raise ScenarioError("a script has no waypoints; give at least one")
         times = [waypoint.time for waypoint in self.waypoints]
-        places = [waypoint.position for waypoint in self.waypoints]
+        positions = [waypoint.position for waypoint in self.waypoints]
         if (np.diff(times) <= 0.0).any():
             raise ScenarioError(f"the waypoints' times are {brief(times)}; give each later than the last")
-        sizes = {len(place) for place in places} | ({len(self.sway.amplitude)} if self.sway else set())
+        sizes = {len(position) for position in positions} | ({len(self.sway.amplitude)} if self.sway else set())
         if len(sizes) > 1:
-            raise ScenarioError(f"the waypoints are {brief(places)}; give all the same number of coordinates")
+            raise ScenarioError(
+                f"the waypoints are {brief(positions)}; give all the same number of coordinates, and the sway too"
+            )
 
     def position(self, time: float) -> Floats:
-        """Where is it to be, in m?"""
+        """Return the position in m at a time in s."""
         first, last = self.waypoints[0], self.waypoints[-1]
-        place = np.array(first.position if time < first.time else last.position, dtype=np.float64)
+        position = np.array(first.position if time < first.time else last.position, dtype=np.float64)
         for start, end in zip(self.waypoints, self.waypoints[1:], strict=False):
             if start.time <= time < end.time:
                 share = (time - start.time) / (end.time - start.time)
                 way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-                place = (1.0 - way) * np.array(start.position) + way * np.array(end.position)
+                position = (1.0 - way) * np.array(start.position) + way * np.array(end.position)
         if self.sway is not None:
-            # The axes are out of step, so that it goes round rather than along a line; it begins at rest's place.
-            phases = 2.0 * math.pi * self.sway.frequency * time * np.array([1.0, 0.83, 1.21])[: place.size]
-            place = place + np.array(self.sway.amplitude) * np.sin(phases)
-        return place
+            # The axes are out of step, so that it goes round rather than along a line; it begins where it rests.
+            phases = 2.0 * math.pi * self.sway.frequency * time * np.array([1.0, 0.83, 1.21])[: position.size]
+            position = position + np.array(self.sway.amplitude) * np.sin(phases)
+        return position

@@ -7,7 +7,7 @@ import pytest
 
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS
-from tensionlab.scenarios.scenario_file import FOLDER
+from tensionlab.scenarios.scenario import FOLDER
 
 
 def test_list_shows_all(run):
@@ -33,12 +33,12 @@ def test_the_bow_ends_with_a_picture_and_a_verdict(run, tmp_path, monkeypatch):
     assert any(event.text == "locked: bow-hand" for event in log.events if event.kind == "brake")
 
 
-def test_a_part_is_played_but_not_judged(run, tmp_path):
+def test_a_part_is_played_but_not_checked(run, tmp_path):
     picture = tmp_path / "part.svg"
     status, out, _err = run("scenario", "recoil", "--seconds", "1.2", "--plot", str(picture), "--json")
     assert status == 0
     told = json.loads(out)
-    assert told["felt"] == []
+    assert told["checks"] == []
     assert told["run"]["cycles"] == 240
     assert told["directions"]["unexplained"] == 0
     assert picture.read_text().startswith("<?xml")

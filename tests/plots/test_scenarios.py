@@ -10,10 +10,13 @@ from tensionlab.plots.force_distance import against
 from tensionlab.plots.scenarios import draw_force, draw_tension, moment_of, plot_scenario
 from tensionlab.plots.timeline import draw_ribbons, pawls, ribbons
 from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.expected_values import Row, touch
-from tensionlab.scenarios.play import play, simulated
+from tensionlab.scenarios.expected_values import Check, rendered_force
+from tensionlab.scenarios.play import play, simulate_modules
 
-ROWS = (Row("a thing that is right", "N", 1.0, 2.0, 1.5), Row("a thing that is not", "J", 1.0, 2.0, float("nan")))
+ROWS = (
+    Check("a thing that is right", "N", 1.0, 2.0, 1.5),
+    Check("a thing that is not", "J", 1.0, 2.0, float("nan")),
+)
 
 
 def words_of(path):
@@ -23,7 +26,7 @@ def words_of(path):
 @pytest.fixture(scope="module")
 def bow():
     scenario = load_scenario("bow")
-    return play(scenario, simulated(scenario), seconds=3.6)
+    return play(scenario, simulate_modules(scenario), seconds=3.6)
 
 
 def test_a_picture_names_what_is_in_it(tmp_path, bow):
@@ -50,7 +53,7 @@ def test_a_picture_names_what_is_in_it(tmp_path, bow):
 
 
 def test_without_rows_and_without_who_felt_it(tmp_path, bow):
-    real = replace(bow, felt=None)
+    real = replace(bow, person=None)
     plot_scenario(real, (), tmp_path / "bow.svg")
     words = words_of(tmp_path / "bow.svg")
     assert "told by the modules" in words
@@ -64,7 +67,7 @@ def test_lines_are_what_was_meant_and_felt(bow):
     draw_force(axes, bow)
     meant, felt, _ = axes.get_lines()  # and zero
     np.testing.assert_array_equal(meant.get_xydata(), np.column_stack([bow.run.time, bow.run.desired[:, 0]]))
-    np.testing.assert_array_equal(felt.get_xydata(), np.column_stack([bow.felt.time, bow.felt.force[:, 0]]))
+    np.testing.assert_array_equal(felt.get_xydata(), np.column_stack([bow.person.time, bow.person.force[:, 0]]))
 
 
 def test_lines_are_what_the_module_was_told_says_and_pulls(bow):
@@ -74,7 +77,7 @@ def test_lines_are_what_the_module_was_told_says_and_pulls(bow):
     assert (lower[0], upper[0]) == (0.5, 6.0)
     np.testing.assert_array_equal(sent, bow.run.commanded[:, 0])
     np.testing.assert_array_equal(told, bow.run.measured[:, 0])
-    np.testing.assert_array_equal(really, bow.felt.tensions[:, 0])
+    np.testing.assert_array_equal(really, bow.person.tensions[:, 0])
     assert axes.get_ylim()[1] > really.max()
 
 
@@ -90,7 +93,7 @@ def test_a_ribbon_lasts_as_long_as_the_brake_was_asked_for(bow):
 def test_a_pawl_is_in_where_the_cable_pulls_harder_than_the_motor_could(bow):
     carried = pawls(bow)
     assert not carried[bow.run.time < bow.run.time[bow.run.commanded_brakes[:, 0]][0]].any()
-    really = np.interp(bow.run.time, bow.felt.time, bow.felt.tensions[:, 0])
+    really = np.interp(bow.run.time, bow.person.time, bow.person.tensions[:, 0])
     assert carried[really > 8.0].all()
     assert not carried[really < bow.run.measured[:, 0] + 0.5].any()
     assert (really > 8.0).sum() > 50
@@ -110,7 +113,7 @@ def test_force_against_distance_is_the_pull_of_the_string(bow):
     drawn = slice(0, int(np.argmax(draw.meant.distance > 0.7)))
     wanted = string.pull(draw.meant.distance[drawn] - string.brace)
     np.testing.assert_allclose(draw.meant.force[drawn], wanted, atol=0.1)
-    assert draw.felt.force.max() == pytest.approx(touch(bow).force[:, 0].max(), rel=1e-3)  # the brake's
+    assert draw.felt.force.max() == pytest.approx(rendered_force(bow).force[:, 0].max(), rel=1e-3)  # the brake's
 
 
 def test_a_suffix_without_a_format_is_refused(tmp_path, bow):

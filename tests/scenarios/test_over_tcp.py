@@ -15,13 +15,12 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect, read_run
 from tensionlab.scenarios import SCENARIOS, load_scenario
-from tensionlab.scenarios.direction import directions
-from tensionlab.scenarios.expected import expected
-from tensionlab.scenarios.expected_materials import magnetic
-from tensionlab.scenarios.play import Modules, needs_tracker, play
+from tensionlab.scenarios.direction import check_directions
+from tensionlab.scenarios.expected import check_magnet, check_scenario
+from tensionlab.scenarios.play import ScenarioModules, needs_tracker, play
 
-PARTS = {"materials": (3.0, magnetic), "recoil": (3.2, expected), "weight": (3.6, expected)}
-"""How much is played, in s, and who judges it, where that is not all and by `expected`."""
+PARTS = {"materials": (3.0, check_magnet), "recoil": (3.2, check_scenario), "weight": (3.6, check_scenario)}
+"""How much is played, in s, and who judges it, where that is not all and by `check_scenario`."""
 BEHIND_S, GAP_S = 0.1, 0.05
 """What the person's time may fall behind the host's, so that its script is still where effects expect it, and how
 long a cycle may take, so that a kick of 50 ms is not missed."""
@@ -47,7 +46,7 @@ def played(scenario, seconds, file):
         with served(scenario, file) as (links, client), closing(connect(scenario.rig, links)) as group:
             tracker = tracked_pose(client) if needs_tracker(scenario.rig) else None
             try:
-                return play(scenario, Modules(group, RealClock(), links, tracker), seconds=seconds)
+                return play(scenario, ScenarioModules(group, RealClock(), links, tracker), seconds=seconds)
             except LinkTimeout:
                 if tries == 2:
                     raise
@@ -66,16 +65,16 @@ def behind(run, file):
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_scenario_is_played_between_processes(name, tmp_path):
     scenario = load_scenario(name)
-    seconds, judge = PARTS.get(name, (scenario.seconds, expected))
+    seconds, judge = PARTS.get(name, (scenario.seconds, check_scenario))
     found = played(scenario, seconds, file := tmp_path / "record.csv")
     run = found.run
     assert found.statistics.ended == "duration reached"
     assert not found.statistics.lost
     assert not found.statistics.unconfirmed
-    where = directions(run)
-    assert where.judged > 0
+    where = check_directions(run)
+    assert where.cycles > 0
     assert where.reasons["unexplained"] == 0
-    assert where.within + sum(where.reasons.values()) == where.judged
+    assert where.within + sum(where.reasons.values()) == where.cycles
     assert run.time[-1] > seconds - 1.0
     # In lockstep these rows are met whatever the machine does (test_played.py); here only if it kept up.
     if behind(run, file) < BEHIND_S and np.diff(run.time).max() < GAP_S:

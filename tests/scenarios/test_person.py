@@ -31,7 +31,7 @@ def test_a_steady_force_moves_it_by_force_over_stiffness(rig):
         person.apply_tensions(tensions_of(rig, person, force))
         person(time)
     assert person.pose.position - rig.home == pytest.approx(force / 200.0, abs=1e-6)
-    assert person.felt.force[-1] == pytest.approx(force, abs=1e-9)
+    assert person.record.force[-1] == pytest.approx(force, abs=1e-9)
 
 
 def test_a_push_begins_with_force_over_mass(rig):
@@ -52,7 +52,7 @@ def test_it_swings_with_its_own_frequency_and_loses_energy(rig):
         pulls = tensions_of(rig, person, force) if time < 4.0 else np.zeros(rig.m)
         person.apply_tensions(pulls)
         person(time)
-    felt = person.felt
+    felt = person.record
     swing = (felt.position - rig.home)[felt.time > 4.0, 1]
     crossings = np.flatnonzero(np.diff(np.sign(swing)))
     assert 2 * np.mean(np.diff(crossings)) * 1e-3 == pytest.approx(2 * np.pi / np.sqrt(200.0 - 1.0), rel=1e-2)
@@ -79,14 +79,14 @@ def test_it_stands_still_until_it_begins_and_its_script_begins_then():
     person.apply_tensions(np.full(rig.m, 6.0))
     person(5.0)
     assert person.pose.position == pytest.approx(rig.home)
-    assert len(person.felt.time) == 0
+    assert len(person.record.time) == 0
     person.begin()
     person(5.5)
     person.begin()  # again: it goes on
     person(6.5)
     assert person.pose.frames["shoulder"][0] == pytest.approx([0.1, 0.0, 0.0])
-    assert person.felt.time[[0, -1]] == pytest.approx([0.001, 1.5])
-    assert person.felt.tensions.shape == (1500, rig.m)
+    assert person.record.time[[0, -1]] == pytest.approx([0.001, 1.5])
+    assert person.record.tensions.shape == (1500, rig.m)
 
 
 @pytest.mark.parametrize("name", ["mass", "stiffness", "damping"])

@@ -436,7 +436,7 @@ def test_a_python_client_drives_the_materials():
                 assert state.sequence == count
                 longest = max(longest, time.monotonic() - sent)
                 ahead = ahead if count else state.time
-                for phase in MATERIALS.now(state.time % MATERIALS.seconds):
+                for phase in MATERIALS.active_phases(state.time % MATERIALS.seconds):
                     force = max(math.hypot(*state.desired), any(state.rendering) * math.hypot(*state.measured))
                     forces[phase.name] = max(forces.get(phase.name, 0.0), force)
                 count += 1

@@ -1,14 +1,15 @@
-"""Scenarios in TOML: the five that come along, and what is said about others."""
+"""Scenarios in TOML: the five that come along, and what is said about others; brake targets."""
 
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensionlab.errors import RigError, ScenarioError
-from tensionlab.haptics.effects import Bow
-from tensionlab.scenarios import SCENARIOS, load_scenario
-from tensionlab.scenarios.scenario_file import FOLDER
+from tensionlab.haptics.effects import Bow, Plane
+from tensionlab.scenarios import SCENARIOS, BrakeTarget, load_scenario
+from tensionlab.scenarios.scenario import FOLDER
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -18,7 +19,7 @@ def test_each_of_the_five_can_be_read_and_says_that_it_is_a_proposal(name):
     assert scenario.rig.source.startswith("A proposal of this project")
     assert scenario.rig.up == "z"
     assert max(phase.end for phase in scenario.phases) <= scenario.seconds
-    assert scenario.phases[0] in scenario.now(scenario.phases[0].begin)
+    assert scenario.phases[0] in scenario.active_phases(scenario.phases[0].begin)
 
 
 def test_only_the_materials_are_grounded():
@@ -118,3 +119,37 @@ def test_a_rig_that_stands_otherwise_is_refused(tmp_path):
 def test_an_unknown_name_is_told_the_known_ones():
     with pytest.raises(ScenarioError, match='no scenario "bw"; there are materials, collision'):
         load_scenario("bw")
+
+
+def test_a_plane_is_as_far_as_it_is():
+    hold = BrakeTarget(40.0, plane=Plane(point=(0.3, 0.0, 0.0), normal=(-2.0, 0.0, 0.0)))
+    wall = hold.wall(np.array([0.1, 5.0, 5.0]))
+    assert wall.normal == pytest.approx([-1.0, 0.0, 0.0])
+    assert wall.distance == pytest.approx(0.2)
+    assert wall.force == 40.0
+
+
+def test_the_end_of_a_reach_is_a_wall_across_it():
+    wall = BrakeTarget(50.0, reach=0.8).wall(np.array([0.0, -0.6, 0.0]))
+    assert wall.normal == pytest.approx([0.0, 1.0, 0.0])
+    assert wall.distance == pytest.approx(0.2)
+
+
+def test_a_late_loop_locks_sooner():
+    hold = BrakeTarget(50.0, reach=0.8)
+    assert hold.delayed_timing(0.03).latency == pytest.approx(hold.timing.latency + 0.03)
+    assert hold.delayed_timing(0.03).slack == hold.timing.slack
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: BrakeTarget(1.0), "a plane or a reach"),
+        (lambda: BrakeTarget(1.0, plane=Plane(), reach=1.0), "a plane or a reach"),
+        (lambda: BrakeTarget(1.0, reach=0.0), "reach is 0.0"),
+        (lambda: BrakeTarget(0.0, reach=1.0), "force is 0.0"),
+    ],
+)
+def test_a_target_that_cannot_be_is_refused(make, said):
+    with pytest.raises(ScenarioError, match=said):
+        make()
