@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.processes import each_simulated, process, simulated
 from benchmarks.soak_checks import Findings, examine
-from tensionlab.hardware.client.modules_file import modules_to_toml
+from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 

@@ -43,6 +43,7 @@ ALLOWED = {
 # Folders of a room that may not enter these of its others.
 CLOSED = {
     "hardware/protocol": ("client", "runner", "log", "simulation", "calibration"),
+    "hardware/client": ("runner", "log", "simulation", "calibration"),
 }
 # One door for each third party, by file or folder of the package.
 DOORS = {

@@ -40,12 +40,12 @@ def discover(
     Only ports that look like a module's are tried, unless --all is given; ports in use are only listed. With
     links, those are tried instead. Exit status 1 if no module was found.
     """
-    from tensionlab.hardware.client.discovery import ask_all, ports
+    from tensionlab.hardware.client.discovery import find_all, ports
 
     urls = ports(everything=everything) if not links and modules is None else None
     if urls is None:
         urls = {url: name if name != url else "" for name, url in find_links(links, modules).items()}
-    found = ask_all(urls)
+    found = find_all(urls)
     if json:
         output.print_json(
             [
@@ -117,7 +117,7 @@ def identify(links: Links = None, modules: ModulesFile = None) -> None:
     Each module is armed for that, with its lower tension limit and half a newton more, and stopped at the end. A
     module that is armed already is left alone.
     """
-    from tensionlab.hardware.client.identify import identify as pulse
+    from tensionlab.hardware.client.discovery import identify as pulse
 
     def job(client: ModuleClient) -> None:
         url = "" if client.name == client.link.url else f" ({client.link.url})"

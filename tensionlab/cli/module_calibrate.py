@@ -373,7 +373,6 @@ def _print_anchors(
 
 def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:
     """Reach all modules of a rig, to be closed at the end."""
-    from tensionlab.hardware.client.group import connect
-    from tensionlab.hardware.client.modules_file import load_modules
+    from tensionlab.hardware.client.group import connect, load_modules
 
     return closing(connect(rig, load_modules(modules)))

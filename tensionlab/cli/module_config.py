@@ -146,7 +146,7 @@ def restore(
 
 def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:
     """Change parameters of all modules, store them if ``save``, and print what changed."""
-    from tensionlab.hardware.client.parameter_file import FORGETTING, plain
+    from tensionlab.hardware.client.parameter_file import LENGTH_PARAMETERS, plain
 
     def change_and_save(client: ModuleClient) -> list[Change]:
         changes = job(client)
@@ -162,6 +162,6 @@ def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]
             typer.echo(f"{name}: nothing to change")
         if save:
             typer.echo(f"{name}: stored")
-        if FORGETTING & {each.name for each in changes}:
+        if LENGTH_PARAMETERS & {each.name for each in changes}:
             typer.echo(f"{name}: it no longer knows how long its cable is; calibrate that")
     exit_if_failed(failed)

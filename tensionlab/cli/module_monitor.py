@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from tensionlab.errors import HardwareError
-    from tensionlab.hardware.client.latency import Trips
+    from tensionlab.hardware.client.latency import RoundTrips
     from tensionlab.hardware.client.module import ModuleClient
 
 TELEMETRY_PERIOD_MS = 50
@@ -189,7 +189,7 @@ def ping(
 
     with until_interrupted() as interrupted, output.progress("pinging") as progress:
 
-        def job(client: ModuleClient) -> Trips:
+        def job(client: ModuleClient) -> RoundTrips:
             ttls[client.name] = 1e-3 * client.hello().ttl_ms
 
             def go_on(now: int) -> bool:
@@ -232,7 +232,9 @@ def ping(
         raise typer.Exit(1)
 
 
-def _trips_json(name: str, url: str, trips: Trips, rate: tuple[float, float] | None, ttl: float) -> dict[str, Any]:
+def _trips_json(
+    name: str, url: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float
+) -> dict[str, Any]:
     return {
         "module": name,
         "url": url,

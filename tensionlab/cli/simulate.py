@@ -110,7 +110,7 @@ def simulate(
     client at a time; a second one is refused, and one that goes away is a link that closed.
     """
     from tensionlab.cli.common.simulated_modules import one_module, rig_modules
-    from tensionlab.hardware.client.modules_file import modules_to_toml
+    from tensionlab.hardware.client.group import modules_to_toml
     from tensionlab.hardware.simulation.channel import Conditions
     from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
     from tensionlab.hardware.simulation.recording import Recording

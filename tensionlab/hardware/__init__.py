@@ -1,9 +1,8 @@
 """Real and simulated modules: links to them, their protocol, and the runner that renders forces on them."""
 
 from tensionlab.demand import Demand, Impedance, Pose, RigState
-from tensionlab.hardware.client.group import ModuleGroup, connect
+from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.modules_file import load_modules
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.program import Program, load_program

@@ -13,7 +13,7 @@ from tensionlab.errors import CalibrationError
 from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration import staircase
 from tensionlab.hardware.calibration.tables import write_table
-from tensionlab.hardware.client.modules_file import modules_to_toml
+from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.model.files import load_rig
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"

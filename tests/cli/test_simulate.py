@@ -12,7 +12,7 @@ import serial
 
 from benchmarks.processes import simulated
 from tensionlab.cli import main
-from tensionlab.hardware.client.modules_file import load_modules
+from tensionlab.hardware.client.group import load_modules
 from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, State
 from tensionlab.hardware.protocol.messages import (
     Arm,

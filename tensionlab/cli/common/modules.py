@@ -35,9 +35,9 @@ def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
     LinkError
         For what is no URL.
     """
-    from tensionlab.hardware.client.links import KINDS, require_known
+    from tensionlab.hardware.client.group import load_modules
+    from tensionlab.hardware.client.links import URL_KINDS, require_known
     from tensionlab.hardware.client.locks import normalised
-    from tensionlab.hardware.client.modules_file import load_modules
 
     if file is not None:
         links = load_modules(file)
@@ -48,7 +48,7 @@ def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
     elif words:
         found = {url: url for url in words}
     else:
-        raise typer.BadParameter(f"no modules; give --modules FILE, or links:\n{KINDS}")
+        raise typer.BadParameter(f"no modules; give --modules FILE, or links:\n{URL_KINDS}")
     if words and len(found) < len(words):
         raise typer.BadParameter("a module is there twice; give each once")
     for url in found.values():
@@ -160,7 +160,7 @@ def print_simulated() -> None:
 
 def module_links(rig: Rig, modules: str) -> dict[str, str]:
     """Return the URL of each module of a rig, from the value of ``--modules``."""
-    from tensionlab.hardware.client.modules_file import load_modules
+    from tensionlab.hardware.client.group import load_modules
 
     if modules.endswith(".toml"):
         return load_modules(modules)

@@ -1,4 +1,4 @@
-"""A conversation with a module: messages out, with their numbers; answers and telemetry in."""
+"""Connection to a module: numbered messages out; answers and telemetry in."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from tensionlab.hardware.protocol.messages import (
 )
 
 ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
-"""How long each try waits for an answer, in s."""
+"""How long each try waits for an answer."""
 RESTARTED_US = 1_000_000
-"""A clock of a module that has gone back by so much, in us, has started anew."""
-CLOCK_WRAP = 1 << 32
-"""Where the clocks of modules, in us, begin anew."""
-LISTEN = 0.1
-"""The reader looks up so often, in s, when nothing comes."""
+"""A module's clock that has gone back by so much has restarted."""
+CLOCK_WRAP_US = 1 << 32
+"""Where the clocks of modules wrap around."""
+READ_TIMEOUT_S = 0.1
+"""How long the reader waits before it checks whether to end."""
 ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)
-"""What makes no sense among these is an error of who waits for it."""
+"""Frames whose damage is an error of the request that waits for them."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
 MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
@@ -44,46 +44,34 @@ MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
 
 @dataclass(frozen=True)
 class Received(Generic[MessageType_co]):
-    """What a module has said without being asked, and when.
-
-    Attributes
-    ----------
-    message : Telemetry, Event or Log
-    time : float
-        When it came, by the clock of the link, in s.
-    """
+    """Unrequested message of a module, and when it came by the clock of the link, in s."""
 
     message: MessageType_co
     time: float
 
 
 class Connection:
-    """Talk with one module: any command, its answer, and what the module says by itself.
+    """Connection to one module: commands, their answers, and messages that the module sends by itself.
 
-    A thread reads the link; with a simulated module in this process there is none, and what the module says is
-    read whenever it is asked for something, or by `listen`.
+    A thread reads the link. Of a simulated module in this process, messages are read by each request and `listen`.
 
     Parameters
     ----------
     name : str
-        What the module is called in messages.
+        The module's name in error messages.
     link : Link or str
         A link, or the URL of one.
 
     Attributes
     ----------
     telemetry : Received or None
-        The latest, and when it came.
-    stale_frames : int
-        Telemetry that was no newer than what was there: repeated, or overtaken on its way. It is left alone.
-    repeated : int
-        How much of that has come since the latest.
-    state : State or None
-        As the latest message had it.
-    faults : Fault
-        As the latest telemetry or event had them.
+        The latest.
+    stale_frames, repeated : int
+        Ignored telemetry that was no newer than the latest: altogether, and since the latest.
+    state, faults
+        Of the latest message that had them.
     on_message : callable or None
-        Hears what the module says without being asked.
+        Called with each unrequested message.
     """
 
     def __init__(self, name: str, link: Link | str) -> None:
@@ -99,10 +87,10 @@ class Connection:
         self._set_point = self._armed = random.randrange(256)
         self._listener: Protocol1Listener | None = None
         self._answers: dict[int, Message | ProtocolError] = {}
-        self._refused: Acknowledge | None = None  # a set-point: the latest
-        self._strange = 0
+        self._refused: Acknowledge | None = None  # the latest refused set-point
+        self._unreadable = 0
         self._broken: LinkError | None = None
-        self._news = threading.Condition()
+        self._arrived = threading.Condition()
         self._closing = False
         self._reader: threading.Thread | None = None
         if not self.link.lockstep:
@@ -110,14 +98,14 @@ class Connection:
             self._reader.start()
 
     def close(self) -> None:
-        """Close the link. A module that was pulling notices, and lets go by itself."""
+        """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
         self.link.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=1.0)
 
     def command(self, command: Message, tries: tuple[float, ...] = ANSWER_TIMEOUTS_S) -> None:
-        """Have a command carried out.
+        """Send a command and wait until it is acknowledged.
 
         Raises
         ------
@@ -133,7 +121,7 @@ class Connection:
     def request(
         self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = ANSWER_TIMEOUTS_S
     ) -> AnswerType:
-        """What does the module answer? Errors as those of `command`. A repeated command has the same number."""
+        """Return the answer to a command, which keeps its number when repeated; errors as those of `command`."""
         sequence: int | None = None
         for timeout in tries:
             sequence = self.send(command, sequence)
@@ -147,26 +135,26 @@ class Connection:
         raise self.unanswered(command, len(tries))
 
     def send(self, command: Message, sequence: int | None = None) -> int:
-        """Send a command without waiting; returns its number. Sent again, it keeps the number it had."""
+        """Send a command without waiting and return its number; sent again, it keeps its number."""
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, Arm) else self._next()
             if isinstance(command, Arm):
                 self._armed = sequence
-            with self._news:
+            with self._arrived:
                 self._answers.pop(sequence, None)
             self.link.send(command.frame(sequence).pack())
             return sequence
-        # Nobody answered: because the module speaks protocol 1?
+        # No answer: does the module speak protocol 1?
         self._listener = self._listener or Protocol1Listener()
         frame = command.frame(sequence)
         self.link.send(frame.pack() + repeated_in_protocol_1(frame))
         return sequence
 
     def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:
-        """Return what has come in answer to a command, None if nothing yet; errors as those of `command`."""
+        """Return the answer to a command if it has come, else None; errors as those of `command`."""
         if self._broken is not None:
             raise self._broken
-        with self._news:
+        with self._arrived:
             found = self._answers.pop(sequence, None)
         if isinstance(found, OtherProtocolError):
             raise ProtocolError(f'module "{self.name}" {found}')
@@ -184,20 +172,20 @@ class Connection:
         return found if isinstance(found, kind) else None
 
     def unanswered(self, command: Message, tries: int) -> LinkTimeout:
-        """Make the error of a command that was sent so many times."""
+        """Return the error of a command that was sent so many times."""
         return LinkTimeout(
             f'module "{self.name}" at {self.link.url} did not answer {type(command).__name__} in {tries} tries; '
             "is it on, and in range?"
         )
 
     def send_set_point(self, message: SetTension | SetImpedance) -> int:
-        """Send a set-point, which nobody answers; returns its number."""
+        """Send a set-point, which is not answered, and return its number."""
         sequence = self._next_set_point()
         self.link.send(message.frame(sequence).pack())
         return sequence
 
     def listen(self, seconds: float = 0.0) -> None:
-        """Read what a simulated module has said, and let it go on for so long; others are read all the time."""
+        """Let a simulated module run for some seconds and read its messages; others are read all the time."""
         if self._reader is not None or self._broken is not None:
             return
         try:
@@ -209,7 +197,7 @@ class Connection:
 
     @property
     def reports_since_arm(self) -> bool:
-        """Whether the latest telemetry was sent after the latest ARM, by the set-point that it reports."""
+        """Whether the latest telemetry reports a set-point since the latest ARM."""
         if self.telemetry is None:
             return False
         since = (self.telemetry.message.sequence - self._armed) % 256
@@ -217,68 +205,68 @@ class Connection:
 
     @property
     def bad_frames(self) -> int:
-        """How many frames came damaged, or said what nobody understands?"""
-        return self._decoder.bad_frames + self._strange
+        """Number of frames that were damaged or could not be read."""
+        return self._decoder.bad_frames + self._unreadable
 
     def _wait(self, sequence: int, seconds: float) -> bool:
-        """Wait for an answer, for so long at most; False if nothing came."""
+        """Wait for an answer; return False if nothing came in time."""
         if self._reader is None:
             content = self.link.receive(seconds)
             self._take(content)
             return bool(content)
-        with self._news:
-            return self._news.wait_for(lambda: sequence in self._answers or self._broken is not None, seconds)
+        with self._arrived:
+            return self._arrived.wait_for(lambda: sequence in self._answers or self._broken is not None, seconds)
 
     def _next(self) -> int:
-        with self._news:
+        with self._arrived:
             self._sequence = (self._sequence + 1) % 256
             return self._sequence
 
     def _next_set_point(self) -> int:
-        """Count ARM and set-points by themselves: the module takes what is up to 127 after the last."""
-        with self._news:
+        """Return the next number of ARM and set-points: the module accepts up to 127 after the last."""
+        with self._arrived:
             self._set_point = (self._set_point + 1) % 256
             return self._set_point
 
     def _read(self) -> None:
         while not self._closing:
             try:
-                content = self.link.receive(LISTEN)
+                content = self.link.receive(READ_TIMEOUT_S)
             except LinkError as error:
-                with self._news:
+                with self._arrived:
                     self._broken = error
-                    self._news.notify_all()
+                    self._arrived.notify_all()
                 return
             self._take(content)
 
     def _take(self, content: bytes) -> None:
-        """Sort what came: answers for who waits for them, the rest for all."""
+        """Decode received bytes: answers for those who wait, the rest for `on_message`."""
         if not content:
             return
         now = self.link.clock()
         if self._listener is not None:
-            with self._news:
+            with self._arrived:
                 self._answers |= self._listener.feed(content)
-                self._news.notify_all()
+                self._arrived.notify_all()
         for frame in self._decoder.feed(content):
             try:
                 message = read(frame)
             except ProtocolError as error:
-                self._strange += 1
+                self._unreadable += 1
                 if frame.type in ANSWERS:
-                    with self._news:
+                    with self._arrived:
                         self._answers[frame.sequence] = error
-                        self._news.notify_all()
+                        self._arrived.notify_all()
                 continue
             if not isinstance(message, Telemetry | Event | Log):
-                with self._news:
+                with self._arrived:
                     if isinstance(message, Acknowledge):
                         self.state = message.state
                         if message.command in (SetTension.type, SetImpedance.type):
                             self._refused = message
                             continue
                     self._answers[frame.sequence] = message
-                    self._news.notify_all()
+                    self._arrived.notify_all()
                 continue
             if isinstance(message, Telemetry):
                 if self.telemetry is not None and not is_newer(message, self.telemetry.message):
@@ -294,6 +282,6 @@ class Connection:
 
 
 def is_newer(message: Telemetry, before: Telemetry) -> bool:
-    """Return whether telemetry was sent after another one, or by a module that has started anew since."""
-    behind = (before.time_us - message.time_us) % CLOCK_WRAP
-    return behind > CLOCK_WRAP // 2 or behind >= RESTARTED_US
+    """Return whether telemetry was sent after another one, or by a module that has restarted since."""
+    behind = (before.time_us - message.time_us) % CLOCK_WRAP_US
+    return behind > CLOCK_WRAP_US // 2 or behind >= RESTARTED_US

@@ -1,45 +1,42 @@
-"""Which modules are there? Ports that look like ours are asked; those in use are left alone."""
+"""Discovery of modules: ports that may have one, who answers there, and a gentle pulse to tell which it is."""
 
 from __future__ import annotations
 
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 
-from tensionlab.errors import HardwareError, LinkTimeout
+from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.links import SerialPort, serial_ports
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Code, State
 from tensionlab.hardware.protocol.messages import Hello, Info, printable
 
-BRIDGES = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
-"""Makers of the chips by which an ESP32 hangs on USB."""
-NAME = "tensionlab-"
-"""What the Bluetooth name of a module begins with; its serial number follows."""
+USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
+"""Makers of the chips that connect an ESP32 to USB."""
+NAME_PREFIX = "tensionlab-"
+"""Start of a module's Bluetooth name; its serial number follows."""
 TIMEOUTS_S = (0.3, 0.5, 1.0)
-"""How long each try waits for an answer, in s: a board that was reset by the opening needs a second."""
-AT_ONCE = 8
-"""Ports that are asked at the same time."""
+"""How long each try waits for an answer: a board that was reset by the opening needs a second."""
+PARALLEL_PORTS = 8
+PULSES = 3
+PULSE_TENSION_N = 0.5
+"""Above the taut minimum."""
+PULSE_S = 0.4
+"""Duration of each pulse and of each pause."""
+SET_POINT_PERIOD_S = 0.05
 
 
 @dataclass(frozen=True)
 class Found:
-    """What is at a port?
+    """Port and what is there: the module's `info`, or else the `problem`, perhaps that it is `in_use`.
 
-    Attributes
-    ----------
-    url : str
-    about : str
-        What the system says of the port.
-    info : Info or None
-        What the module says of itself.
-    problem : str
-        Why there is no `info`; empty if there is.
-    in_use : bool
-        Whether that is because somebody has it.
+    `about` is the system's description of the port.
     """
 
     url: str
@@ -50,41 +47,35 @@ class Found:
 
 
 def ports(*, everything: bool = False) -> dict[str, str]:
-    """Which ports could have a module, and what does the system say of them?
-
-    Parameters
-    ----------
-    everything : bool
-        Whether to take all serial ports, and not only those that look like a module's.
-    """
+    """Return the URLs of ports that may have a module, or of all, with the system's description of each."""
     found = {port.url: printable(port.about) for port in serial_ports() if everything or looks_like_ours(port)}
     return {**found, **paired()}
 
 
 def looks_like_ours(port: SerialPort) -> bool:
-    """Whether a module may be there: by USB through one of the usual chips, or by Bluetooth."""
+    """Return whether a module may be at a port: by USB through one of the usual chips, or by Bluetooth."""
     bluetooth = "/dev/rfcomm" in port.url or port.hardware.startswith("BTHENUM")
-    return port.vendor in BRIDGES or bluetooth or NAME in f"{port.url} {port.about}"
+    return port.vendor in USB_VENDORS or bluetooth or NAME_PREFIX in f"{port.url} {port.about}"
 
 
 def paired() -> dict[str, str]:
-    """Which modules does Linux know by Bluetooth? Elsewhere they are among the serial ports."""
+    """Return the modules that Linux has paired by Bluetooth; elsewhere they are among the serial ports."""
     if shutil.which("bluetoothctl") is None:
         return {}
     with suppress(OSError, subprocess.SubprocessError):
-        told = subprocess.run(
+        printed = subprocess.run(
             ["bluetoothctl", "devices", "Paired"], capture_output=True, text=True, timeout=5.0, check=True
         ).stdout
-        devices = re.findall(rf"Device ((?:[0-9A-F]{{2}}:){{5}}[0-9A-F]{{2}}) ({NAME}\S*)", told)
+        devices = re.findall(rf"Device ((?:[0-9A-F]{{2}}:){{5}}[0-9A-F]{{2}}) ({NAME_PREFIX}\S*)", printed)
         return {f"bt://{address}/1": printable(name) for address, name in devices}
     return {}
 
 
-def ask(url: str, about: str = "") -> Found:
-    """Which module is at a port, if any?"""
-    taken = holder(url)
-    if taken is not None:
-        return Found(url, about, problem=f"in use by {taken}", in_use=True)
+def find(url: str, about: str = "") -> Found:
+    """Return the module at a port, if any; a port in use is left alone."""
+    user = holder(url)
+    if user is not None:
+        return Found(url, about, problem=f"in use by {user}", in_use=True)
     try:
         with ModuleClient(url, url) as client:
             return Found(url, about, client.request(Hello(), Info, TIMEOUTS_S))
@@ -94,7 +85,58 @@ def ask(url: str, about: str = "") -> Found:
         return Found(url, about, problem=str(error))
 
 
-def ask_all(urls: dict[str, str]) -> list[Found]:
-    """Which module is at each of these ports? All are asked at the same time; what `ports` gave."""
-    with ThreadPoolExecutor(AT_ONCE) as threads:
-        return list(threads.map(lambda url: ask(url, urls[url]), urls))
+def find_all(urls: dict[str, str]) -> list[Found]:
+    """Return the module at each port, as `ports` gives them; all are tried at the same time."""
+    with ThreadPoolExecutor(PARALLEL_PORTS) as threads:
+        return list(threads.map(lambda url: find(url, urls[url]), urls))
+
+
+def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
+    """Arm a module, let its cable pulse three times, and stop it; `begun` is called once it is armed.
+
+    Raises
+    ------
+    HardwareError
+        Another client has it armed; it is in fault or emergency stop; it is not calibrated; its hardware has a
+        fault. Or it releases its cable meanwhile, or its link breaks.
+    """
+    info = client.hello()
+    _require_idle(client, info)
+    client.stop()  # one that timed out in an earlier run is still in it
+    strong = min(info.tension_lower + PULSE_TENSION_N, info.tension_upper)
+    try:
+        client.arm()
+    except ModuleFault as fault:
+        if fault.code is not Code.FAULT_PRESENT:
+            raise
+        advice = f"something is wrong with it, see `tensionlab module monitor {client.link.url}`"
+        raise ModuleFault(f"{fault}; {advice}", fault.module, fault.code) from None
+    try:
+        begun()
+        for _ in range(PULSES):
+            _pull(client, info.tension_lower)
+            _pull(client, strong)
+    finally:
+        client.stop()
+
+
+def _require_idle(client: ModuleClient, info: Info) -> None:
+    if info.state in (State.ARMED, State.RUNNING):
+        raise HardwareError(
+            f'module "{client.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
+            f"`tensionlab module stop {client.link.url}`"
+        )
+    client.require_cleared(info)
+    if not info.calibrated:
+        raise HardwareError(
+            f'module "{client.name}" is not calibrated, and can\'t be armed: '
+            f"`tensionlab module calibrate gain {client.link.url}`"
+        )
+
+
+def _pull(client: ModuleClient, tension: float) -> None:
+    end = client.link.clock() + PULSE_S
+    while client.link.clock() < end:
+        client.set_tension(tension)
+        client.wait(SET_POINT_PERIOD_S)
+        client.check()

@@ -1,4 +1,4 @@
-"""An emergency stop from outside: of modules that nobody uses, and of those that another process has."""
+"""Emergency stop from outside: of free modules, and of those that another process uses."""
 
 from __future__ import annotations
 
@@ -15,48 +15,34 @@ from tensionlab.hardware.client.locks import ESTOP_SIGNAL, Holder, holder
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import EmergencyStop
 
-PATIENCE = 6.0
-"""How long, in s, a process that was told may take to stop its modules and let go of their links."""
-BREATH = 0.01
-"""How often to look whether it has, in s."""
+RELEASE_TIMEOUT_S = 6.0
+"""How long a signalled process may take to stop its modules and close their links."""
+POLL_PERIOD_S = 0.01
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a module?
-
-    Attributes
-    ----------
-    holder : Holder or None
-        The process that had it, and was told to stop all its modules; None if nobody had it.
-    error : str
-        Why the module did not confirm that it has let go; empty if it did.
-    """
+    """Result for a module: the process that had it, if any, and why it did not confirm; empty if it did."""
 
     holder: Holder | None
     error: str = ""
 
 
 def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
-    """Have modules let go at once, whoever has them. Which confirmed it?
+    """Make modules, URLs by name, release their cables at once, whichever process uses them.
 
-    Processes that have some of them are told first: `claims.ESTOP_SIGNAL`. The others are told here. As soon as a
-    process lets go of its links, its modules are told again, and asked to confirm it.
-
-    Parameters
-    ----------
-    links : mapping of str to str
-        URLs by names.
+    Processes that use some of them get `locks.ESTOP_SIGNAL` first. Modules are commanded from here as soon as
+    their links are free, and confirm it.
     """
     holders = {name: holder(url) for name, url in links.items()}
-    told: dict[int, str] = {}
+    problems: dict[int, str] = {}
     for who in holders.values():
-        if who is not None and who.pid not in told:
-            told[who.pid] = _tell(who)
+        if who is not None and who.pid not in problems:
+            problems[who.pid] = _signal(who)
 
     def one(name: str) -> Outcome:
         who = before = holders[name]
-        end = time.monotonic() + (PATIENCE if who is not None and not told[who.pid] else 0.0)
+        end = time.monotonic() + (RELEASE_TIMEOUT_S if who is not None and not problems[who.pid] else 0.0)
         while True:
             try:
                 with ModuleClient(name, links[name]) as client:
@@ -64,33 +50,33 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
                     return Outcome(who)
             except HardwareError as error:
                 now = holder(links[name]) if isinstance(error, LinkError) else None
-                # Who had it when this try began may have let go since: then it is free now.
+                # The process that had it when this try began may have closed it since: then it is free now.
                 if (now is None and before is None) or time.monotonic() > end:
-                    return Outcome(who, _why(error, who, now, told))
+                    return Outcome(who, _reason(error, who, now, problems))
                 before = now
-            time.sleep(BREATH)
+            time.sleep(POLL_PERIOD_S)
 
     with ThreadPoolExecutor(len(links)) as threads:
         return dict(zip(links, threads.map(one, links), strict=True))
 
 
-def _tell(who: Holder) -> str:
-    """Have a process stop its modules; why that cannot be, empty if it can."""
+def _signal(who: Holder) -> str:
+    """Signal a process to stop its modules; return why that failed, empty if it did not."""
     if who.pid == os.getpid():
         return "this process has it"
     with suppress(ProcessLookupError):  # it has just ended
         try:
             os.kill(who.pid, ESTOP_SIGNAL)
         except PermissionError as error:
-            return f"{who} cannot be told: {error.strerror}"
+            return f"{who} cannot be signalled: {error.strerror}"
     return ""
 
 
-def _why(error: HardwareError, who: Holder | None, now: Holder | None, told: Mapping[int, str]) -> str:
+def _reason(error: HardwareError, who: Holder | None, now: Holder | None, problems: Mapping[int, str]) -> str:
     if now is None:
         return str(error)
     if who is None:
         return f"{now} has just taken it; try again"
-    if told[who.pid]:
-        return told[who.pid]
-    return f"{who} was told, and still has it; end it (kill -9 {who.pid}), and its modules let go"
+    if problems[who.pid]:
+        return problems[who.pid]
+    return f"{who} was signalled, and still has it; end it (kill -9 {who.pid}), and its modules stop"

@@ -1,13 +1,26 @@
-"""All modules of a rig: opened, armed and stopped together."""
+"""Group of all modules of a rig, opened, armed and stopped together; and the file that names their links.
+
+A modules file is written by `tensionlab simulate` or by hand::
+
+    [modules]
+    floor-1 = "socket://127.0.0.1:40001"         # a simulated one, over TCP
+    floor-2 = "/dev/rfcomm0"                      # Bluetooth, bound on Linux
+    top     = "/dev/cu.tensionlab-1a2b3c4d"       # Bluetooth on macOS; "COM5" on Windows
+
+Names are those of the rig's modules; the links are what pyserial's ``serial_for_url`` opens.
+"""
 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
+from tensionlab.files.reading import brief, read_toml
 from tensionlab.hardware.client.connection import ANSWER_TIMEOUTS_S, AnswerType
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
@@ -28,32 +41,24 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.rig import Rig
 
 PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
-"""How long each try waits for an answer, in s. They are more than the protocol's: a bad link is no reason to give
-up before a run, and less so at its end."""
-BREATH = 2e-3
-"""How long to wait, in s, before looking again whether an answer has come."""
-KEPT_ALIVE = 0.04
-"""How often, in s, a module that is armed already hears that it is to stay so while others are being armed."""
-SLACK = 1e-6
-"""Share by which a limit may seem exceeded: the module has it as a single."""
+"""More tries than those of one command: a bad link is no reason to give up before a run, or at its end."""
+POLL_PERIOD_S = 2e-3
+KEEP_ALIVE_PERIOD_S = 0.04
+"""Period of set-points to a module that is armed while others are still being armed."""
+LIMIT_TOLERANCE = 1e-6
+"""Relative; the module stores its limits in 32 bits."""
 
 
 class ModuleGroup:
     """Clients of all modules of a rig, in its order.
 
-    Parameters
-    ----------
-    clients : sequence of ModuleClient
-        One for each module.
-
     Attributes
     ----------
     infos : tuple of Info
-        What the modules said of themselves; empty before `prepare`.
     slews : tuple of float
-        How fast each lets its tension change, in N/s; empty before `prepare`.
+        Largest rates of change of the tensions, in N/s.
     continuous : tuple of float
-        What each winding stands for ever, in N; empty before `prepare`.
+        Tensions that the windings can hold for ever, in N. All three are empty before `prepare`.
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:
@@ -63,7 +68,7 @@ class ModuleGroup:
         self.continuous: tuple[float, ...] = ()
 
     def prepare(self, rig: Rig, telemetry_ms: int) -> None:
-        """Make sure that these modules can do what the rig says, and have them report.
+        """Check that these modules can do what the rig says, and start their telemetry.
 
         Raises
         ------
@@ -80,7 +85,8 @@ class ModuleGroup:
                     f'module "{client.name}" is not calibrated: '
                     f"`tensionlab module calibrate gain {client.link.url}`"
                 )
-            lower, upper = info.tension_lower * (1.0 - SLACK), info.tension_upper * (1.0 + SLACK)
+            lower = info.tension_lower * (1.0 - LIMIT_TOLERANCE)
+            upper = info.tension_upper * (1.0 + LIMIT_TOLERANCE)
             if not lower <= module.lower <= module.upper <= upper:
                 raise HardwareError(
                     f'module "{client.name}" pulls with {info.tension_lower:g} to {info.tension_upper:g} N, but '
@@ -96,7 +102,7 @@ class ModuleGroup:
         )
 
     def require_lengths(self) -> None:
-        """Make sure that all know how long their cable is; a `HardwareError` names those that do not."""
+        """Raise a `HardwareError` that names the modules whose cable length is unknown."""
         unknown = [
             client.name for client, info in zip(self.clients, self.infos, strict=True) if not info.length_known
         ]
@@ -107,7 +113,7 @@ class ModuleGroup:
             )
 
     def arm(self, tensions: Iterable[float]) -> None:
-        """Have all modules pull with the taut minimum; those armed first are kept alive meanwhile.
+        """Arm all modules; those armed first are kept alive with the given tensions, in N.
 
         Raises
         ------
@@ -126,15 +132,15 @@ class ModuleGroup:
             raise error
 
     def stop(self) -> dict[str, HardwareError]:
-        """Have all modules let go: all are told before any is waited for. Which did not confirm it, and why?"""
-        return self._let_go(Stop())
+        """Stop all modules, and return the errors of those that did not confirm it, by name."""
+        return self._release(Stop())
 
     def emergency_stop(self) -> dict[str, HardwareError]:
-        """Have all modules let go at once, and stay so. Which did not confirm it, and why?"""
-        return self._let_go(EmergencyStop())
+        """Stop all modules until `clear`, and return the errors of those that did not confirm it."""
+        return self._release(EmergencyStop())
 
     def close(self) -> None:
-        """Close all links. Modules that are still pulling notice, and let go by themselves."""
+        """Close all links; modules that are still pulling notice, and release their cables."""
 
         def close(client: ModuleClient) -> None:
             with suppress(HardwareError):
@@ -143,7 +149,7 @@ class ModuleGroup:
         with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # pyserial takes 0.3 s for each
             list(threads.map(close, self.clients))
 
-    def _let_go(self, command: Message) -> dict[str, HardwareError]:
+    def _release(self, command: Message) -> dict[str, HardwareError]:
         _, failed = self._together(dict.fromkeys(self.clients, command), Acknowledge, {})
         there = {
             client
@@ -153,12 +159,12 @@ class ModuleGroup:
         return {client.name: error for client, error in failed.items() if client not in there}
 
     def _values(self, parameter: str) -> tuple[float, ...]:
-        """Return a parameter of each."""
+        """Return a parameter of each module."""
         command = GetParameter(PARAMETERS[parameter].index)
         return tuple(found.value for _, found in self._all(command, ParameterValue))
 
     def _all(self, command: Message, kind: type[AnswerType]) -> list[tuple[ModuleClient, AnswerType]]:
-        """What does each answer? The first failure is raised."""
+        """Return the answer of each module; the first error is raised."""
         answers, failed = self._together(dict.fromkeys(self.clients, command), kind, {})
         for error in failed.values():
             raise error
@@ -170,9 +176,9 @@ class ModuleGroup:
         kind: type[AnswerType],
         taut: Mapping[ModuleClient, float],
     ) -> tuple[dict[ModuleClient, AnswerType], dict[ModuleClient, HardwareError]]:
-        """Have commands carried out by all modules at the same time: answers, and why there is none.
+        """Send commands to all modules before any answer is waited for; return answers and errors.
 
-        Meanwhile, modules in ``taut`` are sent that tension, so that none times out while another is waited for.
+        Meanwhile, modules in ``taut`` are sent that tension, so that none times out.
         """
         answers: dict[ModuleClient, AnswerType] = {}
         failed: dict[ModuleClient, HardwareError] = {}
@@ -181,38 +187,34 @@ class ModuleGroup:
         alive = 0.0
         for timeout in PATIENT_TIMEOUTS_S:
             for client in left:
-                with _kept(failed, client):
+                with _collecting(failed, client):
                     waiting[client] = client.send(commands[client], waiting.get(client))
             end = time.monotonic() + timeout
             while (left := {client for client in waiting if client not in failed}) and time.monotonic() < end:
                 for client in left:
                     client.listen()
-                    with _kept(failed, client):
+                    with _collecting(failed, client):
                         if (found := client.answer(commands[client], waiting[client], kind)) is not None:
                             answers[client] = found
                             del waiting[client]
                 if time.monotonic() >= alive:
-                    alive = time.monotonic() + KEPT_ALIVE
+                    alive = time.monotonic() + KEEP_ALIVE_PERIOD_S
                     for client, tension in taut.items():
-                        with _kept(failed, client):
+                        with _collecting(failed, client):
                             client.set_tension(tension)
                 if waiting:
-                    self._breathe()
+                    for client in self.clients:
+                        client.listen(POLL_PERIOD_S)
+                    if not all(client.link.lockstep for client in self.clients):
+                        time.sleep(POLL_PERIOD_S)
         for client in left:
             failed[client] = client.unanswered(commands[client], len(PATIENT_TIMEOUTS_S))
         return answers, failed
 
-    def _breathe(self) -> None:
-        """Let time pass: here, or in simulated modules of this process."""
-        for client in self.clients:
-            client.listen(BREATH)
-        if not all(client.link.lockstep for client in self.clients):
-            time.sleep(BREATH)
-
 
 @contextmanager
-def _kept(failed: dict[ModuleClient, HardwareError], client: ModuleClient) -> Iterator[None]:
-    """Keep the error of one module, and go on with the others."""
+def _collecting(failed: dict[ModuleClient, HardwareError], client: ModuleClient) -> Iterator[None]:
+    """Store the error of one module, and continue with the others."""
     try:
         yield
     except HardwareError as error:
@@ -220,18 +222,12 @@ def _kept(failed: dict[ModuleClient, HardwareError], client: ModuleClient) -> It
 
 
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
-    """Reach all modules of a rig.
-
-    Parameters
-    ----------
-    rig : Rig
-    links : mapping of str to str or Link
-        For each module, by its name, the URL of its link, or a link that is open.
+    """Connect to all modules of a rig, by the link of each or its URL, by name.
 
     Raises
     ------
     LinkError
-        A link cannot be opened; those that could be are closed again.
+        A link cannot be opened; the others are closed again.
     HardwareError
         Names that are not those of the rig's modules.
     """
@@ -257,3 +253,34 @@ def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
             ModuleGroup(clients).close()
             raise each
     return ModuleGroup(clients)
+
+
+def modules_to_toml(links: Mapping[str, str]) -> str:
+    """Return the text of a modules file."""
+    import tomli_w
+
+    return tomli_w.dumps({"modules": dict(links)})
+
+
+def load_modules(path: str | Path) -> dict[str, str]:
+    """Return the link of each module of a modules file, by name.
+
+    Raises
+    ------
+    HardwareError
+        Naming the file and the key.
+    """
+    document = read_toml(path, "a modules file (*.toml)", HardwareError)
+    for key in document:
+        if key != "modules":
+            raise HardwareError(f'{path}: unknown key "{key:.40}"; the file has one table, [modules]')
+    links = document.get("modules")
+    if not isinstance(links, dict) or not links:
+        raise HardwareError(f'{path}: no modules; write [modules] and lines such as name = "/dev/rfcomm0"')
+    for name, link in links.items():
+        if not isinstance(link, str) or not link:
+            raise HardwareError(f'{path}: modules: "{name:.40}" is {brief(link)}; give a link as text, as "COM5"')
+    repeated = [link for link, count in Counter(links.values()).items() if count > 1]
+    if repeated:
+        raise HardwareError(f"{path}: modules: {repeated[0]:.60} is there twice; give each its own")
+    return dict(links)

@@ -1,6 +1,6 @@
-"""Bytes to a module and back: serial ports, Bluetooth, TCP, and simulated modules, all behind one interface.
+"""Links to modules: serial ports, Bluetooth, TCP, and simulated modules, behind one interface.
 
-Each link counts time by its own clock. That of a simulated module stands still but while somebody waits for it.
+Each link has its own clock. That of a simulated module advances only while somebody waits for it.
 """
 
 from __future__ import annotations
@@ -9,43 +9,35 @@ import re
 import select
 import socket
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tensionlab.errors import LinkError, MissingDependency
 from tensionlab.hardware.client.locks import LinkLock
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 
-CHUNK = 4096
-"""Bytes read at a time, at most."""
-BAUD = 921_600
-"""Bits a second over USB; Bluetooth and TCP do not care."""
-CONNECT_TIMEOUT = 10.0
-"""Time that a connection may take to come about, in s."""
-KINDS = """
+READ_BYTES = 4096
+"""Most bytes read at a time."""
+BAUD_RATE = 921_600
+"""Bits a second over USB; Bluetooth and TCP ignore it."""
+CONNECT_TIMEOUT_S = 10.0
+OPENERS: dict[str, Callable[[], Link]] = {}
+"""Links that are neither ports nor sockets, by URL; `tensionlab.hardware` adds ``sim:``."""
+URL_KINDS = """
   bt://AA:BB:CC:DD:EE:FF/1   Bluetooth, by address and channel
   /dev/ttyUSB0, COM5         a serial port
   socket://host:port         TCP, as `tensionlab simulate` serves
   sim:                       a simulated module in this process""".lstrip("\n")
-KNOWN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
-"""What a URL looks like."""
+URL_PATTERN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
 NEEDS_PYSERIAL = 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
 
 
 @dataclass(frozen=True)
 class SerialPort:
-    """Which ports has this computer?
+    """Serial port, as the system describes it.
 
-    Attributes
-    ----------
-    url : str
-    about : str
-        What the system says of it.
-    hardware : str
-        What the system calls it, such as ``USB VID:PID=10C4:EA60 ...``; ``BTHENUM...`` is Bluetooth on Windows.
-    vendor : int or None
-        The number of the USB chip's maker.
+    `hardware` is such as ``USB VID:PID=10C4:EA60 ...``, or ``BTHENUM...`` for Bluetooth on Windows; `vendor` is
+    the number of the USB chip's maker.
     """
 
     url: str
@@ -55,34 +47,26 @@ class SerialPort:
 
 
 class Link(Protocol):
-    """Bytes to one module and back.
-
-    Attributes
-    ----------
-    url : str
-        Where the module is reached.
-    lockstep : bool
-        Whether its time passes only while somebody waits; no thread may then read it meanwhile.
-    """
+    """Link to one module. If it is in `lockstep`, time passes only while somebody waits: no thread may read it."""
 
     url: str
     lockstep: bool
 
     def send(self, content: bytes) -> None:
-        """Send bytes; a `LinkError` if the link is broken."""
+        """Send bytes; raise a `LinkError` if the link is broken."""
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes, for so many s at most; empty if none came. A `LinkError` if the link is broken."""
+        """Return received bytes, or none after so many s; raise a `LinkError` if the link is broken."""
 
     def clock(self) -> float:
-        """Time by which timeouts count, in s."""
+        """Return the time by which timeouts count, in s."""
 
     def close(self) -> None:
-        """Let go of the link; a closed link may be closed again."""
+        """Close the link; a closed link may be closed again."""
 
 
 def serial_ports() -> list[SerialPort]:
-    """Which serial ports are there, by USB or Bluetooth, free or not?"""
+    """Return the serial ports of this computer, by USB or Bluetooth, free or not."""
     try:
         from serial.tools import list_ports
     except ImportError as missing:
@@ -94,19 +78,13 @@ def serial_ports() -> list[SerialPort]:
 
 
 def require_known(url: str) -> None:
-    """Refuse, by a `LinkError`, what can be no link, before any is opened."""
-    if not KNOWN.fullmatch(url):
-        raise LinkError(f"{url!r} is no link to a module; give one of these:\n{KINDS}")
+    """Raise a `LinkError` for a URL of no known kind."""
+    if not URL_PATTERN.fullmatch(url):
+        raise LinkError(f"{url!r} is no link to a module; give one of these:\n{URL_KINDS}")
 
 
 def open_link(url: str) -> Link:
-    """Reach a module.
-
-    Parameters
-    ----------
-    url : str
-        ``bt://AA:BB:CC:DD:EE:FF/1``, a serial port such as ``/dev/rfcomm0`` or ``COM5``, ``socket://host:port``,
-        or ``sim:`` for a simulated module of its own.
+    """Open the link of a URL, of a kind in `URL_KINDS`.
 
     Raises
     ------
@@ -116,8 +94,8 @@ def open_link(url: str) -> Link:
         If pyserial or filelock is not installed.
     """
     require_known(url)
-    if url == "sim:":
-        return SimulatedLink(SimulatedModule())
+    if url in OPENERS:
+        return OPENERS[url]()
     kind = BluetoothLink if url.startswith("bt://") else SerialLink
     lock = LinkLock(url)
     try:
@@ -128,7 +106,7 @@ def open_link(url: str) -> Link:
 
 
 class SerialLink:
-    """A serial port, or TCP in its place, through pyserial; the lock ends with it."""
+    """Link over a serial port or TCP, through pyserial; closing it releases the lock."""
 
     lockstep = False
 
@@ -138,13 +116,13 @@ class SerialLink:
         except ImportError as missing:
             raise MissingDependency(NEEDS_PYSERIAL) from missing
         self.url, self._lock = url, lock
-        # A port that is closed while another thread reads it is none of pyserial's own errors.
+        # The errors of a port that is closed while another thread reads it are not pyserial's own.
         self._broken = (serial.SerialException, TypeError, AttributeError)
         try:
-            # Only the ports of a system know of being taken; a TCP port refuses by itself.
+            # Only system ports can be opened exclusively; a TCP port refuses by itself.
             taken = {} if url.startswith("socket://") else {"exclusive": True}
             self._port: Any = serial.serial_for_url(
-                url, BAUD, timeout=0, write_timeout=0, do_not_open=True, **taken
+                url, BAUD_RATE, timeout=0, write_timeout=0, do_not_open=True, **taken
             )
             self._port.dtr = self._port.rts = False  # they reset most boards
             self._port.open()
@@ -154,7 +132,7 @@ class SerialLink:
             ) from None
 
     def send(self, content: bytes) -> None:
-        """Send bytes; never waits."""
+        """Send bytes without waiting."""
         try:
             taken = self._port.write(content)
         except (*self._broken, OSError) as error:
@@ -166,12 +144,12 @@ class SerialLink:
         """Wait for bytes."""
         try:
             self._wait(timeout)
-            return bytes(self._port.read(CHUNK))
+            return bytes(self._port.read(READ_BYTES))
         except (*self._broken, OSError, ValueError) as error:
             raise LinkError(f"{self.url} broke: {error}") from None
 
     def _wait(self, timeout: float) -> None:
-        """Come back when something is there to read: pyserial's own waiting sets the port up anew each time."""
+        """Wait until there is something to read: pyserial's own waiting configures the port anew each time."""
         if hasattr(self._port, "fileno"):
             select.select([self._port.fileno()], [], [], timeout)
             return
@@ -180,11 +158,11 @@ class SerialLink:
             time.sleep(1e-3)
 
     def clock(self) -> float:
-        """Time, in s."""
+        """Return the time, in s."""
         return time.monotonic()
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Close the port."""
         inner = getattr(self._port, "_socket", None)
         self._port.close()
         if inner is not None:
@@ -193,7 +171,7 @@ class SerialLink:
 
 
 class BluetoothLink:
-    """Bluetooth Classic: an RFCOMM socket, where this Python has them; the lock ends with it."""
+    """Link over Bluetooth Classic, an RFCOMM socket; closing it releases the lock."""
 
     lockstep = False
 
@@ -210,7 +188,7 @@ class BluetoothLink:
                 "/dev/cu.tensionlab-…; on Windows, pair it and use its COM port"
             )
         self._socket = socket.socket(family, socket.SOCK_STREAM, protocol)
-        self._socket.settimeout(CONNECT_TIMEOUT)
+        self._socket.settimeout(CONNECT_TIMEOUT_S)
         try:
             self._socket.connect((match[1], int(match[2] or 1)))
         except OSError as error:
@@ -229,7 +207,7 @@ class BluetoothLink:
         try:
             if not select.select([self._socket], [], [], timeout)[0]:
                 return b""
-            content = self._socket.recv(CHUNK)
+            content = self._socket.recv(READ_BYTES)
         except (OSError, ValueError) as error:  # a socket closed while it is waited for is a ValueError
             raise LinkError(f"{self.url} broke: {error}") from None
         if not content:
@@ -237,10 +215,10 @@ class BluetoothLink:
         return content
 
     def clock(self) -> float:
-        """Time, in s."""
+        """Return the time, in s."""
         return time.monotonic()
 
     def close(self) -> None:
-        """Let go of the module."""
+        """Close the socket."""
         self._socket.close()
         self._lock.release()

@@ -1,7 +1,7 @@
-"""Who has a module now? One process at a time: a lock of the system's on each link, and a note of who holds it.
+"""Locks on links, so that one process at a time uses a module, and notes of which process that is.
 
-Locks and notes lie in a folder of the user's, named after the link. The system lets go of the locks of a process
-that ends, however it ends, so that nothing has to be cleared up after one that was killed.
+Locks and notes lie in a folder of the user's, named after the link. The system releases the locks of a process
+that ends, however it ends, so nothing has to be cleared up after one that was killed.
 """
 
 from __future__ import annotations
@@ -28,25 +28,16 @@ if TYPE_CHECKING:
     from filelock import BaseFileLock
 
 ESTOP_SIGNAL: signal.Signals = getattr(signal, "SIGUSR1", signal.SIGTERM)
-"""What tells a process that holds modules to stop them all at once. Who does not expect it ends by it, and so do
-its links: then the modules let go by themselves."""
-PATIENCE = 0.3
-"""How long, in s, to wait for somebody who is just letting go."""
-LONGEST = 100
-"""Characters of a command line that messages repeat."""
+"""Signal that makes a process stop its modules at once. It ends a process without a handler, and so its links:
+then the modules release their cables by themselves."""
+LOCK_TIMEOUT_S = 0.3
+MAX_PROGRAM_CHARACTERS = 100
+"""Of a command line in messages."""
 
 
 @dataclass(frozen=True)
 class Holder:
-    """Which process has a module?
-
-    Attributes
-    ----------
-    pid : int
-        Its number.
-    program : str
-        What it runs, as it was called.
-    """
+    """Process that has a lock: its number, and the program as it was called."""
 
     pid: int
     program: str
@@ -56,17 +47,12 @@ class Holder:
 
 
 class LinkLock:
-    """The right of this process to a link, until it is released or the process ends.
-
-    Parameters
-    ----------
-    url : str
-        Of the link.
+    """Lock on a link, held by this process until it is released or the process ends.
 
     Raises
     ------
     LinkError
-        If somebody has it; names the process and what it runs.
+        If another process has it; names the process and what it runs.
     MissingDependency
         If filelock is not installed.
     """
@@ -74,7 +60,7 @@ class LinkLock:
     def __init__(self, url: str) -> None:
         path = _path(url)
         self._note = path.with_suffix(".json")
-        self._lock = _locked(path, PATIENCE)
+        self._lock = _locked(path, LOCK_TIMEOUT_S)
         if self._lock is None:
             raise LinkError(f"{url} is in use by {_read(self._note) or 'another process'}; end that first")
         content = {"pid": os.getpid(), "program": _program(), "url": url}
@@ -83,7 +69,7 @@ class LinkLock:
         new.replace(self._note)
 
     def release(self) -> None:
-        """Let others have the link; once is enough."""
+        """Release the lock; a released one may be released again."""
         if self._lock is not None:
             self._note.unlink(missing_ok=True)
             self._lock.release()
@@ -91,7 +77,7 @@ class LinkLock:
 
 
 def holder(url: str) -> Holder | None:
-    """Which process has this link now? None if nobody has, or it does not say."""
+    """Return the process that has a link; None if there is none, or it left no note."""
     path = _path(url)
     lock = _locked(path, 0.0)
     if lock is None:
@@ -101,7 +87,7 @@ def holder(url: str) -> Holder | None:
 
 
 def locked_links() -> dict[str, Holder]:
-    """Which links do processes of this user have now, and which process has each?"""
+    """Return the links that processes of this user have, and the process of each."""
     found = {}
     for note in sorted(_folder().glob("*.json")):
         with suppress(OSError, ValueError, KeyError):
@@ -113,7 +99,7 @@ def locked_links() -> dict[str, Holder]:
 
 
 def normalised(url: str) -> str:
-    """Which of the URLs that reach the same module stands for all of them?"""
+    """Return one URL for all those that reach the same module."""
     if url.startswith("socket://"):
         parts = urlsplit(url)
         return f"socket://{_address(parts.hostname or '')}:{parts.port}"
@@ -126,7 +112,7 @@ def normalised(url: str) -> str:
 
 
 def _address(host: str) -> str:
-    """Which number has a host? Its name if nobody knows."""
+    """Return the address of a host, or its name if it is not known."""
     with suppress(OSError):
         host = str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0][4][0])
     with suppress(ValueError):
@@ -135,21 +121,21 @@ def _address(host: str) -> str:
     return host
 
 
-def _locked(path: Path, patience: float) -> BaseFileLock | None:
-    """The lock of a link, taken; None if somebody else has it for longer than that, in s."""
+def _locked(path: Path, timeout: float) -> BaseFileLock | None:
+    """Lock a file; return None if another process still has it after the timeout, in s."""
     try:
-        return acquire_lock(path, patience, "hardware")
+        return acquire_lock(path, timeout, "hardware")
     except OSError as error:
         raise LinkError(f"{path}: cannot be locked: {error.strerror}; see that you may write there") from None
 
 
 def _path(url: str) -> Path:
-    """Where is the lock of a link?"""
+    """Return the lock file of a link."""
     return _folder() / f"{hashlib.sha256(normalised(url).encode()).hexdigest()[:24]}.lock"
 
 
 def _folder() -> Path:
-    """Which folder has this user's locks? Made if it is not there; nobody else may write into it."""
+    """Return the folder of this user's locks, made if it is missing; nobody else may write into it."""
     user = os.getuid() if hasattr(os, "getuid") else getpass.getuser()
     folder = Path(tempfile.gettempdir()) / f"tensionlab-{user}"
     try:
@@ -163,7 +149,7 @@ def _folder() -> Path:
 
 
 def _read(note: Path) -> Holder | None:
-    """What does a note say? None if there is none that can be read."""
+    """Return the process that a note names; None if it cannot be read."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads(note.read_text(encoding="utf-8"))
         return Holder(int(content["pid"]), str(content["program"]))
@@ -171,8 +157,8 @@ def _read(note: Path) -> Holder | None:
 
 
 def _program() -> str:
-    """What does this process run, as short as one can recognise it?"""
+    """Return the command line of this process, shortened."""
     called = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
     name = called.parent.name if called.name == "__main__.py" else called.name
     words = " ".join([name, *sys.argv[1:]])
-    return words if len(words) <= LONGEST else words[: LONGEST - 1] + "…"
+    return words if len(words) <= MAX_PROGRAM_CHARACTERS else words[: MAX_PROGRAM_CHARACTERS - 1] + "…"

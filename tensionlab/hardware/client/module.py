@@ -1,9 +1,11 @@
-"""The commands of one module, as the host gives them: what is it, arm, pull, stop, set up."""
+"""Client of one module: a method for each command."""
 
 from __future__ import annotations
 
 import random
+import time
 from contextlib import suppress
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -32,50 +34,35 @@ from tensionlab.hardware.protocol.messages import (
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
 
 SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
-"""How long each try waits for an answer, in s, to what takes a module long."""
+"""How long each try waits for an answer to a command that takes the module long."""
 
 
 class ModuleClient(Connection):
-    """Have one module do what there is a command for.
-
-    Parameters
-    ----------
-    name : str
-        What the module is called in messages.
-    link : Link or str
-        A link, or the URL of one.
-
-    Attributes
-    ----------
-    session : int
-        Of the last `arm`; set-points carry it. What the module has said of itself is with the `Connection`.
-    """
+    """Client of one module: a `Connection`, and the `session` of the last `arm`."""
 
     def __init__(self, name: str, link: Link | str) -> None:
         super().__init__(name, link)
         self.session = 0
 
     def __enter__(self) -> Self:
-        """Stay open in a with block."""
+        """Return itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Let the module go, and close the link."""
+        """Stop the module after an error, and close the link."""
         if kind is not None:
             with suppress(HardwareError):
                 self.stop()
         self.close()
 
-    # Questions and commands: each waits for its answer.
-
     def hello(self) -> Info:
-        """Ask the module what it is; errors as those of `command`."""
+        """Return the module's description of itself; errors as those of `command`."""
         return self.check_info(self.request(Hello(), Info))
 
     def check_info(self, info: Info) -> Info:
-        """Take note of what the module said of itself."""
+        """Store the state of a description, and return the description."""
         self.state = info.state
         return info
 
@@ -90,43 +77,51 @@ class ModuleClient(Connection):
             )
 
     def ping(self) -> tuple[float, int]:
-        """How long does a message take there and back, in s, and what does the module's clock show, in us?"""
+        """Return the round-trip time of a message, in s, and the module's clock, in us."""
         began = self.link.clock()
         pong = self.request(Ping(random.getrandbits(64)), Pong)
         return self.link.clock() - began, pong.time_us
 
     def arm(self) -> None:
-        """Let the module pull with the taut minimum, and wait for set-points of a new session."""
+        """Make the module pull with the taut minimum, and wait for set-points of a new session."""
         self.begin_session()
         self.command(Arm(self.session))
 
     def begin_session(self) -> None:
-        """Make up the session that the next `Arm` begins. A module takes each only once."""
+        """Draw the session of the next `Arm`; a module accepts each only once."""
         self.session = random.randrange(1, 1 << 16)
 
+    def wait(self, seconds: float) -> None:
+        """Let time pass by the module's link: a simulated module runs meanwhile, a real one does so anyway."""
+        end = self.link.clock() + seconds
+        self.listen(seconds)
+        left = end - self.link.clock()
+        if left > 1e-3:  # a simulated module goes by its steps
+            time.sleep(left)
+
     def stop(self) -> None:
-        """Have the module let go and be idle. From a fault or an emergency stop it takes `clear`."""
+        """Make the module release its cable and be idle; a fault or an emergency stop needs `clear`."""
         self.command(Stop())
 
     def estop(self) -> None:
-        """Have the module let go at once, and stay so until `clear`."""
+        """Make the module release its cable at once, and stay so until `clear`."""
         self.command(EmergencyStop())
 
     def clear(self) -> None:
-        """Have the module leave fault or emergency stop."""
+        """Make the module leave fault or emergency stop."""
         self.command(Clear())
         self.faults = Fault(0)
 
     def telemetry_every(self, period_ms: int) -> None:
-        """Have the module send telemetry every so many ms; 0: never."""
+        """Set the period of telemetry, in ms; 0 for none."""
         self.command(ConfigureTelemetry(period_ms))
 
     def calibrate(self, what: Calibration, value: float = 0.0) -> None:
-        """Have the module take over something measured, or find its motor's zero."""
+        """Give the module a measured length or N/A, or make it find its motor's zero."""
         self.command(Calibrate(what, value), SAVE_TIMEOUTS_S)
 
     def parameter(self, name: str) -> float:
-        """Which value has a parameter?"""
+        """Return the value of a parameter."""
         return self.request(GetParameter(require_name(name).index), ParameterValue).value
 
     def set_parameter(self, name: str, value: float) -> None:
@@ -135,36 +130,33 @@ class ModuleClient(Connection):
         self.command(SetParameter(PARAMETERS[name].index, value))
 
     def save(self) -> None:
-        """Have the module store its parameters."""
+        """Store the module's parameters for good."""
         self.command(Save(), SAVE_TIMEOUTS_S)
 
-    # Set-points: nobody answers, and the next one comes soon.
-
     def set_tension(self, tension: float, *, brake: bool = False, ttl_ms: int = 0) -> int:
-        """Have the module pull with so many N. Returns the sequence number, which telemetry repeats."""
+        """Command a tension, in N; return the sequence number, which telemetry repeats."""
         return self.send_set_point(SetTension(self.session, tension, brake, ttl_ms))
 
     def set_impedance(self, setting: SetImpedance) -> int:
-        """Have the module render a spring and damper; the session is filled in. Returns the sequence number."""
-        fields = {name: getattr(setting, name) for name in SetImpedance.__dataclass_fields__}
-        return self.send_set_point(SetImpedance(**{**fields, "session": self.session}))
+        """Command a spring and damper, with this session; return the sequence number."""
+        return self.send_set_point(replace(setting, session=self.session))
 
     def check(self) -> None:
-        """Raise what has gone wrong since the last call.
+        """Raise the error of what has gone wrong since the last call.
 
         Raises
         ------
         LinkError
             The link broke.
         ModuleFault
-            The module refused a set-point, or has let go.
+            The module refused a set-point, or has released its cable.
         """
         if self._broken is not None:
             raise self._broken
         if self.state in RELEASED_STATES:
             faults = f": {self.faults.name or int(self.faults)}" if self.faults else ""
             raise ModuleFault(
-                f'module "{self.name}" has let go ({self.state.name}{faults})',
+                f'module "{self.name}" has released its cable ({self.state.name}{faults})',
                 self.name,
                 self.faults or self.state,
             )
@@ -174,5 +166,5 @@ class ModuleClient(Connection):
             raise ModuleFault(f'module "{self.name}" refused a set-point: {code.name}', self.name, code)
 
     def forget_refusals(self) -> None:
-        """Do not raise what the module has refused up to now."""
+        """Discard the refusals up to now."""
         self._refused = None

@@ -1,4 +1,4 @@
-"""A module's parameters as a TOML file, and back: checked as a whole before anything is changed.
+"""Parameters of a module as a TOML file, and back: checked as a whole before anything is changed.
 
 ::
 
@@ -35,19 +35,18 @@ from tensionlab.hardware.protocol.parameters import (
     single,
 )
 
-ROOMIER_MORE = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
-"""The more of these, the more room for others."""
-ROOMIER_LESS = frozenset({"tension_lower", "length_lower", "supply_lower"})
-"""The less of these, the more room for others."""
-FORGETTING = frozenset({"spool_radius", "motor_direction"})
-"""A module that gets another of these no longer knows how long its cable is."""
-COLUMN = 34
-"""Where the comments begin."""
+UPPER_BOUNDS = frozenset({"tension_upper", "newton_per_ampere", "current_peak", "length_upper", "supply_upper"})
+"""Parameters that allow others more as they grow."""
+LOWER_BOUNDS = frozenset({"tension_lower", "length_lower", "supply_lower"})
+"""Parameters that allow others more as they shrink."""
+LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
+"""Parameters whose change makes a module forget its cable's length."""
+COMMENT_COLUMN = 34
 
 
 @dataclass(frozen=True)
 class Change:
-    """What became of a parameter?"""
+    """Parameter that was changed."""
 
     name: str
     before: float
@@ -55,7 +54,7 @@ class Change:
 
 
 def dump(client: ModuleClient) -> str:
-    """Which file has the parameters of a module? It must be idle, as for `restore`."""
+    """Return the file with the parameters of a module, which must be idle."""
     info = client.hello()
     lines = [
         "[module] # for information",
@@ -67,38 +66,17 @@ def dump(client: ModuleClient) -> str:
     for name, found in parameters(client).items():
         bounds = "" if name in CHOICES else f", {found.lower:g} to {found.upper:g}"
         comment = f"# {PARAMETERS[name].unit}{bounds}: {PARAMETER_DESCRIPTIONS[name]}"
-        lines.append(f"{name} = {plain(found.value)}".ljust(COLUMN) + comment)
+        lines.append(f"{name} = {plain(found.value)}".ljust(COMMENT_COLUMN) + comment)
     return "\n".join([*lines, ""])
 
 
 def file_of(folder: Path, module: str) -> Path:
-    """Return the file in a folder that keeps the parameters of a module: NAME.toml.
-
-    What a file name cannot have, such as a slash, is written as %2F, and a per cent sign as %25.
-    """
+    """Return the path of a module's file in a folder, NAME.toml, with a slash as %2F and a per cent as %25."""
     return folder / (re.sub(r'[%/\\:*?"<>|\x00-\x1f\x7f]', lambda each: f"%{ord(each[0]):02X}", module) + ".toml")
 
 
-def restore(client: ModuleClient, text: str, origin: str = "settings") -> list[Change]:
-    """Which parameters did a file change? As `parse` and `change` say."""
-    return change(client, parse(text, origin), origin)
-
-
 def parse(text: str, origin: str) -> dict[str, float]:
-    """Which values do these settings have?
-
-    Parameters
-    ----------
-    text : str
-        What `dump` gave, or part of it.
-    origin : str
-        The file, for messages.
-
-    Raises
-    ------
-    HardwareError
-        Naming file and key.
-    """
+    """Return the values in a text of `dump`, or part of it; a `HardwareError` names origin and key."""
     document = parse_toml(text, origin, HardwareError)
     for key in document:
         if key not in ("module", "parameters"):
@@ -110,7 +88,7 @@ def parse(text: str, origin: str) -> dict[str, float]:
 
 
 def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
-    """Which values would a module have? A `HardwareError` names what is no parameter, or out of bounds."""
+    """Return values as a module stores them; a `HardwareError` names what is no parameter, or out of bounds."""
     found = {}
     for name, value in values.items():
         if name not in PARAMETERS:
@@ -131,19 +109,10 @@ def checked(values: Mapping[str, object], origin: str) -> dict[str, float]:
 
 
 def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> list[Change]:
-    """Which parameters did a module have to change to have these values? It forgets them when it is switched off.
+    """Set the parameters of an idle module, until it is switched off, and return those that changed.
 
     All values are checked before the first is changed, together with those that stay. They are changed in an order
-    in which parameters that bound each other never get in each other's way, and read back.
-
-    Parameters
-    ----------
-    client : ModuleClient
-        Of a module that is idle.
-    values : mapping of str to float
-        By name; in the parameters' own units.
-    origin : str
-        Where they come from, for messages.
+    in which parameters that bound each other never conflict, and read back. `origin` is for messages.
 
     Raises
     ------
@@ -157,7 +126,7 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
     _require_consistent({**before, **wanted}, f'{origin}: module "{client.name}"')
 
     changes = [Change(name, before[name], number) for name, number in wanted.items() if number != before[name]]
-    changes.sort(key=_turn)
+    changes.sort(key=_order)
     done: list[str] = []
     for each in changes:
         try:
@@ -176,22 +145,22 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
 
 
 def parameters(client: ModuleClient) -> dict[str, ParameterValue]:
-    """Which values and bounds has a module?"""
+    """Return the values and bounds of a module's parameters."""
     return {name: client.request(GetParameter(row.index), ParameterValue) for name, row in PARAMETERS.items()}
 
 
 def firmware(info: Info) -> str:
-    """Which firmware is it?"""
+    """Return the version of the firmware."""
     return f"{info.firmware >> 8}.{info.firmware & 0xFF}"
 
 
 def plain(value: float) -> str:
-    """How does one write a module's number, in as few digits as give it back?"""
+    """Return a module's 32-bit number in as few digits as give it back."""
     return str(np.float32(value))
 
 
 def _require_consistent(values: Mapping[str, float], origin: str) -> None:
-    """As the firmware's own table of parameters has it."""
+    """Refuse values that contradict each other, as the firmware does."""
     forever = single(values["current_continuous"] * values["newton_per_ampere"])
     rules = (
         ("tension_lower", "tension_upper", values["tension_lower"] <= values["tension_upper"]),
@@ -206,8 +175,8 @@ def _require_consistent(values: Mapping[str, float], origin: str) -> None:
             raise HardwareError(f"{origin}: {less} would be {values[less]:g}, but {more} {limit:g}; change either")
 
 
-def _turn(change: Change) -> int:
-    """When is it its turn? First what makes room for others, last what takes it; in between what does both."""
-    if change.name not in ROOMIER_MORE | ROOMIER_LESS:
+def _order(change: Change) -> int:
+    """Return 0 for a change that allows other parameters more, 2 for one that allows less, else 1."""
+    if change.name not in UPPER_BOUNDS | LOWER_BOUNDS:
         return 1
-    return 0 if (change.after > change.before) == (change.name in ROOMIER_MORE) else 2
+    return 0 if (change.after > change.before) == (change.name in UPPER_BOUNDS) else 2

@@ -9,7 +9,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import LinkTimeout, ModuleFault
-from tensionlab.hardware.client.connection import CLOCK_WRAP, Received
+from tensionlab.hardware.client.connection import CLOCK_WRAP_US, Received
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
 from tensionlab.hardware.protocol.messages import Telemetry
@@ -165,7 +165,7 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
         return
     said = before.message
     # By the slower clock: that of a simulated module stands still while its computer gives it no time.
-    seconds = max(1e-6 * ((now.time_us - said.time_us) % CLOCK_WRAP), heard.time - before.time)
+    seconds = max(1e-6 * ((now.time_us - said.time_us) % CLOCK_WRAP_US), heard.time - before.time)
     expected = said.length + 0.5 * (said.speed + now.speed) * seconds
     jump = now.length - expected
     if abs(jump) > JUMP_M + 0.25 * MAX_ACCELERATION * seconds**2:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tensionlab.errors import LinkError
+from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 
@@ -43,3 +44,6 @@ class SimulatedLink:
     def _require_open(self) -> None:
         if not self._open:
             raise LinkError(f"{self.url} is closed")
+
+
+OPENERS["sim:"] = lambda: SimulatedLink(SimulatedModule())

@@ -133,7 +133,7 @@ def test_a_module_that_breaks_meanwhile_says_so_and_lets_go():
         def break_it(share):
             simulated.damage("encoder")
 
-        with pytest.raises(ModuleFault, match="has let go"):
+        with pytest.raises(ModuleFault, match="has released its cable"):
             weigh(client, 0.1, 3, break_it)
     assert not simulated.sample.driver_on
 

@@ -99,7 +99,7 @@ def test_a_module_that_is_let_go_while_it_is_being_opened(links, monkeypatch):
         return real(name, link)
 
     monkeypatch.setattr(emergency, "ModuleClient", open_late)
-    monkeypatch.setattr(emergency, "_tell", lambda who: "")
+    monkeypatch.setattr(emergency, "_signal", lambda who: "")
     with host("ignores", [url]) as process:
         outcome = emergency_stop({"top": url})["top"]
     assert (outcome.holder.pid, outcome.error, len(tries)) == (process.pid, "", 2)
@@ -108,14 +108,14 @@ def test_a_module_that_is_let_go_while_it_is_being_opened(links, monkeypatch):
 
 @pytest.mark.parametrize("hangs", [False, True])
 def test_a_process_that_does_not_let_go_is_named_and_the_rest_let_go(links, hangs, monkeypatch):
-    monkeypatch.setattr(emergency, "PATIENCE", 0.5)
+    monkeypatch.setattr(emergency, "RELEASE_TIMEOUT_S", 0.5)
     manner = "handles" if hangs else "ignores"
     with host(manner, list(links.values())[:1]) as process:
         if hangs:
             process.send_signal(signal.SIGSTOP)
         outcomes = list(emergency_stop(links).values())
         assert outcomes[0].error.startswith(f"process {process.pid} (-c {manner} socket://")
-        assert outcomes[0].error.endswith(f"still has it; end it (kill -9 {process.pid}), and its modules let go")
+        assert outcomes[0].error.endswith(f"still has it; end it (kill -9 {process.pid}), and its modules stop")
         assert [each.error for each in outcomes[1:]] == [""] * 3
     time.sleep(0.1)
     assert states(links) == [State.TIMEOUT] + [State.ESTOP] * 3

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tensionlab.hardware.client.latency import Trips, is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.channel import Conditions
 from tensionlab.hardware.simulation.faulty import FaultyLink
@@ -49,7 +49,7 @@ def test_it_ends_where_it_is_told_to():
 
 
 def test_nothing_that_comes_back_is_no_rate():
-    trips = Trips((), 5, math.nan, math.nan)
+    trips = RoundTrips((), 5, math.nan, math.nan)
     assert math.isnan(trips.percentile(50))
     assert trips.loss == 1.0
     assert safe_rates(trips, 0.25, bluetooth=False) is None
@@ -68,7 +68,7 @@ def test_nothing_that_comes_back_is_no_rate():
     ],
 )
 def test_the_rule_of_the_safe_rate(trip, lost, ttl, bluetooth, expected):
-    found = safe_rates(Trips((trip,) * 75, lost, 0.0, 0.0), ttl, bluetooth=bluetooth)
+    found = safe_rates(RoundTrips((trip,) * 75, lost, 0.0, 0.0), ttl, bluetooth=bluetooth)
     assert found == (None if expected is None else pytest.approx(expected))
 
 

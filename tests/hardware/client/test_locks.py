@@ -131,4 +131,4 @@ def test_a_folder_that_others_can_write_to_is_refused(locks_folder):
 def test_a_long_command_line_is_cut(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["/usr/lib/python3/site-packages/tensionlab/__main__.py", "run", "x" * 200])
     assert locks._program().startswith("tensionlab run xxx")
-    assert len(locks._program()) == locks.LONGEST
+    assert len(locks._program()) == locks.MAX_PROGRAM_CHARACTERS

@@ -36,7 +36,7 @@ def test_silence_makes_it_let_go_and_the_next_check_says_so(client):
     client.arm()
     client.set_tension(2.0, ttl_ms=100)
     client.listen(0.3)
-    with pytest.raises(ModuleFault, match=r"has let go \(TIMEOUT") as caught:
+    with pytest.raises(ModuleFault, match=r"has released its cable \(TIMEOUT") as caught:
         client.check()
     assert caught.value.module == "one"
     assert caught.value.code is State.TIMEOUT

@@ -9,7 +9,7 @@ import pytest
 from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client import parameter_file as settings
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.client.parameter_file import change, dump, restore
+from tensionlab.hardware.client.parameter_file import change, dump, parse
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.protocol.parameters import CHOICES, PARAMETERS, single
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
@@ -22,6 +22,10 @@ def client():
     simulated.advance(STEP_S)
     with ModuleClient("one", SimulatedLink(simulated)) as found:
         yield found
+
+
+def restore(client, text, origin="file"):
+    return change(client, parse(text, origin), origin)
 
 
 def test_a_dump_has_all_parameters_with_units_and_the_module_for_information(client):

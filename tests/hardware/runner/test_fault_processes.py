@@ -74,7 +74,7 @@ def test_a_host_that_is_killed_or_hangs(rig, number):
             running.send_signal(signal.SIGCONT)
             assert running.wait(15.0) == 1
             said = running.stderr.read()  # by what it hears first: that they let go, or nothing for too long
-            assert "has let go (TIMEOUT)" in said or "has been silent for" in said
+            assert "has released its cable (TIMEOUT)" in said or "has been silent for" in said
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

@@ -80,7 +80,7 @@ def test_a_module_that_starts_anew_stops_all(rehearsal):
 @pytest.mark.parametrize(("part", "fault"), [("encoder", Fault.ENCODER), ("supply", Fault.SUPPLY)])
 def test_a_fault_of_one_stops_all(rehearsal, part, fault):
     runner = rehearsal.runner(rehearsal.demand(trouble=lambda: rehearsal.module("floor-2").damage(part)))
-    with pytest.raises(ModuleFault, match='module "floor-2" has let go') as caught:
+    with pytest.raises(ModuleFault, match='module "floor-2" has released its cable') as caught:
         runner.run(2.0)
     assert caught.value.code == fault
     assert_let_go(rehearsal)
@@ -211,7 +211,7 @@ def test_a_clock_that_jumps_back_or_far_ahead(rehearsal, jump):
         assert_let_go(rehearsal)
     else:
         # Waiting for a time that is far off, the host hangs: modules time out, and say so when it comes back.
-        with pytest.raises(HardwareError, match=r"has let go \(TIMEOUT\)|the clock went back"):
+        with pytest.raises(HardwareError, match=r"has released its cable \(TIMEOUT\)|the clock went back"):
             runner.run(2.0)
         assert rehearsal.let_pass(0.0) <= TAUT + 1e-6
 

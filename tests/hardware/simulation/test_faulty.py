@@ -136,7 +136,7 @@ def test_a_frozen_link_is_silent_and_a_thawed_one_forgets_what_was_said(faulty):
         client.link.thaw()
         client.hello()
         assert client.state is State.TIMEOUT  # neither set-point nor STOP came through
-        with pytest.raises(ModuleFault, match="has let go"):
+        with pytest.raises(ModuleFault, match="has released its cable"):
             client.check()
         client.stop()
         assert client.state is State.IDLE

@@ -1,7 +1,9 @@
+"""A file that names the modules of a rig and their links."""
+
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.client.modules_file import load_modules, modules_to_toml
+from tensionlab.hardware.client.group import load_modules, modules_to_toml
 
 
 def test_what_is_written_is_read_again(tmp_path):
