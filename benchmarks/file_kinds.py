@@ -193,7 +193,7 @@ def _read_directions(place: Path) -> object:
 
 
 def _read_poses(place: Path) -> object:
-    from tensionlab.workspace.paths import read_poses
+    from tensionlab.workspace.poses import read_poses
 
     poses = read_poses(place)
     return poses.arrays(), poses.coordinates()
@@ -376,7 +376,7 @@ def _read_log(place: Path) -> object:
 
 
 def _sweep(place: Path) -> object:
-    from tensionlab.workspace.paths import box
+    from tensionlab.workspace.poses import box
     from tensionlab.workspace.sweep import sweep
 
     return sweep(RIG, box((-0.1, 0.1), 0.3, 0.0, step=0.1), "wrench-closure", out=place, chunk=2)

@@ -1,4 +1,4 @@
-"""One linear program a pose, by HiGHS: can the cables render this wrench? The judge and the yardstick of measures.
+"""Feasibility of wrenches by HiGHS, one linear program for each pose: a reference for metrics.
 
 Called directly, without SciPy's checks, which take more time than the simplex steps.
 """
@@ -15,7 +15,7 @@ from tensionlab.errors import MissingDependency
 
 
 def model(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-    """Which linear program asks for tensions inside the limits that render the wrench?
+    """Return the linear program of tensions inside the limits that render the wrench.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def model(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> An
     return program
 
 
-def judge() -> Callable[[Iterable[Any]], list[bool]]:
-    """A function that tells which of some models have a solution, by HiGHS's simplex without presolve."""
+def feasibility_checker() -> Callable[[Iterable[Any]], list[bool]]:
+    """Return a function that tells which models have a solution, by HiGHS's simplex without presolve."""
     highspy = _load()
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)

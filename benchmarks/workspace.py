@@ -1,7 +1,7 @@
-"""How fast are the workspace measures, and do they agree with a linear program for each pose?
+"""Times of the workspace metrics, and agreement with a linear program for each pose.
 
 `python -m benchmarks.workspace` times them, one core and all, beside HiGHS and NumPy in turn;
-with `--verdicts` it compares the sign of the capacity margin with HiGHS's verdict at 100,000 random poses.
+with `--verify` it compares the sign of the capacity margin with feasibility by HiGHS at 100,000 random poses.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from tensionlab.workspace import capacity_margin, wrench_closure
 
 LOWER, UPPER = 0.5, 6.0
 SHAPES = ((2, 4), (3, 4), (3, 8), (6, 8))
-"""Components and cables of the verdicts."""
-UNDECIDED = 1e-6
-"""Margins this close to zero, in N, are left out of the verdicts: HiGHS itself has a tolerance of 1e-7."""
-PEER_CALLS = 400
+"""Components and cables of the verification."""
+UNDECIDED_MARGIN_N = 1e-6
+"""Margins this close to zero are left out of the verification: HiGHS itself has a tolerance of 1e-7."""
+BASELINE_CALLS = 400
 """Linear programs in each round."""
 
 
@@ -59,14 +59,14 @@ class Row:
 
 
 def margin_row(n: int, m: int, count: int, rounds: int, seed: int = 0) -> Row:
-    """How long does the capacity margin about zero take at random poses?"""
+    """Return the times of the capacity margin about zero at random poses."""
     W = structures(np.random.default_rng(seed), n, m, count)
     limits = np.full(m, LOWER), np.full(m, UPPER)
     return _row(f"capacity margin, n = {n}, m = {m}", W, limits, lambda: capacity_margin(W, limits), None, rounds)
 
 
 def closure_row(step: float, rounds: int) -> Row:
-    """How long does wrench closure take over the published grid of IPAnema 2, for a step in m?"""
+    """Return the times of wrench closure over the published grid of IPAnema 2, for a step in m."""
     rig = find_rig("ipanema-2")
     axes = [np.arange(-4.0, 4.0 + step / 2, step), np.arange(-3.0, 3.0 + step / 2, step), np.arange(2.0, 4.5)]
     W = rig.structure_matrix(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
@@ -80,7 +80,7 @@ def closure_row(step: float, rounds: int) -> Row:
 
 
 def closure_by_svd(structure: Floats) -> NDArray[np.bool_]:
-    """Which poses have wrench closure, by singular values; two more cables than components.
+    """Return which poses have wrench closure, by singular values; two more cables than components.
 
     Positive tensions N x in the null space are there if the rows of its basis N fit in an open half-plane: if the
     largest angle between neighbours is more than a half turn.
@@ -104,16 +104,16 @@ def _row(
     name: str,
     W: Floats,
     limits: tuple[Floats, Floats],
-    measure: Callable[[], Any],
+    metric: Callable[[], Any],
     by_numpy: Callable[[], Any] | None,
     rounds: int,
 ) -> Row:
-    """All contestants in turn, so that what else the machine does hits all alike."""
+    """Time the metric and its baselines in turn, so that what else the machine does hits all alike."""
     from scipy.optimize import linprog
 
     count, n, m = W.shape
     cores = os.cpu_count() or 1
-    zero, cost, feasible = np.zeros(n), np.zeros(m), highs.judge()
+    zero, cost, feasible = np.zeros(n), np.zeros(m), highs.feasibility_checker()
     bounds = [(float(low), float(high)) for low, high in zip(*limits, strict=True)]
     times: dict[str, list[float]] = {"one": [], "all": [], "numpy": [], "highs": [], "linprog": []}
 
@@ -129,11 +129,11 @@ def _row(
     for turn in range(rounds):
         for key, number in (("one", 1), ("all", cores)):
             with using_threads(number):
-                clock(key, count, measure)
+                clock(key, count, metric)
         if by_numpy is not None:
             clock("numpy", count, by_numpy)
-        some = W[np.arange(turn * PEER_CALLS, (turn + 1) * PEER_CALLS) % count]
-        few = some[: PEER_CALLS // 8]
+        some = W[np.arange(turn * BASELINE_CALLS, (turn + 1) * BASELINE_CALLS) % count]
+        few = some[: BASELINE_CALLS // 8]
         models = [highs.model(each, zero, *limits) for each in some]
         clock("highs", len(some), partial(feasible, models))
         clock("linprog", len(few), partial(by_scipy, few))
@@ -142,30 +142,30 @@ def _row(
 
 
 @dataclass(frozen=True)
-class Verdicts:
-    """How often did margin and linear program agree?
+class Verification:
+    """Agreement of capacity margin and linear program.
 
     Attributes
     ----------
     n, m, poses : int
-    inside : int
-        Poses that HiGHS can render.
+    feasible : int
+        Poses at which HiGHS finds tensions.
     undecided : int
         Margins too close to zero to tell.
     contradicted : int
-        Of the others, those with another sign than the verdict.
+        Of the others, those whose sign HiGHS contradicts.
     """
 
     n: int
     m: int
     poses: int
-    inside: int
+    feasible: int
     undecided: int
     contradicted: int
 
 
-def verdicts(n: int, m: int, count: int, seed: int = 0) -> Verdicts:
-    """Has the capacity margin about a random wrench the sign of HiGHS's verdict, at random poses?
+def verify(n: int, m: int, count: int, seed: int = 0) -> Verification:
+    """Compare the sign of the capacity margin about a random wrench with HiGHS, at random poses.
 
     Every cable has limits of its own. A point in a plane, n = 2, is a point in space without its third component.
     """
@@ -175,25 +175,25 @@ def verdicts(n: int, m: int, count: int, seed: int = 0) -> Verdicts:
     upper = lower + rng.uniform(0.5, 6.0, (count, m))
     wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 3.0, (count, 1))
     margin = capacity_margin(W, (lower, upper), wrench[:, None])
-    found = np.array(highs.judge()(map(highs.model, W, wrench, lower, upper)))
-    decided = np.abs(margin) > UNDECIDED
+    found = np.array(highs.feasibility_checker()(map(highs.model, W, wrench, lower, upper)))
+    decided = np.abs(margin) > UNDECIDED_MARGIN_N
     wrong = decided & ((margin > 0) != found)
-    return Verdicts(n, m, count, *(int(np.count_nonzero(each)) for each in (found, ~decided, wrong)))
+    return Verification(n, m, count, *(int(np.count_nonzero(each)) for each in (found, ~decided, wrong)))
 
 
 def main() -> None:
-    """Print one of the two tables; exit status 1 if a verdict is contradicted."""
+    """Print one of the two tables; exit status 1 if HiGHS contradicts a sign."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--verdicts", action="store_true", help="compare signs instead of times")
-    parser.add_argument("--count", type=int, default=100_000, help="poses of the verdicts")
+    parser.add_argument("--verify", action="store_true", help="compare signs instead of times")
+    parser.add_argument("--count", type=int, default=100_000, help="poses of the verification")
     parser.add_argument("--rounds", type=int, default=9)
-    asked = parser.parse_args()
-    if asked.verdicts:
-        print("  n   m    poses   inside  undecided  contradicted")
-        found = [verdicts(n, m, asked.count // len(SHAPES)) for n, m in SHAPES]
+    options = parser.parse_args()
+    if options.verify:
+        print("  n   m    poses feasible  undecided  contradicted")
+        found = [verify(n, m, options.count // len(SHAPES)) for n, m in SHAPES]
         for each in found:
             print(
-                f"{each.n:3d} {each.m:3d} {each.poses:8,d} {each.inside:8,d} {each.undecided:10,d} "
+                f"{each.n:3d} {each.m:3d} {each.poses:8,d} {each.feasible:8,d} {each.undecided:10,d} "
                 f"{each.contradicted:13,d}"
             )
         raise SystemExit(any(each.contradicted for each in found))
@@ -202,9 +202,9 @@ def main() -> None:
         "              µs a pose:            poses   1 core      all NumPy SVD    HiGHS  linprog  HiGHS / 1 core"
     )
     for row in (
-        margin_row(3, 8, 20_000, asked.rounds),
-        margin_row(6, 8, 10_000, asked.rounds),
-        closure_row(0.1, asked.rounds),
+        margin_row(3, 8, 20_000, options.rounds),
+        margin_row(6, 8, 10_000, options.rounds),
+        closure_row(0.1, options.rounds),
     ):
         times = (row.one_core_s, row.all_cores_s, row.numpy_s, row.highs_s, row.linprog_s)
         cells = " ".join(f"{1e6 * value:8.3f}" for value in times)

@@ -12,8 +12,8 @@ from tensionlab.benchmark.rigs import find_rig
 from tensionlab.model.layouts import LIMITS, box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
+from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import sweep
-from tensionlab.workspace.sweep.pose_sets import Grid
 
 if TYPE_CHECKING:
     import xarray

@@ -73,8 +73,6 @@ NATIVE = {
     "verification.py",
     "benchmark/speed.py",
     "workspace/interference.py",
-    "workspace/directions.py",
-    "workspace/gradient.py",
     "workspace/margin.py",
     "workspace/structure_metrics.py",
     "workspace/wrench_set.py",

@@ -13,8 +13,7 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
 
 if TYPE_CHECKING:
-    from tensionlab.comparison.compare import Row
-    from tensionlab.comparison.scores import Score
+    from tensionlab.comparison.compare import Row, Score
 
 RowType = TypeVar("RowType", bound="Score")
 Column = tuple[str, Callable[[RowType], str], bool]

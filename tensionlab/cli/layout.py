@@ -13,7 +13,7 @@ from tensionlab.cli.common.options import Json
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
-    from tensionlab.workspace.layout.result import Layout, LayoutSearch
+    from tensionlab.workspace.layout.search import Layout, LayoutSearch
 
 layout = typer.Typer(help="Find out where to put the modules.", no_args_is_help=True, rich_markup_mode=None)
 

@@ -18,8 +18,8 @@ from tensionlab.files.writing import unwritable
 
 if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
-    from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
-    from tensionlab.workspace.sweep.summary import Summary
+    from tensionlab.workspace.poses import Grid, PoseList
+    from tensionlab.workspace.sweep.dataset import Summary
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 DRAWN_METRIC = "capacity-margin"
@@ -95,9 +95,9 @@ def workspace(
     Platforms keep their home orientation in a box. Body frames stay at rest, at the origin of the world.
     """
     from tensionlab.model.files import load_rig
-    from tensionlab.workspace.paths import read_poses
+    from tensionlab.workspace.poses import read_poses
     from tensionlab.workspace.sweep import sweep
-    from tensionlab.workspace.sweep.summary import summarise
+    from tensionlab.workspace.sweep.dataset import summarise
 
     loaded = [load_rig(path) for path in rigs]
     if poses is not None and (box is not None or step is not None):
@@ -140,7 +140,7 @@ def workspace(
 
 def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
     """Return the positions of the sweep."""
-    from tensionlab.workspace import paths
+    from tensionlab.workspace.poses import box as box_of_poses
 
     dimension = rigs[0].dimension
     if box is None:
@@ -155,15 +155,15 @@ def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
             )
         ends = np.array(numbers).reshape(dimension, 2)
     steps = [float(np.ptp(ends, axis=1).max()) / STEPS or 1.0] if step is None else options.parse_numbers(step)
-    return paths.box(*ends, step=steps if len(steps) > 1 else steps[0])
+    return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0])
 
 
 def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
-    from tensionlab.workspace import registry
-    from tensionlab.workspace.sweep.summary import SAMPLE
+    from tensionlab.workspace.metrics import description, make
+    from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE
 
-    metrics = {name: registry.make(name) for _, name, _ in found}
+    metrics = {name: make(name) for _, name, _ in found}
     rows = []
     for index, (rig, name, summary) in enumerate(found):
         unit = metrics[name].unit
@@ -172,9 +172,9 @@ def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: P
                 "" if index and rig == found[index - 1][0] else rig,
                 name,
                 "" if unit == "1" else unit,
-                output.short(summary.least),
+                output.short(summary.min),
                 output.short(summary.median),
-                output.short(summary.largest),
+                output.short(summary.max),
                 f"{100 * summary.above_zero:.1f} %" if metrics[name].above_zero else "",
                 f"{summary.missing:,}" if summary.missing else "",
             )
@@ -190,13 +190,13 @@ def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: P
     console.print()
     for name, metric in metrics.items():
         meaning = f" Above 0: {metric.above_zero}." if metric.above_zero else ""
-        console.print(f"{name}: {registry.question(metric)}{meaning}", style="dim")
+        console.print(f"{name}: {description(metric)}{meaning}", style="dim")
     if any(summary.missing for *_, summary in found):
         console.print(
             "no value: a cable has no length there, or a force whose effort is evaluated is infeasible",
             style="dim",
         )
-    if found[0][2].poses > SAMPLE:
-        console.print(f"median: of an even selection of {SAMPLE:,} values at most", style="dim")
+    if found[0][2].poses > MEDIAN_SAMPLE:
+        console.print(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most", style="dim")
     if out:
         console.print(f"values: {out}", soft_wrap=True)

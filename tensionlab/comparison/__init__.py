@@ -1,1 +1,1 @@
-"""Comparison of solvers on a rig: selected solvers, scores, replay of a run."""
+"""Comparison of solvers on a rig, and replay of a run by other solvers."""

@@ -1,41 +1,72 @@
-"""Which solver to trust on a rig: what each renders of a set of forces, how far off it is, what it costs."""
+"""Comparison of solvers on a rig: how many forces of a set each renders, its errors and its time."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.arrays import Floats
-from tensionlab.comparison.scores import Score, finite, score
-from tensionlab.errors import ShapeError
+from tensionlab.arrays import Floats, Integers, angles
+from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import make, select_solvers
 from tensionlab.solvers.base import POLICIES, Nearest, Status
 
-TIMED_CALLS = 200
-"""At most so many vectors are timed one by one, evenly spread over the set."""
+MAX_TIMED_CALLS = 200
+"""Vectors that are timed one by one, evenly spread over the set."""
 
-TURN = 10
+CALLS_PER_TURN = 10
 """Calls that one solver makes before the next one has its turn."""
 
 
 @dataclass(frozen=True)
+class Score:
+    """Statistics of the answers of one solver with one policy; NaN where there is no value.
+
+    Attributes
+    ----------
+    solver, nearest : str
+        Name of the solver, and its policy for infeasible forces; None if it honours no policy.
+    exact, nearest_count, iteration_limit, failed : int
+        How many vectors ended with which verified status.
+    residual_mean, residual_max : float
+        Norm of desired minus rendered wrench, over all vectors that did not fail, in N.
+    angle_mean_deg, angle_max_deg : float
+        Angle between desired and rendered force; vectors that render no force at all have none.
+    tension_sq_mean : float
+        Mean of the squared tensions, over modules and vectors, in N².
+    """
+
+    solver: str
+    nearest: Nearest | None
+    exact: int
+    nearest_count: int
+    iteration_limit: int
+    failed: int
+    residual_mean: float
+    residual_max: float
+    angle_mean_deg: float
+    angle_max_deg: float
+    tension_sq_mean: float
+
+
+@dataclass(frozen=True)
 class Row(Score):
-    """What one solver did with one policy, on so many vectors; NaN where nothing was measured.
+    """Score and times of one solver with one policy.
 
     Attributes
     ----------
     gap_max : float
-        Largest difference of a tension to the exact optimum of the same policy, in N. For a solver without a
-        policy, over the vectors within reach only: out of reach it promises nothing to compare with.
+        Maximum difference of a tension to the exact optimum of the same policy, in N. For a solver without a
+        policy, over the feasible vectors only: it promises nothing on the others.
     call_median_s, call_p99_s : float
-        Time of one `Allocator` call for one vector, measuring and proving included: median, 99 % quantile.
+        Time of one `Allocator` call for one vector, verification included: median, 99 % quantile.
     batch_s : float
         Time of one `Allocator` call for all vectors, divided by their number.
     """
@@ -48,22 +79,22 @@ class Row(Score):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Every solver on one rig, at one position, with one set of wrenches.
+    """Rows of every solver on one rig, at one position, with one set of wrenches.
 
     Attributes
     ----------
     rig : Rig
-        The rig, with body frames at rest.
+        With body frames at rest.
     position : (d,) array
-        Where it was pulled, in m.
+        In m.
     structure : (n, m) array
         Structure matrix there.
     wrenches : (K, n) array
         Desired wrenches in N (and N·m).
     rows : tuple of Row
-        One a solver and policy.
+        One per solver and policy.
     allocations : tuple of Allocation
-        The answers behind each row, for K wrenches.
+        The answers of each row, for K wrenches.
     missing : dict of str to str
         Solvers left out, and why.
     """
@@ -87,18 +118,18 @@ def compare(
     nearest: Nearest | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Which solver to trust on this rig: all of them on the same forces, measured alike.
+    """Compare solvers on a rig, on the same forces and with the same verification.
 
-    Every row is the same `Allocator`, so the same measure and the same proof. The optimum that `gap_max`
-    refers to is newton's answer for the same policy. The solvers are timed in turns of a few calls, so that a
+    Every answer comes from an `Allocator`. The optimum that `gap_max` refers to is newton's answer for the same
+    policy. The solvers are timed in turns of a few calls, so that a
     slow moment of the machine hits all of them.
 
     Parameters
     ----------
     rig : Rig
-        The rig; body frames at rest.
+        With body frames at rest.
     position : (d,) array, optional
-        Where to pull, in m; None for the rig's home.
+        In m; None for the rig's home.
     directions : (K, d) array, optional
         Unit vectors; None for `grid18`, or `circle` for a planar rig.
     magnitude : float
@@ -106,16 +137,13 @@ def compare(
     solvers, nearest
         As in `select_solvers`.
     progress : callable, optional
-        Told the share of the work that is done, from 0 to 1.
-
-    Returns
-    -------
-    Comparison
+        Called with the share of the work that is done, from 0 to 1.
 
     Raises
     ------
     ValueError, UnknownSolver, MissingDependency
-        As `select_solvers`; ShapeError if position or directions do not fit the rig.
+        As `select_solvers`; InputError if the magnitude is not above zero, ShapeError if position or directions
+        do not fit the rig.
     """
     runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
@@ -123,7 +151,7 @@ def compare(
     if directions is None:
         directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
     if not (np.isfinite(magnitude) and magnitude > 0):
-        raise ShapeError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
+        raise InputError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
     forces = magnitude * np.asarray(directions, dtype=np.float64)
     wrenches = direction_sets.forces(forces, rig.n, rig.dimension)
     allocators = [Allocator(rig.limits, make(name), nearest=policy) for name, policy in runs]
@@ -133,7 +161,7 @@ def compare(
         allocator(structure, wrench)
         return time.perf_counter() - start
 
-    chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), TIMED_CALLS)).astype(int))
+    chosen = np.unique(np.linspace(0, len(wrenches) - 1, min(len(wrenches), MAX_TIMED_CALLS)).astype(int))
     steps = len(runs) + len(chosen)
     allocations, batch = [], []
     for done, allocator in enumerate(allocators, start=1):
@@ -143,13 +171,13 @@ def compare(
         if progress:
             progress(done / steps)
     calls = np.empty((len(chosen), len(runs)))
-    for first in range(0, len(chosen), TURN):
+    for first in range(0, len(chosen), CALLS_PER_TURN):
         for column, allocator in enumerate(allocators):
-            allocator(structure, wrenches[chosen[first]])  # what the others left in the caches is not its fault
-            for call in range(first, min(first + TURN, len(chosen))):
+            allocator(structure, wrenches[chosen[first]])  # fills the caches with its own data
+            for call in range(first, min(first + CALLS_PER_TURN, len(chosen))):
                 calls[call, column] = seconds(allocator, wrenches[chosen[call]])
         if progress:
-            progress((len(runs) + min(first + TURN, len(chosen))) / steps)
+            progress((len(runs) + min(first + CALLS_PER_TURN, len(chosen))) / steps)
 
     optima = {
         policy: Allocator(rig.limits, "newton", nearest=policy)(structure, wrenches)
@@ -169,3 +197,27 @@ def compare(
         )
         rows.append(row)
     return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing)
+
+
+def score(solver: str, nearest: Nearest | None, wrenches: Floats, found: Allocation, dimension: int) -> Score:
+    """Return the score of K answers to desired wrenches (K, n), whose first components are the force."""
+    angle = angles(wrenches[:, :dimension], found.wrench[:, :dimension])
+    return Score(
+        solver=solver,
+        nearest=nearest,
+        exact=int(np.sum(found.status == Status.EXACT)),
+        nearest_count=int(np.sum(found.status == Status.NEAREST)),
+        iteration_limit=int(np.sum(found.status == Status.ITERATION_LIMIT)),
+        failed=int(np.sum(found.status == Status.FAILED)),
+        residual_mean=finite(np.mean, found.residual),
+        residual_max=finite(np.max, found.residual),
+        angle_mean_deg=finite(np.mean, angle),
+        angle_max_deg=finite(np.max, angle),
+        tension_sq_mean=finite(np.mean, found.tensions**2),
+    )
+
+
+def finite(statistic: Callable[[Any], Any], values: Floats | Integers) -> float:
+    """Return a statistic of the entries that are numbers; NaN where there is none."""
+    values = values[np.isfinite(values)]
+    return float(statistic(values)) if values.size else np.nan

@@ -1,4 +1,4 @@
-"""What other solvers would have chosen in a run: its demands, at its poses, scored alike."""
+"""Replay of a run: the same demands at the same poses by other solvers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.comparison.scores import Score, finite, score
+from tensionlab.comparison.compare import Score, finite, score
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import make, select_solvers
 from tensionlab.solvers.base import Nearest
@@ -17,19 +17,19 @@ from tensionlab.solvers.base import Nearest
 
 @dataclass(frozen=True)
 class ReplayRow(Score):
-    """What one solver did, or would have done, with the demands of a run; NaN where nothing was measured.
+    """Score of one solver on the demands of a run.
 
     Attributes
     ----------
     replaced : int
-        Answers that the run's solver left unproved. In the run's own row, those of the exact solver are in their
-        place, and are scored as its own.
+        Unproven answers of the run's solver. In the run's own row, those of the fallback are in their place, and
+        are scored as its own.
     magnitude_mean, magnitude_max : float
-        How much larger or smaller the rendered force is than the desired one, in N.
+        Difference of the norms of rendered and desired force, in N.
     tension_max : float
         In N.
     jump_max : float
-        Largest change of a tension from one cycle to the next, in N, before the runner limits it; where the same
+        Maximum change of a tension from one cycle to the next, in N, before the runner limits it; where the same
         modules take part in both.
     iterations_mean, iterations_max : float
         As the solver counts them.
@@ -46,12 +46,12 @@ class ReplayRow(Score):
 
 @dataclass(frozen=True)
 class Replay:
-    """Solvers on the demands of a run.
+    """Rows of solvers on the demands of a run.
 
     Attributes
     ----------
     cycles : int
-        How many of the run's cycles are in it: those with a wrench to be rendered.
+        The run's cycles with a desired wrench.
     rows : tuple of ReplayRow
         The run's own first, as it was; then each solver with its own policy.
     missing : dict of str to str
@@ -66,10 +66,10 @@ class Replay:
 def replay(
     run: Run, solvers: Sequence[str] | None = None, progress: Callable[[float], None] | None = None
 ) -> Replay:
-    """What would other solvers have chosen in a run?
+    """Allocate the demands of a run again, by other solvers.
 
-    Each gets the wrenches that were asked for, at the poses where the run was, with the run's limits and the
-    modules that took part. What the run would have been then, where it would have gone, nobody knows.
+    Each gets the desired wrenches, at the poses where the run was, with the run's limits and the modules that took
+    part. Where the run would have gone with other answers is not simulated.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def replay(
     solvers : sequence of str, optional
         Names, as in `select_solvers`; None for all that serve this rig.
     progress : callable, optional
-        Told the share of the work that is done, from 0 to 1.
+        Called with the share of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def replay(
 
 
 def _part(run: Run) -> NDArray[np.bool_]:
-    """Which modules shared in rendering the wrench, in each cycle? Not those that were lost, nor springs."""
+    """Return which modules rendered the wrench in each cycle: not those that were lost, nor springs."""
     return np.asarray(run.active & np.isnan(run.impedances[:, :, 0]))
 
 

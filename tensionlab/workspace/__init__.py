@@ -1,7 +1,5 @@
-"""Where and how well can a rig pull? Measures of structure matrices and tension limits, and sweeps of them."""
+"""Workspace of a rig: metrics of structure matrices and tension limits, sweeps and layout search."""
 
-from tensionlab.workspace.directions import Effort, effort, reachable_share
-from tensionlab.workspace.gradient import MarginGradient, RigMarginGradient, margin_gradient, rig_margin_gradient
 from tensionlab.workspace.interference import (
     Capsule,
     Clearance,
@@ -11,11 +9,17 @@ from tensionlab.workspace.interference import (
     segment_distance,
 )
 from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.result import Layout, LayoutSearch
-from tensionlab.workspace.layout.search import search_layout
+from tensionlab.workspace.layout.search import Layout, LayoutSearch, search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
-from tensionlab.workspace.margin import capacity_margin
+from tensionlab.workspace.margin import (
+    MarginGradient,
+    RigMarginGradient,
+    capacity_margin,
+    margin_gradient,
+    rig_margin_gradient,
+)
 from tensionlab.workspace.metrics import (
+    METRICS,
     BodyDistance,
     CableDistance,
     CapacityMargin,
@@ -27,21 +31,26 @@ from tensionlab.workspace.metrics import (
     TensionFactor,
     WrenchClosure,
 )
-from tensionlab.workspace.paths import box, polyline, read_poses
-from tensionlab.workspace.registry import MEASURES
+from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
 from tensionlab.workspace.structure_metrics import (
+    Effort,
     condition_number,
+    effort,
     isotropic_force,
     least_singular_value,
+    reachable_share,
     tension_factor,
     wrench_closure,
 )
 from tensionlab.workspace.sweep.configurations import vary
-from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
+
+MEASURES = METRICS
+"""Old name of `METRICS`."""
 
 __all__ = [
     "MEASURES",
+    "METRICS",
     "BodyDistance",
     "CableDistance",
     "CapacityMargin",

@@ -1,4 +1,4 @@
-"""How far cables stay clear of each other, and of people: `cable_distance`, `body_distance`."""
+"""Distances between cables, and from cables to bodies: `cable_distance`, `body_distance`."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
 from tensionlab.arrays import Floats, Integers
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.model import pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
 
 
 class Capsule(NamedTuple):
-    """Which part of space is taken by a body? All points within a radius of a segment.
+    """Body: all points within a radius of a segment.
 
     A torso or a forearm is a capsule; a head is a sphere, which is a capsule without ``end``.
 
@@ -36,12 +36,12 @@ class Capsule(NamedTuple):
 
 
 class Clearance(NamedTuple):
-    """How close do two things come, and which two?
+    """Minimum distance, and the pair that has it.
 
     Attributes
     ----------
     distance : (...) array
-        Least distance in m; below zero where a cable enters a body, infinite where there is no pair to measure.
+        In m; below zero where a cable enters a body, infinite where there is no pair to measure.
     pair : (..., 2) array
         The closest pair: indices of two modules, or of a module and a body; -1 where there is none.
     """
@@ -53,12 +53,11 @@ class Clearance(NamedTuple):
 def cable_distance(
     rig: Rig, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
 ) -> Clearance:
-    """How close do two cables come to each other?
+    """Return the minimum distance between two cables, and which they are.
 
-    The least distance between all pairs of cables of `cable_pairs`. Cables that share an attachment, or an
-    anchor, touch there by design, and two straight cables through one point meet nowhere else: such pairs are
-    left out. So all cables of a point rig are, and its distance is infinite. Cables are lines without thickness:
-    compare the distance with their diameter.
+    Cables that share an attachment, or an anchor, touch there by design, and two straight cables through one point
+    meet nowhere else: such pairs are left out (`cable_pairs`). So all cables of a point rig are, and its distance
+    is infinite. Cables are lines without thickness: compare the distance with their diameter.
 
     Source: Lumelsky, "On fast computation of distance between line segments", 1985; Perreault, Cardou, Gosselin
     and Otis, "Geometric determination of the interference-free constant-orientation workspace of parallel
@@ -70,11 +69,6 @@ def cable_distance(
     position, rotation, frames
         Poses, as in `Rig.structure_matrix`; leading axes broadcast.
 
-    Returns
-    -------
-    Clearance
-        With the indices of two modules.
-
     Raises
     ------
     ShapeError, RigError
@@ -84,13 +78,7 @@ def cable_distance(
 
 
 def cable_pairs(rig: Rig) -> Integers:
-    """Which cables could meet? All pairs that share neither attachment nor anchor.
-
-    Returns
-    -------
-    (k, 2) array
-        Indices of modules, the smaller first.
-    """
+    """Return the pairs of cables that share neither attachment nor anchor, (k, 2), the smaller index first."""
     return np.array(
         [
             (i, j)
@@ -111,12 +99,10 @@ def body_distance(
     rotation: ArrayLike | None = None,
     frames: Frames | None = None,
 ) -> Clearance:
-    """How close does a cable come to a body, such as the user's head or torso?
+    """Return the minimum distance from a cable to a body, such as the user's head or torso.
 
     Every cable against every body, along the whole cable. What the cables hold is close to them by design: end
-    the forearm of a user short of the attachments.
-
-    Source: as `cable_distance`.
+    the forearm of a user short of the attachments. Source: as `cable_distance`.
 
     Parameters
     ----------
@@ -132,10 +118,10 @@ def body_distance(
 
     Raises
     ------
-    ShapeError
-        As `Rig.structure_matrix`; and for a body with other coordinates than the rig, or a negative radius.
-    RigError
-        As `Rig.structure_matrix`.
+    ShapeError, RigError
+        As `Rig.structure_matrix`; and for a body with other coordinates than the rig.
+    InputError
+        For a negative radius, or more cables and bodies than the kernel serves.
     """
     cables = _cables(rig, position, rotation, frames)
     segments, radii = [], []
@@ -143,7 +129,7 @@ def body_distance(
         start = pose.points(body.start, rig.dimension, f"start of body {index}")
         end = start if body.end is None else pose.points(body.end, rig.dimension, f"end of body {index}")
         if not (np.isfinite(body.radius) and body.radius >= 0):
-            raise ShapeError(f"radius of body {index} is {body.radius}; give a radius in m, 0 or more")
+            raise InputError(f"radius of body {index} is {body.radius}; give a radius in m, 0 or more")
         segments.append(np.stack(np.broadcast_arrays(start, end), axis=-2)[..., None, :, :])
         radii.append(float(body.radius))
     shapes = {"cables": cables.shape[:-3]} | {f"body {i}": s.shape[:-3] for i, s in enumerate(segments)}
@@ -159,7 +145,7 @@ def body_distance(
 
 
 def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: ArrayLike) -> Floats:
-    """How far apart are two segments?
+    """Return the distance between two segments, (...), in m.
 
     Exact for parallel, crossing, touching and zero-length segments, to about 1e-8 of their length where they
     cross, and to rounding elsewhere.
@@ -170,11 +156,6 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
     ----------
     start, end, start2, end2 : (..., d) arrays
         Their ends, in m, d = 2 or 3; leading axes broadcast.
-
-    Returns
-    -------
-    (...) array
-        In m.
 
     Raises
     ------
@@ -191,17 +172,17 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:
-    """Anchor and attachment of every cable in the world, (..., m, 2, d)."""
+    """Return the anchor and attachment of every cable in the world, (..., m, 2, d)."""
     vectors = rig.lengths(position, rotation, frames)[..., None] * rig.directions(position, rotation, frames)
     anchors = np.broadcast_to(pose.place_anchors(rig.modules, rig.anchors, frames), vectors.shape)
     return np.stack([anchors, anchors - vectors], axis=-2)
 
 
 def _closest(segments: Floats, pairs: Integers, radii: NDArray[np.float64]) -> Clearance:
-    """The closest of some pairs of segments, (..., S, 2, d), less the radii of both."""
+    """Return the closest of some pairs of segments, (..., S, 2, d), less the radii of both."""
     *shape, count, _, d = segments.shape
     if count > _native.MAX_SEGMENTS:
-        raise ShapeError(f"{count} cables and bodies; at most {_native.MAX_SEGMENTS} can be measured at once")
+        raise InputError(f"{count} cables and bodies; at most {_native.MAX_SEGMENTS} can be measured at once")
     flat = np.zeros((int(np.prod(shape)), count, 2, 3))
     flat[..., :d] = segments.reshape(-1, count, 2, d)
     distance, index = _native.closest_pair(flat, pairs, radii)

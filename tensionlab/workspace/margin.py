@@ -1,4 +1,4 @@
-"""The capacity margin: by how much a rig can render more than is required of it."""
+"""Capacity margin, and its derivatives by the structure matrix, the pose and the anchors."""
 
 from __future__ import annotations
 
@@ -11,27 +11,41 @@ from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE
 from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
-from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
+from tensionlab.model import kinematics, pose
+from tensionlab.model.pose import Frames
+from tensionlab.model.rig import Rig
+from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
-Wanted = ArrayLike | tuple[ArrayLike, ArrayLike] | None
-"""What is required of a rig, as `capacity_margin` takes it."""
+RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None
+"""Required wrench set, as `capacity_margin` takes it."""
 
 
-class Required(NamedTuple):
-    """Which wrenches a rig must render: all within a radius of the hull of some.
+class MarginGradient(NamedTuple):
+    """Capacity margin (...), and its derivative (..., n, m) with respect to the structure matrix."""
+
+    margin: Floats
+    structure: Floats
+
+
+class RigMarginGradient(NamedTuple):
+    """Capacity margin, and its derivatives with respect to the positions of the platform and the anchors.
 
     Attributes
     ----------
-    wrenches : (..., k, n) array
-    radius : (...) array
+    margin : (...) array
+    position : (..., d) array
+        Per m that the reference point moves, without rotation.
+    anchors : (..., m, d) array
+        Per m that each anchor moves, in the axes of its own frame, as in `Rig.anchors`.
     """
 
-    wrenches: Floats
-    radius: Floats
+    margin: Floats
+    position: Floats
+    anchors: Floats
 
 
-def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Wanted = None) -> Floats:
-    """How far inside the available wrench set is all that is required?
+def capacity_margin(structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None) -> Floats:
+    """Return the distance of the required wrench set from the boundary of the available one.
 
     The available wrench set is all ``W t`` with t inside the limits. Where n is more than 3, its distances mix N
     and N·m: divide the torques of W and of the required wrenches by a length of your choice first.
@@ -55,8 +69,8 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Wanted
     Returns
     -------
     (...) array
-        Least signed distance from the required set to a facet of the available one; 0 or more if and only if
-        all of it can be rendered. A set without volume (W of lower rank) ends at once in the directions that it
+        Minimum signed distance from the required set to a facet of the available one; 0 or more if and only if
+        all of it is feasible. A set without volume (W of lower rank) ends at once in the directions that it
         lacks: its margin is at most 0, less the distance of the required set from its plane.
 
     Raises
@@ -64,23 +78,77 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Wanted
     ShapeError
         Naming the entry.
     """
-    matrices = structure_matrices(structure)
-    wrenches, radius = required_set(required, matrices.shape[-2])
-    given = poses(matrices, limits, required=wrenches.shape[:-2], radius=radius.shape)
-    margin = _native.capacity_margin(*given[:3], rows(wrenches, given.shape, 2), RANK_TOLERANCE)
-    return np.asarray(margin.reshape(given.shape) - radius)[()]
+    batch, wrenches, radius = _arguments(structure, limits, required)
+    margin = _native.capacity_margin(*batch[:3], wrenches, RANK_TOLERANCE)
+    return np.asarray(margin.reshape(batch.shape) - radius)[()]
 
 
-def required_set(required: Wanted, n: int) -> Required:
-    """Which wrenches with n components are required?
+def margin_gradient(
+    structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None
+) -> MarginGradient:
+    """Return the capacity margin and its derivative with respect to the structure matrix.
+
+    Parameters and errors as in `capacity_margin`. The nearest facet turns and moves with W such that the
+    derivative is ``h t'``: h is its unit normal, and t are the tensions whose wrench is, of all in the plane of
+    the facet, the nearest to the required one. Where several facets or wrenches are equally near, the margin has
+    no derivative, and this is one that belongs to one of them; where a flat set holds what is required it is zero.
+
+    Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
+    2014, for the margin; the derivative is that of the support function of a zonotope at a facet.
+    """
+    batch, wrenches, radius = _arguments(structure, limits, required)
+    margin, normal, _, tensions = _native.active_facet(*batch[:3], wrenches, RANK_TOLERANCE)
+    by_structure = normal[:, :, None] * tensions[:, None, :]
+    return MarginGradient(
+        np.asarray(margin.reshape(batch.shape) - radius)[()],
+        by_structure.reshape(*batch.shape, *batch.structure.shape[1:]),
+    )
+
+
+def rig_margin_gradient(
+    rig: Rig,
+    position: ArrayLike,
+    rotation: ArrayLike | None = None,
+    frames: Frames | None = None,
+    required: RequiredWrenches = None,
+) -> RigMarginGradient:
+    """Return the capacity margin of a rig and its derivatives with respect to position and anchors.
+
+    Parameters
+    ----------
+    rig : Rig
+    position, rotation, frames
+        Poses, as in `Rig.structure_matrix`; leading axes broadcast.
+    required
+        As in `capacity_margin`; it stays the same in world axes.
 
     Raises
     ------
-    ShapeError
-        Naming the entry.
+    ShapeError, RigError
+        As `Rig.structure_matrix` and `capacity_margin`.
     """
+    cables = rig.cables(position, rotation, frames)
+    W = kinematics.structure_matrix(cables.directions, cables.arms)
+    margin, by_structure = margin_gradient(W, rig.limits, required)
+    by_anchor = kinematics.anchor_gradient(by_structure, *cables)
+    own = pose.in_own_axes(rig.modules, by_anchor, frames)
+    return RigMarginGradient(margin, -by_anchor.sum(axis=-2), own)
+
+
+def _arguments(
+    structure: ArrayLike, limits: TensionRange, required: RequiredWrenches
+) -> tuple[StructureBatch, Floats, Floats]:
+    """Return the batch, its required wrenches (B, k, n), and the radius (...) around them."""
+    matrices = structure_matrices(structure)
+    wrenches, radius = _required_set(required, matrices.shape[-2])
+    batch = structure_batch(matrices, limits, required=wrenches.shape[:-2], radius=radius.shape)
+    return batch, rows(wrenches, batch.shape, 2), radius
+
+
+def _required_set(required: RequiredWrenches, n: int) -> tuple[Floats, Floats]:
+    """Return the required wrenches (..., k, n), and the radius (...) around their hull."""
     if required is None:
-        return Required(np.zeros((1, n)), np.zeros(()))
+        return np.zeros((1, n)), np.zeros(())
     if isinstance(required, tuple):
         if len(required) != 2:
             raise ShapeError(
@@ -98,4 +166,4 @@ def required_set(required: Wanted, n: int) -> Required:
         raise ShapeError(f"required wrenches have {wrenches.shape[-1]} components where structure has {n} rows")
     if wrenches.shape[-2] == 0:
         raise ShapeError("required has no wrench; give at least one, or None")
-    return Required(wrenches, radius)
+    return wrenches, radius

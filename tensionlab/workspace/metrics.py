@@ -1,86 +1,134 @@
-"""What a sweep can ask of every pose: the measures, one class each; `catalogue` names them."""
+"""Metrics that a sweep evaluates at every pose, and the registry of their names.
+
+A metric is a frozen dataclass of its hyper-parameters, all with defaults, and one method. The first line of its
+docstring describes it on the command line and in datasets.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
+import difflib
+from dataclasses import Field, dataclass, fields
+from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model.directions import circle, fibonacci
+from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.workspace import directions, interference, margin
-from tensionlab.workspace import structure_metrics as measures
-from tensionlab.workspace.base import Batch
+from tensionlab.workspace import interference, margin, structure_metrics
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """B poses of one rig at which no cable has length zero.
+
+    Attributes
+    ----------
+    rig : Rig
+    position : (B, d) array
+        In m.
+    rotation : (B, 3, 3) array, (B,) array or None
+        As in `Rig.structure_matrix`.
+    frames : mapping
+        Poses of the rig's body frames.
+    structure : (B, n, m) array
+        Structure matrices W.
+    """
+
+    rig: Rig
+    position: Floats
+    rotation: Floats | None
+    frames: Frames
+    structure: Floats
+
+
+class Metric(Protocol):
+    """Number for each pose of a batch.
+
+    Attributes
+    ----------
+    title, unit : str
+        Name and unit of a value.
+    above_zero : str
+        What holds where a value is above zero; empty where that says nothing.
+    """
+
+    title: ClassVar[str]
+    unit: ClassVar[str]
+    above_zero: ClassVar[str]
+
+    def evaluate(self, batch: Batch) -> Floats:
+        """Return the value at every pose, (B,)."""
+        ...
 
 
 @dataclass(frozen=True)
 class CapacityMargin:
-    """How much can the cables render in their weakest direction, beyond the radius (0 if left out)?
+    """Distance of a ball of required wrenches (radius 0 if left out) from the edge of the available set.
 
-    The required set is a ball about zero, of forces and torques as one (N and N·m) if the rig has torques. Below
-    zero is how much of it is missing.
+    The ball is about zero, of forces and torques as one (N and N·m) if the rig has torques. Below zero is how much
+    of it is infeasible.
     """
 
     radius: float = 0.0
 
     title: ClassVar[str] = "capacity margin"
     unit: ClassVar[str] = "N"
-    above_zero: ClassVar[str] = "the radius can be rendered in every direction"
+    above_zero: ClassVar[str] = "a force of the radius is feasible in every direction"
 
     def __post_init__(self) -> None:
         _check(self, "radius", np.isfinite(self.radius) and self.radius >= 0, "a wrench in N, 0 or more")
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
+        """Return the value at every pose."""
         ball = (np.zeros(batch.rig.n), self.radius)
         return margin.capacity_margin(batch.structure, batch.rig.limits, ball)
 
 
 @dataclass(frozen=True)
 class WrenchClosure:
-    """Can the cables, if they were strong enough, pull in every direction?"""
+    """Whether cables of unlimited strength render every wrench: 1 or 0."""
 
     title: ClassVar[str] = "wrench closure"
     unit: ClassVar[str] = "1"
-    above_zero: ClassVar[str] = "they can"
+    above_zero: ClassVar[str] = "they do"
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find 1 or 0 at every pose."""
-        return measures.wrench_closure(batch.structure).astype(np.float64)
+        """Return 1 or 0 at every pose."""
+        return structure_metrics.wrench_closure(batch.structure).astype(np.float64)
 
 
 @dataclass(frozen=True)
 class TensionFactor:
-    """How evenly can the cables be tensioned against each other: the least tension as a share of the largest?"""
+    """Ratio of minimum to maximum tension while all cables are taut without a wrench."""
 
     title: ClassVar[str] = "tension factor"
     unit: ClassVar[str] = "1"
-    above_zero: ClassVar[str] = "all cables can be taut without a force"
+    above_zero: ClassVar[str] = "all cables can be taut without a wrench"
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
-        return measures.tension_factor(batch.structure)
+        """Return the value at every pose."""
+        return structure_metrics.tension_factor(batch.structure)
 
 
 @dataclass(frozen=True)
 class IsotropicForce:
-    """Which force can be rendered exactly in every direction?"""
+    """Maximum force that is feasible in every direction, without torque."""
 
     title: ClassVar[str] = "isotropic force"
     unit: ClassVar[str] = "N"
-    above_zero: ClassVar[str] = "some force can"
+    above_zero: ClassVar[str] = "some force is"
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
-        return measures.isotropic_force(batch.structure, batch.rig.limits, batch.rig.dimension)
+        """Return the value at every pose."""
+        return structure_metrics.isotropic_force(batch.structure, batch.rig.limits, batch.rig.dimension)
 
 
 @dataclass(frozen=True)
 class ReachableShare:
-    """In which share of all directions can a force of this magnitude (1 N if left out) be rendered?
+    """Feasible-direction fraction: share of directions in which a force (1 N if left out) is feasible.
 
     Without torque, in directions that cover the circle or sphere evenly.
     """
@@ -88,50 +136,50 @@ class ReachableShare:
     magnitude: float = 1.0
     count: int = 200
 
-    title: ClassVar[str] = "share of directions within reach"
+    title: ClassVar[str] = "feasible-direction fraction"
     unit: ClassVar[str] = "1"
-    above_zero: ClassVar[str] = "some direction can"
+    above_zero: ClassVar[str] = "it is in some direction"
 
     def __post_init__(self) -> None:
         _check_forces(self, self.magnitude, self.count)
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
-        around = _around(batch.rig, self.count)
-        return directions.reachable_share(batch.structure, batch.rig.limits, around, self.magnitude)
+        """Return the value at every pose."""
+        directions = _even_directions(batch.rig, self.count)
+        return structure_metrics.reachable_share(batch.structure, batch.rig.limits, directions, self.magnitude)
 
 
 @dataclass(frozen=True)
 class LeastSingularValue:
-    """How much wrench does the weakest direction get for a unit of tension?"""
+    """Minimum singular value of the structure matrix: wrench in the weakest direction for a unit of tension."""
 
-    title: ClassVar[str] = "least singular value of the structure matrix"
+    title: ClassVar[str] = "minimum singular value of the structure matrix"
     unit: ClassVar[str] = "1"
     above_zero: ClassVar[str] = "no direction is lost"
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
-        return measures.least_singular_value(batch.structure)
+        """Return the value at every pose."""
+        return structure_metrics.least_singular_value(batch.structure)
 
 
 @dataclass(frozen=True)
 class ConditionNumber:
-    """How much stronger is the strongest direction than the weakest? 1 is even, infinite lost."""
+    """Ratio of the strongest to the weakest direction: 1 is even, infinite lost."""
 
     title: ClassVar[str] = "condition number of the structure matrix"
     unit: ClassVar[str] = "1"
     above_zero: ClassVar[str] = ""
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
-        return measures.condition_number(batch.structure)
+        """Return the value at every pose."""
+        return structure_metrics.condition_number(batch.structure)
 
 
 @dataclass(frozen=True)
 class SquaredTension:
-    """How much squared tension does a force (1 N) take, in the mean over directions, or in the worst?
+    """Sum of squared tensions for a force (1 N), its mean over directions, or its maximum (worst).
 
-    Without torque, in directions that cover the circle or sphere evenly. NaN where some are out of reach.
+    Without torque, in directions that cover the circle or sphere evenly. NaN where some are infeasible.
     """
 
     over: Literal["mean", "worst"] = "mean"
@@ -147,30 +195,30 @@ class SquaredTension:
         _check_forces(self, self.magnitude, self.count)
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
-        around = _around(batch.rig, self.count)
-        found = directions.effort(batch.structure, batch.rig.limits, around, self.magnitude)
+        """Return the value at every pose."""
+        directions = _even_directions(batch.rig, self.count)
+        found = structure_metrics.effort(batch.structure, batch.rig.limits, directions, self.magnitude)
         return found.mean if self.over == "mean" else found.worst
 
 
 @dataclass(frozen=True)
 class CableDistance:
-    """How close do two cables come to each other? Infinite where no two could meet."""
+    """Minimum distance between two cables; infinite where no two could meet."""
 
     title: ClassVar[str] = "distance between cables"
     unit: ClassVar[str] = "m"
     above_zero: ClassVar[str] = "none touch"
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
+        """Return the value at every pose."""
         return interference.cable_distance(batch.rig, batch.position, batch.rotation, batch.frames).distance
 
 
 @dataclass(frozen=True)
 class BodyDistance:
-    """How close does a cable come to a body? Below zero where one enters it.
+    """Minimum distance between a cable and a body; below zero where a cable enters one.
 
-    Bodies are `tensionlab.workspace.Capsule`, so this one is asked for as an instance, not by a name.
+    Bodies are `tensionlab.workspace.Capsule`, so this one is given as an instance, not by its name.
     """
 
     bodies: tuple[interference.Capsule, ...] = ()
@@ -180,21 +228,93 @@ class BodyDistance:
     above_zero: ClassVar[str] = "no cable touches a body"
 
     def evaluate(self, batch: Batch) -> Floats:
-        """Find the value at every pose."""
+        """Return the value at every pose."""
         rig, bodies = batch.rig, self.bodies
         return interference.body_distance(rig, bodies, batch.position, batch.rotation, batch.frames).distance
 
 
-def _check(measure: Any, name: str, sound: bool, wanted: str) -> None:
+METRICS: dict[str, type[Any]] = {
+    "capacity-margin": CapacityMargin,
+    "wrench-closure": WrenchClosure,
+    "tension-factor": TensionFactor,
+    "isotropic-force": IsotropicForce,
+    "reachable-share": ReachableShare,
+    "least-singular-value": LeastSingularValue,
+    "condition-number": ConditionNumber,
+    "effort": SquaredTension,
+    "cable-distance": CableDistance,
+    "body-distance": BodyDistance,
+}
+"""Metrics by name. A new one is a class above and a line here."""
+
+
+def make(name: str) -> Metric:
+    """Return the metric of a name.
+
+    Parameters
+    ----------
+    name : str
+        A name in `METRICS`. What follows a colon sets the first hyper-parameter: ``"reachable-share:2.0"`` is
+        ``ReachableShare(magnitude=2.0)``.
+
+    Raises
+    ------
+    SweepError
+        If there is no such name, or the metric refuses the hyper-parameter.
+    """
+    family, colon, choice = name.partition(":")
+    if family not in METRICS:
+        close = difflib.get_close_matches(family, METRICS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(METRICS)}"
+        raise SweepError(f"no metric is called {family!r}; {hint}")
+    arguments = {}
+    if colon:
+        first = _variant_field(family)
+        if first is None:
+            raise SweepError(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
+        try:
+            default: Any = first.default
+            arguments[first.name] = type(default)(choice)
+        except ValueError:
+            raise SweepError(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
+    metric: Metric = METRICS[family](**arguments)
+    return metric
+
+
+def name_of(metric: Metric) -> str:
+    """Return the name of which `make` makes this metric; only the first hyper-parameter is in it.
+
+    A metric from elsewhere is called like its class.
+    """
+    family = next((name for name, kind in METRICS.items() if type(metric) is kind), None)
+    if family is None:
+        return type(metric).__name__
+    first = _variant_field(family)
+    value = first and getattr(metric, first.name)
+    return family if first is None or value == first.default else f"{family}:{value}"
+
+
+def description(metric: Metric) -> str:
+    """Return what a metric is: the first line of its docstring."""
+    return (type(metric).__doc__ or "").partition("\n")[0]
+
+
+def _variant_field(family: str) -> Field[Any] | None:
+    """Return the hyper-parameter that a name can set; None if there is none."""
+    parameters = fields(METRICS[family])
+    return parameters[0] if parameters and isinstance(parameters[0].default, (float, str)) else None
+
+
+def _check(metric: Any, name: str, sound: bool, expected: str) -> None:
     if not sound:
-        raise SweepError(f"{type(measure).__name__}({name}={getattr(measure, name)!r}): give {wanted}")
+        raise SweepError(f"{type(metric).__name__}({name}={getattr(metric, name)!r}): give {expected}")
 
 
-def _check_forces(measure: Any, magnitude: float, count: int) -> None:
-    _check(measure, "magnitude", np.isfinite(magnitude) and magnitude > 0, "a force in N, above zero")
-    _check(measure, "count", count >= 1, "a number of directions, 1 or more")
+def _check_forces(metric: Any, magnitude: float, count: int) -> None:
+    _check(metric, "magnitude", np.isfinite(magnitude) and magnitude > 0, "a force in N, above zero")
+    _check(metric, "count", count >= 1, "a number of directions, 1 or more")
 
 
-def _around(rig: Rig, count: int) -> Floats:
-    """Directions of force all around."""
+def _even_directions(rig: Rig, count: int) -> Floats:
+    """Return unit vectors that cover the circle or sphere evenly."""
     return circle(count) if rig.dimension == 2 else fibonacci(count)

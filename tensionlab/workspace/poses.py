@@ -1,58 +1,360 @@
-"""Structure matrices and tension limits as people give them, made a batch with one row for each pose."""
+"""Sets of poses: a grid or a list, from a box, a path or a file.
+
+A set of poses has labelled axes and is cut into blocks along them; coordinates of a grid are made for one
+block at a time, so that a grid of any size takes no memory.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
+from tensionlab.arrays import Floats, as_floats
+from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.files.reading import brief
+from tensionlab.files.tables import check_columns, read_npz, read_parquet, read_table
+from tensionlab.model import kinematics, pose
+from tensionlab.model.module import MAX_LENGTH
 
-TensionRange = Limits | tuple[ArrayLike, ArrayLike]
-"""Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""
+POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
+ROTATION_COLUMNS = ["rx", "ry", "rz"]
+"""Axis times angle of an orientation in space, in rad."""
+MAX_ANGLE_RAD = 1000.0
+"""More is taken for another unit."""
+MAX_AXIS_POSES = 10_000_000
+"""More poses along one axis than this are taken for a slip of the step."""
 
 
-class Poses(NamedTuple):
-    """A batch of B poses, and the leading axes that their results have.
+class Coordinate(NamedTuple):
+    """One labelled coordinate of a dataset: its axes, values, unit and meaning."""
+
+    name: str
+    dims: tuple[str, ...]
+    values: NDArray[np.generic]
+    units: str
+    long_name: str
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Every combination of coordinates, and of orientations if there are any.
 
     Attributes
     ----------
-    structure : (B, n, m) array
-    lower, upper : (B, m) arrays
-    shape : tuple of int
-        B entries in all.
-    """
-
-    structure: Floats
-    lower: Floats
-    upper: Floats
-    shape: tuple[int, ...]
-
-
-def structure_matrices(structure: ArrayLike) -> Floats:
-    """Which structure matrices (..., n, m) are meant?
+    x, y, z : arrays of one axis, or numbers
+        Coordinates of the reference point, in m. No z in the plane.
+    rotations : (k, 3, 3) array, (k,) array or None
+        Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
 
     Raises
     ------
     ShapeError
-        For NaN, infinity, and sizes that the kernels do not serve.
+        If an axis is empty or has more than one dimension, an entry is no finite number, or a matrix no rotation.
     """
-    matrices = finite("structure", structure, 2)
-    n, m = matrices.shape[-2:]
-    check_size(n, m)
-    return matrices
+
+    x: Floats
+    y: Floats
+    z: Floats | None = None
+    rotations: Floats | None = None
+
+    def __post_init__(self) -> None:
+        for name in "xyz":
+            if getattr(self, name) is not None:
+                axis = np.atleast_1d(pose.numbers(getattr(self, name), name))
+                if axis.ndim != 1 or axis.size == 0:
+                    raise ShapeError(f"{name} has shape {axis.shape}; give one or more coordinates in m, in a row")
+                object.__setattr__(self, name, axis)
+        if self.rotations is not None:
+            rotations = _checked_rotations(self.rotations, self.dimension, "rotations")
+            if rotations.shape[:1] in ((), (0,)) or rotations.ndim != (1 if self.dimension == 2 else 3):
+                raise ShapeError(f"rotations has shape {rotations.shape}; give one or more orientations in a row")
+            object.__setattr__(self, "rotations", rotations)
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of space: 2 or 3."""
+        return 2 if self.z is None else 3
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        turns = () if self.rotations is None else ("angle",) if self.dimension == 2 else ("orientation",)
+        return (*"xyz"[: self.dimension], *turns)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of poses along each axis."""
+        return tuple(len(axis) for axis in self._axes())
+
+    def block(self, where: Sequence[slice]) -> Grid:
+        """Return the poses in a slice of every axis."""
+        parts = [axis[part] for axis, part in zip(self._axes(), where, strict=True)]
+        z = parts[2] if self.dimension == 3 else None
+        return Grid(parts[0], parts[1], z, None if self.rotations is None else parts[-1])
+
+    def arrays(self) -> tuple[Floats, Floats | None]:
+        """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None; the last axis runs fastest."""
+        index = np.indices(self.shape).reshape(len(self.shape), -1)
+        axes = self._axes()
+        position = np.stack([axis[i] for axis, i in zip(axes, index[: self.dimension], strict=False)], axis=-1)
+        return position, None if self.rotations is None else self.rotations[index[-1]]
+
+    def coordinates(self) -> list[Coordinate]:
+        """Return the labels of the axes."""
+        found = [_length(name, (name,), getattr(self, name)) for name in self.dims[: self.dimension]]
+        if self.rotations is None:
+            return found
+        if self.dimension == 3:
+            number = np.arange(len(self.rotations))
+            found.append(Coordinate("orientation", ("orientation",), number, "1", "number of the orientation"))
+        return [*found, _orientation(self.dims[-1], self.rotations)]
+
+    def _axes(self) -> list[Floats]:
+        return [axis for axis in (self.x, self.y, self.z, self.rotations) if axis is not None]
 
 
-def poses(matrices: Floats, limits: TensionRange, **axes: tuple[int, ...]) -> Poses:
-    """Which poses are meant, their leading axes broadcast to each other and to further named ones?
+@dataclass(frozen=True, eq=False)
+class PoseList:
+    """Poses one after another.
+
+    Attributes
+    ----------
+    position : (k, d) array
+        Of the reference point, in m.
+    rotation : (k, 3, 3) array, (k,) array or None
+        Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
+    distance : (k,) array or None
+        How far along a path each pose is, in m; None where they are no path.
 
     Raises
     ------
     ShapeError
-        Naming the entry.
+        If the shapes do not fit, an entry is no finite number, or a matrix no rotation.
     """
-    m = matrices.shape[-1]
-    low, high = tension_limits(limits)
-    lower, upper = spread("lower", low, m, "cables"), spread("upper", high, m, "cables")
-    shape = common_axes(structure=matrices.shape[:-2], lower=lower.shape[:-1], upper=upper.shape[:-1], **axes)
-    return Poses(rows(matrices, shape, 2), rows(lower, shape, 1), rows(upper, shape, 1), shape)
+
+    position: Floats
+    rotation: Floats | None = None
+    distance: Floats | None = None
+
+    def __post_init__(self) -> None:
+        position = pose.numbers(self.position, "position")
+        if position.ndim != 2 or position.shape[0] == 0 or position.shape[1] not in (2, 3):
+            raise ShapeError(f"position has shape {position.shape}; give one or more rows of x, y (and z), in m")
+        object.__setattr__(self, "position", position)
+        k = len(position)
+        if self.rotation is not None:
+            rotation = _checked_rotations(self.rotation, self.dimension, "rotation")
+            expected = (k,) if self.dimension == 2 else (k, 3, 3)
+            if rotation.shape != expected:
+                raise ShapeError(
+                    f"rotation has shape {rotation.shape}; {k} positions need orientations of shape {expected}"
+                )
+            object.__setattr__(self, "rotation", rotation)
+        if self.distance is not None:
+            object.__setattr__(self, "distance", pose.points(self.distance, k, "distance"))
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of space: 2 or 3."""
+        return int(self.position.shape[1])
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Names of the axes: one, "pose"."""
+        return ("pose",)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of poses along each axis."""
+        return (len(self.position),)
+
+    def block(self, where: Sequence[slice]) -> PoseList:
+        """Return the poses in a slice of the list."""
+        (part,) = where
+        others = (None if each is None else each[part] for each in (self.rotation, self.distance))
+        return PoseList(self.position[part], *others)
+
+    def arrays(self) -> tuple[Floats, Floats | None]:
+        """Return positions (B, d) and rotations, (B, 3, 3), (B,) or None."""
+        return self.position, self.rotation
+
+    def coordinates(self) -> list[Coordinate]:
+        """Return the labels of the list."""
+        number = np.arange(len(self.position))
+        found = [Coordinate("pose", ("pose",), number, "1", "number of the pose")]
+        found += [_length(name, ("pose",), self.position[:, i]) for i, name in enumerate("xyz"[: self.dimension])]
+        if self.distance is not None:
+            found.append(Coordinate("distance", ("pose",), self.distance, "m", "distance along the path"))
+        return found if self.rotation is None else [*found, _orientation("pose", self.rotation)]
+
+
+Poses = Grid | PoseList
+
+
+def box(
+    x: ArrayLike, y: ArrayLike, z: ArrayLike | None = None, *, step: ArrayLike, rotations: ArrayLike | None = None
+) -> Grid:
+    """Return poses that fill a box, one every step.
+
+    Parameters
+    ----------
+    x, y, z : (from, to), or a number
+        The box, in m; a number is a plane of it. No z in the plane.
+    step : number, or one for each axis
+        Distance of neighbours, in m. The first is at ``from``; the last is at ``to`` if the step divides the edge.
+    rotations : array, optional
+        As in `Grid`.
+
+    Raises
+    ------
+    InputError
+        If an interval runs backwards, a step is not above zero, or gives more poses than anyone means.
+    ShapeError
+        If an interval is no pair of finite numbers.
+    """
+    intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
+    steps = pose.numbers(step, "step")
+    if steps.shape not in ((), (len(intervals),)) or not (steps > 0).all():
+        raise InputError(f"step is {step!r}; give one length in m, or one for each axis, above zero")
+    axes = [
+        _axis(name, ends, float(size))
+        for (name, ends), size in zip(intervals, np.broadcast_to(steps, len(intervals)), strict=True)
+    ]
+    return Grid(*axes, rotations=rotations)  # type: ignore[arg-type, misc]  # becomes an array
+
+
+def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) -> PoseList:
+    """Return poses on a path of straight lines, one every step.
+
+    Parameters
+    ----------
+    points : (k, d) array
+        Corners of the path, two or more, in m.
+    step : float
+        Distance of neighbours along the path, in m; the last is the end of the path, and may be closer.
+    rotation : (3, 3) array or float, optional
+        Orientation, the same everywhere.
+
+    Raises
+    ------
+    InputError
+        If the path has no length, or the step is not above zero.
+    ShapeError
+        If the points or the rotation are none.
+    """
+    corners = PoseList(points).position  # type: ignore[arg-type]  # becomes an array
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    if not along[-1] > 0:
+        raise InputError("the path has no length; give two or more points that differ")
+    if not (np.isfinite(step) and step > 0 and along[-1] / step < MAX_AXIS_POSES):
+        raise InputError(f"step is {step}; the path is {along[-1]:g} m long, give a part of it, above zero")
+    whole = step * np.arange(int(np.floor(along[-1] / step * (1 + 1e-12))) + 1)
+    places = np.asarray(whole if np.isclose(whole[-1], along[-1], rtol=1e-9, atol=0) else [*whole, along[-1]])
+    position = np.stack([np.interp(places, along, column) for column in corners.T], axis=-1)
+    if rotation is None:
+        return PoseList(position, distance=places)
+    turn = pose.numbers(rotation, "rotation")
+    return PoseList(position, np.broadcast_to(turn, (len(places), *turn.shape)), places)
+
+
+def read_poses(path: str | Path) -> PoseList:
+    """Return the poses that a file lists.
+
+    CSV (with a line of column names) and Parquet have the columns x, y and z in m, in the plane x and y. An
+    orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. NPZ has
+    the arrays ``position`` and, if need be, ``rotation``, as in `PoseList`.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, or its columns, arrays or entries are not these; it names file and row.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in POSE_FILE_SUFFIXES:
+        raise DataError(f"{path}: not a file of poses; give one that ends in {', '.join(POSE_FILE_SUFFIXES)}")
+    what = f"a file of poses (*{suffix})"
+    optional = ["z", *ROTATION_COLUMNS, "angle"]
+    try:
+        if suffix == ".npz":
+            return _within_reach(_from_arrays(read_npz(path, what, DataError)))
+        if suffix == ".csv":
+            return _from_columns(read_table(path, ["x", "y"], optional, error=DataError, what=what))
+        table = read_parquet(path, what, DataError)
+        check_columns(table.columns.column_names, ["x", "y"], optional, str(path), DataError)
+        return _from_columns({name: table.numbers(name, DataError) for name in table.columns.column_names})
+    except (DataError, ShapeError) as error:
+        raise DataError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+
+
+def _within_reach(poses: PoseList) -> PoseList:
+    """Refuse positions that no rig reaches, as of a file in other units."""
+    if (far := np.abs(poses.position).max(axis=1) > MAX_LENGTH).any():
+        row = int(np.flatnonzero(far)[0])
+        raise DataError(f"pose {row + 1} is {brief(poses.position[row].tolist())}; give m, within {MAX_LENGTH:g}")
+    return poses
+
+
+def _from_columns(columns: dict[str, Floats]) -> PoseList:
+    spatial = "z" in columns
+    places, turns = ["x", "y", "z"][: 3 if spatial else 2], ROTATION_COLUMNS if spatial else ["angle"]
+    needed = [*places, *(turns if set(turns) & set(columns) else [])]
+    if missing := [name for name in needed if name not in columns]:
+        raise DataError(f"no column {missing[0]}; the columns are {', '.join(columns)}")
+    if unknown := [name for name in columns if name not in needed]:
+        raise DataError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
+    position = np.stack([columns[name] for name in places], axis=-1)
+    if len(needed) == len(places):
+        return _within_reach(PoseList(position))
+    angles = np.stack([columns[name] for name in turns], axis=-1)
+    if (far := np.abs(angles).max(axis=1) > MAX_ANGLE_RAD).any():
+        row = int(np.flatnonzero(far)[0])
+        raise DataError(f"pose {row + 1} is turned by {brief(angles[row].tolist())}; give angles in rad")
+    return _within_reach(PoseList(position, kinematics.exponential(angles) if spatial else columns["angle"]))
+
+
+def _from_arrays(arrays: dict[str, Floats]) -> PoseList:
+    if "position" not in arrays or set(arrays) - {"position", "rotation"}:
+        there = ", ".join(arrays) or "none"
+        raise DataError(f"its arrays are {there:.100}; give position, and rotation or not")
+    return PoseList(**arrays)
+
+
+def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
+    """Return coordinates from one end to the other."""
+    values = pose.numbers(ends, name)
+    if values.ndim == 0:
+        return values.reshape(1)
+    if values.shape != (2,):
+        raise ShapeError(f"{name} has shape {values.shape}; give two ends in m, such as (0, 1), or one number")
+    if values[0] > values[1]:
+        raise InputError(f"{name} goes from {values[0]:g} to {values[1]:g} m; give the lower end first")
+    count = (values[1] - values[0]) / step
+    if not count < MAX_AXIS_POSES:
+        raise InputError(f"a step of {step:g} m gives {count:.3g} poses along {name}; give a larger one")
+    # A step that divides the edge but for rounding ends exactly on the end.
+    whole = round(count)
+    if abs(count - whole) <= 1e-9 * max(1.0, whole):
+        return np.asarray(np.linspace(values[0], values[1], whole + 1))
+    return np.asarray(values[0] + step * np.arange(int(count) + 1))
+
+
+def _checked_rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
+    """Return angles or matrices; refuse those that are none."""
+    pose.rotations(values, dimension, what)
+    return as_floats(what, values)
+
+
+def _length(name: str, dims: tuple[str, ...], values: Floats) -> Coordinate:
+    return Coordinate(name, dims, values, "m", f"{name} of the reference point")
+
+
+def _orientation(dim: str, rotations: Floats) -> Coordinate:
+    """Label angles or matrices along an axis."""
+    if rotations.ndim == 1:
+        return Coordinate("angle", (dim,), rotations, "rad", "angle of the platform")
+    return Coordinate("rotation", (dim, "row", "column"), rotations, "1", "rotation of the platform to the world")

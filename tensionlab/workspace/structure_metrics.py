@@ -1,22 +1,28 @@
-"""Measures of a structure matrix: can the cables hold the platform, and how evenly?"""
+"""Metrics of structure matrices: closure, tension factor, isotropic force, singular values, sets of directions."""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
-from tensionlab.allocation import RANK_TOLERANCE
-from tensionlab.arrays import Floats
-from tensionlab.errors import ShapeError
-from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
+from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE, Allocator, Status
+from tensionlab.arrays import Floats, finite, rows
+from tensionlab.errors import InputError, ShapeError
+from tensionlab.workspace.wrench_set import TensionRange, structure_batch, structure_matrices
 
 CLOSURE_TOLERANCE = 1e-10
 """A pose with a tension factor of no more than this is on the edge of the wrench-closure workspace, not in it."""
 
+ALLOCATIONS_PER_CALL = 1 << 16
+"""Enough for all threads, and a few megabytes."""
+
 
 def tension_factor(structure: ArrayLike) -> Floats:
-    """How evenly can the cables be tensed against each other?
+    """Return the maximum ratio of minimum to maximum tension with ``W t = 0``.
 
     Source: Pham, Yeo, Yang and Chen, "Workspace analysis of fully restrained cable-driven manipulators", 2009.
     Instead of their linear program, the facets of the wrench set for tensions between 1 and tau: it holds zero
@@ -30,44 +36,30 @@ def tension_factor(structure: ArrayLike) -> Floats:
     Returns
     -------
     (...) array
-        The largest ratio of least to largest tension with ``W t = 0``, from 0 to 1; 0 where there is no wrench
-        closure, so also where W has a rank below n.
+        From 0 to 1; 0 where there is no wrench closure, so also where W has a rank below n.
 
     Raises
     ------
     ShapeError
         Naming the entry.
     """
-    given = poses(structure_matrices(structure), (0.0, 2.0))
-    return _native.tension_factor(*given[:3], RANK_TOLERANCE).reshape(given.shape)[()]
+    batch = structure_batch(structure_matrices(structure), (0.0, 2.0))
+    return _native.tension_factor(*batch[:3], RANK_TOLERANCE).reshape(batch.shape)[()]
 
 
 def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
-    """Can the cables render every wrench, if they only pull hard enough?
+    """Return whether the cables can render every wrench, if they only pull hard enough.
+
+    True, (...), where W has rank n and ``W t = 0`` for some t > 0: where the tension factor exceeds
+    `CLOSURE_TOLERANCE`. Parameter and errors as in `tension_factor`.
 
     Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004.
-
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices.
-
-    Returns
-    -------
-    (...) array of bool
-        Whether W has rank n and ``W t = 0`` for some t > 0: whether the tension factor exceeds
-        `CLOSURE_TOLERANCE`.
-
-    Raises
-    ------
-    ShapeError
-        Naming the entry.
     """
     return tension_factor(structure) > CLOSURE_TOLERANCE
 
 
 def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int | None = None) -> Floats:
-    """Up to which force can a rig pull in every direction, without a torque?
+    """Return the maximum force that is feasible in every direction, without a torque.
 
     The radius of the largest ball of forces, about zero, in the available wrench set; each facet bounds it by the
     part of its normal that is a force.
@@ -85,62 +77,135 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
     Returns
     -------
     (...) array
-        In N; 0 where some directions, or zero itself, cannot be rendered.
+        In N; 0 where some directions, or zero itself, are infeasible.
 
     Raises
     ------
     ShapeError
         Naming the entry.
+    InputError
+        If so many components cannot be forces.
     """
-    given = poses(structure_matrices(structure), limits)
-    n = given.structure.shape[1]
+    batch = structure_batch(structure_matrices(structure), limits)
+    n = batch.structure.shape[1]
     forces = min(n, 3) if dimension is None else dimension
     if not 1 <= forces <= n:
-        raise ShapeError(f"dimension is {dimension}; of {n} wrench components, 1 to {n} can be forces")
-    return _native.isotropic_force(*given[:3], forces, RANK_TOLERANCE).reshape(given.shape)[()]
+        raise InputError(f"dimension is {dimension}; of {n} wrench components, 1 to {n} can be forces")
+    return _native.isotropic_force(*batch[:3], forces, RANK_TOLERANCE).reshape(batch.shape)[()]
 
 
 def least_singular_value(structure: ArrayLike) -> Floats:
-    """How much wrench do tensions of 1 N (root of their squares) render in the weakest direction?
+    """Return the minimum singular value of each structure matrix (..., n, m).
 
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices.
-
-    Returns
-    -------
-    (...) array
-        The n-th singular value; 0 with fewer cables than components.
+    (...): the norm of the wrench in the weakest direction for tensions of norm 1 N; 0 with fewer cables than
+    components.
     """
     return _singular_values(structure)[..., -1][()]
 
 
 def condition_number(structure: ArrayLike) -> Floats:
-    """How much stronger is the strongest direction than the weakest?
+    """Return the maximum over the n-th singular value of each structure matrix (..., n, m).
 
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices.
-
-    Returns
-    -------
-    (...) array
-        Largest over n-th singular value; infinite where the rank is below n.
+    (...); infinite where the rank is below n.
     """
     sigma = _singular_values(structure)
-    held = sigma[..., -1] > RANK_TOLERANCE * sigma[..., 0]
-    ratio = np.full(held.shape, np.inf)
-    np.divide(sigma[..., 0], sigma[..., -1], out=ratio, where=held)
+    full_rank = sigma[..., -1] > RANK_TOLERANCE * sigma[..., 0]
+    ratio = np.full(full_rank.shape, np.inf)
+    np.divide(sigma[..., 0], sigma[..., -1], out=ratio, where=full_rank)
     return ratio[()]
 
 
 def _singular_values(structure: ArrayLike) -> Floats:
-    """All n of them, largest first."""
+    """Return all n of them, in descending order."""
     matrices = structure_matrices(structure)
     n, m = matrices.shape[-2:]
     found = np.linalg.svd(matrices, compute_uv=False)
     if m < n:
         found = np.concatenate([found, np.zeros((*found.shape[:-1], n - m))], axis=-1)
     return np.asarray(found)
+
+
+def reachable_share(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, magnitude: float) -> Floats:
+    """Return the feasible-direction fraction: the share of directions in which a wrench is feasible.
+
+    By the half-spaces of the available wrench set; nothing is solved.
+
+    Parameters
+    ----------
+    structure : (..., n, m) array
+        Structure matrices.
+    limits : object with ``lower`` and ``upper``, or a pair
+        Tension limits in N, each (..., m) or a number.
+    directions : (..., k, d) array
+        Vectors of any length but zero, k for each pose or for all. Where d is less than n they are forces, and
+        all other components are zero: no torque.
+    magnitude : float
+        Of the wrench; in N, if the directions are forces.
+
+    Returns
+    -------
+    (...) array
+        From 0 to 1. A wrench outside by no more than the tolerance of an exact allocation counts as feasible.
+
+    Raises
+    ------
+    ShapeError
+        Naming the entry.
+    InputError
+        If the magnitude is negative or not finite.
+    """
+    matrices = structure_matrices(structure)
+    wrenches = _wrenches(directions, magnitude, matrices.shape[-2])
+    batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
+    tolerance = TOLERANCE * max(1.0, magnitude)
+    share = _native.reachable_share(*batch[:3], rows(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE)
+    return share.reshape(batch.shape)[()]
+
+
+class Effort(NamedTuple):
+    """Sums of squared tensions in N², (...), mean and maximum over directions.
+
+    They go with the heat of the motors. NaN where a wrench is infeasible.
+    """
+
+    mean: Floats
+    worst: Floats
+
+
+def effort(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, magnitude: float) -> Effort:
+    """Return the squared tensions that wrenches of a magnitude take, over a set of directions.
+
+    For each direction the tensions with the minimum sum of squares, by `tensionlab.allocate`. Parameters and
+    errors as in `reachable_share`.
+    """
+    matrices = structure_matrices(structure)
+    wrenches = _wrenches(directions, magnitude, matrices.shape[-2])
+    structures, lower, upper, shape = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
+    desired = rows(wrenches, shape, 2)
+    mean, worst = np.empty(len(desired)), np.empty(len(desired))
+    step = max(1, ALLOCATIONS_PER_CALL // desired.shape[1])
+    for start in range(0, len(desired), step):
+        part = slice(start, start + step)
+        allocate = Allocator((lower[part, None], upper[part, None]))
+        found = allocate(structures[part, None], desired[part])
+        squares = np.where(found.status == Status.EXACT, np.einsum("bkm,bkm->bk", *2 * [found.tensions]), np.nan)
+        mean[part], worst[part] = squares.mean(axis=1), squares.max(axis=1)
+    return Effort(mean.reshape(shape)[()], worst.reshape(shape)[()])
+
+
+def _wrenches(directions: ArrayLike, magnitude: float, n: int) -> Floats:
+    """Return wrenches of one magnitude, (..., k, n)."""
+    if not (math.isfinite(magnitude) and magnitude >= 0):
+        raise InputError(f"magnitude is {magnitude}; give a finite number, 0 or more")
+    vectors = finite("directions", directions, 2)
+    if not (vectors.shape[-2] and 1 <= vectors.shape[-1] <= n):
+        raise ShapeError(
+            f"directions have shape {vectors.shape}; give (k, d), with d from 1 to {n}, the rows of structure"
+        )
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if not lengths.all():
+        index = ", ".join(str(int(i)) for i in np.argwhere(lengths[..., 0] == 0)[0])
+        raise ShapeError(f"directions[{index}] is zero; give vectors with a direction")
+    wrenches = np.zeros((*vectors.shape[:-1], n))
+    wrenches[..., : vectors.shape[-1]] = magnitude * vectors / lengths
+    return wrenches

@@ -1,4 +1,4 @@
-"""The available wrench set itself: all wrenches that tensions inside their limits render, a zonotope."""
+"""Available wrench set, a zonotope: its half-spaces and vertices; batches of structure matrices and limits."""
 
 from __future__ import annotations
 
@@ -10,9 +10,36 @@ from numpy.typing import ArrayLike
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE
-from tensionlab.arrays import Floats
+from tensionlab.arrays import Floats, Limits, check_size, common_axes, finite, rows, spread, tension_limits
 from tensionlab.errors import ShapeError
-from tensionlab.workspace.poses import TensionRange, poses, structure_matrices
+
+TensionRange = Limits | tuple[ArrayLike, ArrayLike]
+"""Tension limits in N: an object with ``lower`` and ``upper``, or that pair; each (..., m) or a number."""
+
+
+class StructureBatch(NamedTuple):
+    """B structure matrices (B, n, m), their tension limits (B, m), and the leading axes of their results."""
+
+    structure: Floats
+    lower: Floats
+    upper: Floats
+    shape: tuple[int, ...]
+
+
+def structure_matrices(structure: ArrayLike) -> Floats:
+    """Return structure matrices (..., n, m) as floats; refuse NaN, infinity and sizes the kernels do not serve."""
+    matrices = finite("structure", structure, 2)
+    check_size(*matrices.shape[-2:])
+    return matrices
+
+
+def structure_batch(matrices: Floats, limits: TensionRange, **axes: tuple[int, ...]) -> StructureBatch:
+    """Broadcast the leading axes of matrices and limits to each other and to further named ones."""
+    m = matrices.shape[-1]
+    low, high = tension_limits(limits)
+    lower, upper = spread("lower", low, m, "cables"), spread("upper", high, m, "cables")
+    shape = common_axes(structure=matrices.shape[:-2], lower=lower.shape[:-1], upper=upper.shape[:-1], **axes)
+    return StructureBatch(rows(matrices, shape, 2), rows(lower, shape, 1), rows(upper, shape, 1), shape)
 
 
 class HalfSpaces(NamedTuple):
@@ -30,21 +57,14 @@ class HalfSpaces(NamedTuple):
 
 
 def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
-    """Between which planes do the wrenches lie that tensions inside their limits render?
+    """Return the half-spaces that bound the available wrench set.
 
     All choices of n - 1 independent cables span two parallel facets, on which every other cable is at one of its
-    limits.
+    limits. Parameters and errors as in `capacity_margin`.
 
     Source: Bouchard, Gosselin and Moore, "On the ability of a cable-driven robot to generate a prescribed set of
     wrenches", 2010; Gouttefarde and Krut, "Characterization of parallel manipulator available wrench set facets",
     2010.
-
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each (..., m) or a number.
 
     Returns
     -------
@@ -52,32 +72,26 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
         Some may be redundant: all poses have as many as the one that needs most, twice the choices of n - 1 of m
         cables as a rule, and those that need fewer repeat their last. Where the set is flat, planes from both
         sides confine it.
-
-    Raises
-    ------
-    ShapeError
-        Naming the entry.
     """
-    given = poses(structure_matrices(structure), limits)
-    n, m = given.structure.shape[1:]
+    batch = structure_batch(structure_matrices(structure), limits)
+    n, m = batch.structure.shape[1:]
     capacity = 2 * max(n, comb(m, n - 1))
     while True:
-        normals, offsets, count = _native.half_spaces(*given[:3], capacity, RANK_TOLERANCE)
+        normals, offsets, count = _native.half_spaces(*batch[:3], capacity, RANK_TOLERANCE)
         needed = int(count.max(initial=1.0))
         if needed <= capacity:
             break
         capacity = needed  # flat sets may have more facets than others
-    shape = given.shape
+    shape = batch.shape
     return HalfSpaces(
         normals.reshape(*shape, capacity, n)[..., :needed, :], offsets.reshape(*shape, capacity)[..., :needed]
     )
 
 
 def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
-    """Which wrenches are the corners of what tensions inside their limits render?
+    """Return the vertices of the available wrench set at one pose.
 
-    The hull of one cable after the other, by Qhull: each copies what is there, at its least and at its largest
-    tension.
+    The hull of one cable after the other, by Qhull: each copies what is there, at its lower and its upper limit.
 
     Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996.
 
@@ -98,10 +112,10 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
     ShapeError
         Naming the entry, or if there are several poses.
     """
-    given = poses(structure_matrices(structure), limits)
-    if given.shape:
-        raise ShapeError(f"vertices are those of one pose; structure and limits have leading axes {given.shape}")
-    W, lower, upper = given.structure[0], given.lower[0], given.upper[0]
+    batch = structure_batch(structure_matrices(structure), limits)
+    if batch.shape:
+        raise ShapeError(f"vertices are those of one pose; structure and limits have leading axes {batch.shape}")
+    W, lower, upper = batch.structure[0], batch.lower[0], batch.upper[0]
     edges = (W * (upper - lower)).T
     basis, sigma, _ = np.linalg.svd(edges.T, full_matrices=False)
     basis = basis[:, sigma > RANK_TOLERANCE * sigma[0]]
@@ -113,7 +127,7 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
 
 
 def _hull(points: Floats) -> Floats:
-    """Those of the points that are vertices of their hull; all of them while they span no volume."""
+    """Return those of the points that are vertices of their hull; all of them while they span no volume."""
     from scipy.spatial import ConvexHull
 
     dimension = points.shape[1]

@@ -38,7 +38,7 @@ def test_search_prints_the_layout_and_writes_the_rig(run, space, tmp_path):
     rig = load_rig(tmp_path / "rig.toml")
     assert rig.m == 3
     assert all(module.name in out for module in rig.modules)
-    assert "the largest force in N in every direction" in out
+    assert "the maximum force in N in every direction" in out
     assert f"flat-3: {tmp_path / 'rig.toml'}" in out
     assert "Score lost without each module" in (tmp_path / "rig.toml").read_text()
 

@@ -49,9 +49,9 @@ def test_json_has_the_numbers_and_where_they_come_from(run):
     structure = rig.structure_matrix(np.stack([x, y, 0.1 + 0 * x], axis=-1))
     margins = tl.workspace.capacity_margin(structure, rig.limits, (np.zeros(3), 0.2))
     row = report["rows"][0]
-    assert row["least"] == pytest.approx(margins.min())
+    assert row["min"] == pytest.approx(margins.min())
     assert row["median"] == pytest.approx(np.median(margins))
-    assert row["largest"] == pytest.approx(margins.max())
+    assert row["max"] == pytest.approx(margins.max())
     assert row["above_zero"] == np.mean(margins > 0)
     assert report["manifest"]["versions"]["tensionlab"] == tl.__version__
 
@@ -80,7 +80,7 @@ def test_poses_come_from_a_file_too(run, tmp_path):
     code, out, _ = run(CUBE, "--poses", tmp_path / "poses.csv", "--measure", "least-singular-value", "--json")
     assert code == 0
     # At the centre of a cube W W' = 8/3.
-    assert json.loads(out)["rows"][0]["largest"] == pytest.approx(np.sqrt(8 / 3))
+    assert json.loads(out)["rows"][0]["max"] == pytest.approx(np.sqrt(8 / 3))
 
 
 def test_body_frames_stay_at_rest(run):

@@ -16,7 +16,6 @@ IN_PLACE = {
     "cli/ending.py",
     "hardware/client/locks.py",
     "validation/journal.py",
-    "workspace/sweep/ledger.py",
     "workspace/sweep/store.py",
 }
 WRITES = re.compile(

@@ -8,8 +8,8 @@ from tensionlab.errors import ShapeError
 from tensionlab.plots import plot_layouts, plot_measures, plot_shares, plot_slices, plot_volume
 from tensionlab.plots.field import read_field
 from tensionlab.plots.workspace import share_above
+from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.configurations import vary
-from tensionlab.workspace.sweep.pose_sets import Grid
 
 AXIS = np.linspace(-0.45, 0.45, 7)
 

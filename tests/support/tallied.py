@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tensionlab.workspace.base import Batch
+from tensionlab.workspace.metrics import Batch
 
 
 @dataclass(frozen=True)

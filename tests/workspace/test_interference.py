@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError, ShapeError
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import box_corners
 from tensionlab.model.module import Module
@@ -189,11 +189,11 @@ def test_a_batch_equals_a_loop_and_may_be_empty():
 
 def test_a_body_that_is_none_is_refused():
     rig = box_corners([1, 1, 1])
-    with pytest.raises(ShapeError, match="radius of body 1 is -1"):
+    with pytest.raises(InputError, match="radius of body 1 is -1"):
         body_distance(rig, [Capsule([1, 1, 1]), Capsule([1, 1, 1], radius=-1)], [0, 0, 0])
     with pytest.raises(ShapeError, match="start of body 0"):
         body_distance(rig, [Capsule([1, 1])], [0, 0, 0])
-    with pytest.raises(ShapeError, match="at most 64"):
+    with pytest.raises(InputError, match="at most 64"):
         body_distance(rig, [Capsule([1, 1, 1])] * 60, [0, 0, 0])
     with pytest.raises(ShapeError, match="end2"):
         segment_distance([0, 0, 0], [1, 0, 0], [0, 1, 0], [0, np.nan, 0])

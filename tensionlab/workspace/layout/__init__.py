@@ -1,1 +1,1 @@
-"""Where to put the modules: the space they may stand in, the objective, the search, and what it found."""
+"""Layouts: the space for modules, the objective, the search, and its tasks from files."""

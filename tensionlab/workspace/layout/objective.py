@@ -1,4 +1,4 @@
-"""What a good layout is: `Objective`."""
+"""Objective of a layout search: capacity margins over the target, their slopes, and the score."""
 
 from __future__ import annotations
 
@@ -7,25 +7,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
+from tensionlab.model import kinematics
+from tensionlab.model.module import TensionLimits
+from tensionlab.workspace.layout.space import Places, Space
+from tensionlab.workspace.margin import capacity_margin, margin_gradient
 
-LEAD = 0.1
-"""What the force that is missing, or to spare, counts beside the share: enough to lead a search among equals."""
+TIE_WEIGHT = 0.1
+"""Weight of missing or spare force beside the share: enough to lead a search among equals."""
+
+MAX_CHUNK_POINTS = 50_000
+"""Points of layouts that are worked on at once; it bounds the memory."""
 
 
 @dataclass(frozen=True)
 class Objective:
-    """What should a layout be best at?
+    """Criterion by which layouts are compared.
 
     Attributes
     ----------
     force : float or None
-        In N: the share of the target in which every force of this size can be rendered. None: the largest force
-        that can be rendered in every direction everywhere in the target.
+        In N: the share of the target in which every force of this size is feasible. None: the maximum force that
+        is feasible in every direction everywhere in the target.
 
     Raises
     ------
-    ShapeError
+    InputError
         If the force is not a positive number.
     """
 
@@ -33,72 +40,81 @@ class Objective:
 
     def __post_init__(self) -> None:
         if self.force is not None and not (np.isfinite(self.force) and self.force > 0):
-            raise ShapeError(f"objective: force is {self.force}; give a force in N above zero, or None")
+            raise InputError(f"objective: force is {self.force}; give a force in N above zero, or None")
 
     def score(self, margins: Floats) -> Floats:
-        """How good are layouts, given the capacity margin at each point of the target?
+        """Return the score (...) of layouts with these capacity margins (..., P), in N, over the target.
 
-        Parameters
-        ----------
-        margins : (..., P) array
-            In N.
-
-        Returns
-        -------
-        (...) array
-            The worst margin in N, or the share of the points where it is at least the force.
+        The minimum margin in N, or the share of the points where it is at least the force.
         """
         if self.force is None:
             return np.asarray(margins.min(axis=-1))
         return np.asarray((margins >= self.force).mean(axis=-1))
 
     def merit(self, margins: Floats) -> Floats:
-        """Which of many layouts is better?
+        """Return the number (...) by which a search ranks layouts with these margins (..., P), in N.
 
-        The worst margin; or the share, which moves in steps, and what tells apart layouts of the same share: the
+        The minimum margin; or the share, which moves in steps, and what tells apart layouts of the same share: the
         force that is missing on average or, where none is, what the worst point has to spare.
-
-        Parameters and result as in `score`.
         """
         if self.force is None:
             return self.score(margins)
         spare = np.maximum(margins.min(axis=-1) / self.force - 1, 0.0)
-        return self.score(margins) + LEAD * np.asarray(spare - self.missing(margins).mean(axis=-1))
+        return self.score(margins) + TIE_WEIGHT * np.asarray(spare - self.missing(margins).mean(axis=-1))
 
-    def smooth(self, margins: Floats, sharp: float) -> Floats:
-        """What can gradients climb? A likeness of the merit without steps.
+    def smooth(self, margins: Floats, sharpness: float) -> Floats:
+        """Return a continuous approximation (...) of the merit for gradients, from margins (..., P), in N.
 
-        The worst margin, while no force is missing anywhere. Else the share that is lost, but for a sign, with
-        ``log(1 + missing / sharp)`` at each point in place of a count of the points: the smaller ``sharp`` is, the
-        less it matters how much is missing.
+        The minimum margin, while no force is missing anywhere. Else the share that is lost, but for a sign, with
+        ``log(1 + missing / sharpness)`` at each point in place of a count of the points: the smaller
+        ``sharpness``, a share of the force, the less it matters how much is missing.
 
         Source: Candes, Wakin and Boyd, "Enhancing sparsity by reweighted l1 minimization", 2008.
-
-        Parameters
-        ----------
-        margins : (..., P) array
-            In N.
-        sharp : float
-            As a share of the force.
-
-        Returns
-        -------
-        (...) array
         """
         worst = margins.min(axis=-1)
         if self.force is None:
             return np.asarray(worst)
-        lost = np.log1p(self.missing(margins) / sharp).mean(axis=-1)
+        lost = np.log1p(self.missing(margins) / sharpness).mean(axis=-1)
         return np.asarray(np.where(worst < self.force, -lost, worst))
 
     def missing(self, margins: Floats) -> Floats:
-        """Which share of the force is missing at each point? (..., P), 0 or more."""
+        """Return the share of the force that is missing at each point, (..., P), 0 or more."""
         if self.force is None:
             return np.zeros_like(margins)
         return np.maximum(1 - margins / self.force, 0.0)
 
     def describe(self) -> str:
-        """Say in a few words what the score is."""
+        """Return in a few words what the score is."""
         if self.force is None:
-            return "the largest force in N in every direction, everywhere in the target"
+            return "the maximum force in N in every direction, everywhere in the target"
         return f"the share of the target with {self.force:g} N in every direction"
+
+
+def target_margins(anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
+    """Return the capacity margins of layouts about no force, (..., P), in N, at each point of the target.
+
+    Parameters
+    ----------
+    anchors : (..., m, d) array
+        In the world, in m.
+    limits : TensionLimits
+    target : (P, d) array
+        In m.
+    """
+    flat = anchors.reshape(-1, *anchors.shape[-2:])
+    found = np.empty((len(flat), len(target)))
+    rows = max(1, MAX_CHUNK_POINTS // len(target))
+    for start in range(0, len(flat), rows):
+        _, directions = kinematics.cables(flat[start : start + rows, None], target, None)
+        found[start : start + rows] = capacity_margin(kinematics.structure_matrix(directions, None), limits)
+    return found.reshape(*anchors.shape[:-2], len(target))
+
+
+def target_slopes(space: Space, places: Places, limits: TensionLimits, target: Floats) -> tuple[Floats, Floats]:
+    """Return the margins (P,) of one layout, in N, and their slopes (P, k, d), in N per length of an edge."""
+    lengths, directions = kinematics.cables(space.anchors(places), target, None)
+    found = margin_gradient(kinematics.structure_matrix(directions, None), limits)
+    by_anchor = kinematics.anchor_gradient(found.structure, lengths, directions, None)
+    edges = space.placed.edges[places.surfaces]
+    put = by_anchor[:, : len(places.surfaces)]
+    return found.margin, np.einsum("pkd,ked->pke", put, edges)

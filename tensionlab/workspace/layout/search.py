@@ -1,27 +1,81 @@
-"""Where to put the modules: `search_layout`."""
+"""Search for layouts: where to put modules, and what each of them adds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError, ShapeError
 from tensionlab.model import pose
-from tensionlab.workspace.layout import place
-from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.place import Places
+from tensionlab.model.files import rig_to_toml
+from tensionlab.model.module import Module, TensionLimits
+from tensionlab.model.rig import Rig
+from tensionlab.workspace.layout.objective import Objective, target_margins
 from tensionlab.workspace.layout.polish import polish
-from tensionlab.workspace.layout.result import LayoutSearch, judge
-from tensionlab.workspace.layout.space import Space
-from tensionlab.workspace.sweep.pose_sets import Grid
+from tensionlab.workspace.layout.space import Places, Space
+from tensionlab.workspace.poses import Grid
 
-POPULATION = 10
+POPULATION_FACTOR = 10
 """Layouts in a generation, for each number that describes one."""
 
-Told = Callable[[float], None]
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Rig with modules on the surfaces of a space, and its score.
+
+    Attributes
+    ----------
+    rig : Rig
+        With the modules that were put, in the order of their surfaces, and the fixed ones last.
+    score : float
+        Of the objective: a share, or a margin in N.
+    worst : float
+        The maximum force that is feasible in every direction everywhere in the target, in N; negative where not
+        even the force zero is.
+    contributions : tuple of float
+        For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
+        they render no force at all. Below zero where they do better without it.
+    """
+
+    rig: Rig
+    score: float
+    worst: float
+    contributions: tuple[float, ...]
+
+    def to_toml(self) -> str:
+        """Return the rig file, with the score and the contributions as comments."""
+        lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
+        for module, lost in zip(self.rig.modules, self.contributions, strict=True):
+            lines.append(f"#   {module.name}: {lost:.6g}")
+        return "\n".join([*lines, "", rig_to_toml(self.rig)])
+
+
+@dataclass(frozen=True)
+class LayoutSearch:
+    """Layouts that a search found, one for each number of modules, the fewest first."""
+
+    objective: Objective
+    layouts: tuple[Layout, ...]
+
+    @property
+    def front(self) -> tuple[Layout, ...]:
+        """Layouts that no other beats with as many modules or fewer: what each further module buys."""
+        best: list[Layout] = []
+        for layout in self.layouts:
+            if not best or layout.score > best[-1].score:
+                best.append(layout)
+        return tuple(best)
+
+    @property
+    def best(self) -> Layout:
+        """The layout with the highest score; of equals, the one with the fewest modules."""
+        return self.front[-1]
 
 
 def search_layout(
@@ -33,9 +87,9 @@ def search_layout(
     seed: int = 0,
     generations: int = 30,
     starts: int = 50,
-    progress: Told | None = None,
+    progress: Progress | None = None,
 ) -> LayoutSearch:
-    """Where should the modules stand, so that a hand can be pulled as hard as possible everywhere in a target?
+    """Search for anchors of modules that are best for a target, by an objective.
 
     For each number of modules in turn, in three stages. Differential evolution spreads over all surfaces, with a
     whole generation in one call of the compiled capacity margin. The best layouts of its last generation, no two
@@ -62,16 +116,14 @@ def search_layout(
     starts : int
         How many layouts of the evolution are polished; as many hops follow.
     progress : callable, optional
-        Told the share of the work that is done.
-
-    Returns
-    -------
-    LayoutSearch
+        Called with the share of the work that is done, from 0 to 1.
 
     Raises
     ------
     ShapeError
-        If the target has no point or other coordinates than the surfaces, or a number is too small.
+        If the target has no point or other coordinates than the surfaces.
+    InputError
+        If a number is too small.
     """
     positions = target.arrays()[0] if isinstance(target, Grid) else target
     points = pose.points(positions, space.dimension, "target").reshape(-1, space.dimension)
@@ -79,28 +131,28 @@ def search_layout(
         raise ShapeError("target has no points; give at least one position of the hand")
     for what, number in (("generations", generations), ("starts", starts)):
         if number < 1:
-            raise ShapeError(f"{what} is {number}; give 1 or more")
+            raise InputError(f"{what} is {number}; give 1 or more")
     layouts = []
     counts = sorted(space.counts)
     for done, count in enumerate(counts):
 
-        def tell(share: float, done: int = done) -> None:
+        def report(share: float, done: int = done) -> None:
             if progress is not None:
                 progress((done + share) / len(counts))
 
         random = np.random.default_rng([seed, count])
-        ranked = _explore(space, points, objective, count, random, generations, lambda share: tell(share / 3))
-        limits = place.limits(space, count)
+        ranked = _explore(space, points, objective, count, random, generations, lambda share: report(share / 3))
+        limits = space.tension_limits(count)
         best, rank = ranked[0], (-np.inf, -np.inf)
-        candidates = _different(ranked, starts)
+        candidates = _distinct(ranked, starts)
         for number in range(2 * starts):
             start = candidates[number] if number < len(candidates) else _hop(space, best, random)
-            polished, margins = polish(space, points, objective, start, limits)
-            found = float(objective.score(margins)), float(objective.merit(margins))
+            polished, values = polish(space, points, objective, start, limits)
+            found = float(objective.score(values)), float(objective.merit(values))
             if found > rank:
                 best, rank = polished, found
-            tell(1 / 3 + (number + 1) / (3 * starts))
-        layouts.append(judge(space, points, objective, best, f"{name}-{count + len(space.fixed)}"))
+            report(1 / 3 + (number + 1) / (3 * starts))
+        layouts.append(evaluate(space, points, objective, best, f"{name}-{count + len(space.fixed)}"))
     return LayoutSearch(objective, tuple(layouts))
 
 
@@ -111,26 +163,26 @@ def _explore(
     count: int,
     random: np.random.Generator,
     generations: int,
-    tell: Told,
+    report: Progress,
 ) -> list[Places]:
-    """The last generation of an evolution, the best layout first."""
+    """Return the last generation of an evolution, the best layout first."""
     from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
-    limits = place.limits(space, count)
+    limits = space.tension_limits(count)
     size = count * (space.dimension + 1)
 
     def layouts(genes: Floats) -> Places:
-        return place.decode(space, genes.reshape(-1, count, space.dimension + 1))
+        return space.decode(genes.reshape(-1, count, space.dimension + 1))
 
     def cost(genes: Floats) -> Floats:
-        return -objective.merit(place.margins(place.anchors(space, layouts(genes.T)), limits, target))
+        return -objective.merit(target_margins(space.anchors(layouts(genes.T)), limits, target))
 
     passed = 0
 
     def callback(intermediate_result: OptimizeResult) -> None:
         nonlocal passed
         passed += 1
-        tell(passed / generations)
+        report(passed / generations)
 
     found = differential_evolution(
         cost,  # type: ignore[arg-type]  # the stubs know no vectorized functions
@@ -138,7 +190,7 @@ def _explore(
         vectorized=True,
         updating="deferred",
         maxiter=generations,
-        popsize=POPULATION,
+        popsize=POPULATION_FACTOR,
         rng=random,
         tol=0.0,
         polish=False,
@@ -149,8 +201,8 @@ def _explore(
     return [Places(everyone.surfaces[index], everyone.along[index]) for index in order]
 
 
-def _different(ranked: list[Places], most: int) -> list[Places]:
-    """The first layouts that differ in how often they use each surface."""
+def _distinct(ranked: list[Places], most: int) -> list[Places]:
+    """Return the first layouts that differ in how often they use each surface."""
     seen: dict[tuple[int, ...], Places] = {}
     for places in ranked:
         seen.setdefault(tuple(np.sort(places.surfaces)), places)
@@ -158,10 +210,51 @@ def _different(ranked: list[Places], most: int) -> list[Places]:
 
 
 def _hop(space: Space, places: Places, random: np.random.Generator) -> Places:
-    """The same layout with one or two modules anywhere."""
+    """Return the layout with one or two modules moved anywhere."""
     surfaces, along = places.surfaces.copy(), places.along.copy()
     count = len(surfaces)
     for index in random.permutation(count)[: random.integers(1, 3)]:
         surfaces[index] = random.integers(len(space.surfaces))
         along[index] = random.random(space.dimension)
     return Places(surfaces, along)
+
+
+def evaluate(space: Space, target: Floats, objective: Objective, places: Places, name: str) -> Layout:
+    """Return the rig of a layout, its score, and what each module adds to that."""
+    order = np.lexsort((*places.along.T[::-1], places.surfaces))
+    places = Places(places.surfaces[order], places.along[order])
+    modules = (*_modules(space, places), *space.fixed)
+    limits = space.tension_limits(len(places.surfaces))
+    anchors = space.anchors(places)
+    found = target_margins(anchors, limits, target)
+    score = float(objective.score(found))
+    lost = []
+    for index in range(len(modules)):
+        rest = np.arange(len(modules)) != index
+        fewer = TensionLimits(limits.lower[rest], limits.upper[rest]) if rest.any() else None
+        without = 0.0 if fewer is None else float(objective.score(target_margins(anchors[rest], fewer, target)))
+        lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
+    rig = Rig(
+        name=name,
+        kind="point" if space.dimension == 3 else "planar-point",
+        modules=modules,
+        home=target.mean(axis=0),
+        description=f"A layout found by search: {score:.4g} is {objective.describe()}.",
+        source="tensionlab layout search",
+    )
+    return Layout(rig, score, float(found.min()), tuple(lost))
+
+
+def _modules(space: Space, places: Places) -> list[Module]:
+    """Return modules with names after their surfaces, in the axes of their own frames."""
+    modules: list[Module] = []
+    taken = {module.name for module in space.fixed}
+    for index, along in zip(places.surfaces, places.along, strict=True):
+        surface = space.surfaces[index]
+        number = 1
+        while f"{surface.name} {number}" in taken:
+            number += 1
+        taken.add(f"{surface.name} {number}")
+        anchor = surface.corner + along[: len(surface.edges)] @ surface.edges
+        modules.append(Module(f"{surface.name} {number}", anchor, *space.limits, frame=surface.frame))
+    return modules

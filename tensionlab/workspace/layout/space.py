@@ -1,4 +1,4 @@
-"""Where modules may be put: `Surface`, `room` and `Space`."""
+"""Space of layouts: surfaces for modules, and the places that genes encode."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab.arrays import Floats, as_floats
+from tensionlab.arrays import Floats, Integers, as_floats
 from tensionlab.errors import RigError
 from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
-from tensionlab.model.module import WORLD, Module, vector
+from tensionlab.model.module import WORLD, Module, TensionLimits, vector
 from tensionlab.model.pose import Frame
+
+GENE_BORDER = 0.15
+"""Share of an edge's genes that stands for each of its two ends: good places are often there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """On which rail, rectangle or box may modules be put?
+    """Rail, rectangle or box on which modules may be put.
 
     All points ``corner + x @ edges`` with every entry of x from 0 to 1.
 
@@ -68,7 +71,7 @@ class Surface:
 
 
 def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[Surface, ...]:
-    """Which surfaces has a room? Floor, ceiling and four walls; Y is up.
+    """Return the surfaces of a room: floor, ceiling and four walls; Y is up.
 
     Parameters
     ----------
@@ -95,7 +98,7 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
 
 class Placed(NamedTuple):
-    """Where in the world are the surfaces and the fixed modules?
+    """Surfaces and fixed modules in world axes.
 
     Attributes
     ----------
@@ -112,9 +115,24 @@ class Placed(NamedTuple):
     fixed: Floats
 
 
+class Places(NamedTuple):
+    """Surfaces on which modules stand, and places on them.
+
+    Attributes
+    ----------
+    surfaces : (..., k) array
+        Indices of surfaces.
+    along : (..., k, d) array
+        Shares of the surface's edges, from 0 to 1; without effect where it has fewer than d.
+    """
+
+    surfaces: Integers
+    along: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Where may modules stand, how many of them, and how hard can each pull?
+    """Surfaces for modules, how many of them, and their tension limits.
 
     Attributes
     ----------
@@ -126,7 +144,7 @@ class Space:
     fixed : tuple of Module
         Modules that stay where they are.
     frames : mapping of name to Frame
-        Where the bodies of the frames are while the hand is in the target.
+        Poses of the body frames while the hand is in the target.
 
     Raises
     ------
@@ -168,12 +186,12 @@ class Space:
 
     @property
     def dimension(self) -> int:
-        """Dimension d of space: 2 or 3."""
+        """Dimension of space: 2 or 3."""
         return self.surfaces[0].corner.size
 
     @cached_property
     def placed(self) -> Placed:
-        """Everything in the world, with the bodies where ``frames`` says."""
+        """Surfaces and fixed modules in world axes."""
         d, count = self.dimension, len(self.surfaces)
         corners = [(surface.corner, surface.frame) for surface in self.surfaces]
         ends = [
@@ -188,4 +206,30 @@ class Space:
             corners=points[:count],
             edges=points[count : count * (1 + d)].reshape(count, d, d) - points[:count, None],
             fixed=points[count * (1 + d) :],
+        )
+
+    def decode(self, genes: Floats) -> Places:
+        """Return the places that genes (..., k, d + 1), from 0 to 1, stand for.
+
+        The first gene of a module picks the surface, all of which are equally likely, so that a search finds the
+        small ones too. The others are the shares of its edges.
+        """
+        count = len(self.surfaces)
+        surfaces = np.minimum((genes[..., 0] * count).astype(np.int64), count - 1)
+        return Places(surfaces, np.clip(genes[..., 1:] * (1 + 2 * GENE_BORDER) - GENE_BORDER, 0.0, 1.0))
+
+    def anchors(self, places: Places) -> Floats:
+        """Return the world positions of all modules, (..., m, d), in m, the fixed ones last."""
+        placed = self.placed
+        moved = np.einsum("...k,...kd->...d", places.along, placed.edges[places.surfaces])
+        put = placed.corners[places.surfaces] + moved
+        fixed = np.broadcast_to(placed.fixed, (*put.shape[:-2], *placed.fixed.shape))
+        return np.concatenate([put, fixed], axis=-2)
+
+    def tension_limits(self, count: int) -> TensionLimits:
+        """Return the tension limits of ``count`` modules and the fixed ones, which are last."""
+        lower, upper = ([limit] * count for limit in self.limits)
+        return TensionLimits(
+            np.array([*lower, *(module.lower for module in self.fixed)]),
+            np.array([*upper, *(module.upper for module in self.fixed)]),
         )

@@ -1,27 +1,27 @@
-"""A search for a layout, as a TOML file asks for it: `load_task`."""
+"""Search tasks from TOML files: `load_task`, and what a file may hold, as pydantic sees it.
+
+`Space` checks what the numbers mean.
+"""
 
 from __future__ import annotations
 
 import math
 from os import PathLike
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from tensionlab.errors import RigError, ShapeError
+from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.files.reading import brief, read_toml
 from tensionlab.model import kinematics
 from tensionlab.model.module import MAX_LENGTH, Module
 from tensionlab.model.pose import Frame
+from tensionlab.model.schema import ModuleTable, Table, check
 from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.result import LayoutSearch
-from tensionlab.workspace.layout.search import Told, search_layout
+from tensionlab.workspace.layout.search import LayoutSearch, Progress, search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
-from tensionlab.workspace.paths import box
-from tensionlab.workspace.sweep.pose_sets import Grid
-
-if TYPE_CHECKING:
-    from tensionlab.workspace.layout.schema import FrameTable, SpaceFile
+from tensionlab.workspace.poses import Grid, box
 
 MAX_ROTATION_RAD = 100.0
 """Of a frame, about each axis: beyond some turns an angle is a mistake."""
@@ -29,11 +29,83 @@ MAX_POSES = 1_000_000
 """Positions of a target: a search looks at each of them thousands of times."""
 
 
-class LayoutTask(NamedTuple):
-    """Which layout is asked for, and how long to search?
+class RoomTable(Table):
+    """Table ``[room]``: surfaces that need not be written one by one."""
 
-    The attributes are the arguments of `search_layout`.
-    """
+    size: list[float] = Field(
+        description="width along X, height along Y and depth along Z, a list of lengths in m"
+    )
+    centre: list[float] | None = Field(None, description="the middle of the room, a list of coordinates in m")
+    faces: list[str] | None = Field(None, description="the names of the faces to use, a list of texts in quotes")
+
+
+class SurfaceTable(Table):
+    """Entry of ``[[surfaces]]``."""
+
+    name: str = Field(min_length=1, description="a name in quotes that no other surface has")
+    corner: list[float] = Field(description="where all edges start, a list of coordinates in m")
+    edges: list[list[float]] = Field(description="one to three edges, a list of lists of coordinates in m")
+    frame: str = Field("world", description='"world" or the name of a body frame, in quotes')
+
+
+class FrameTable(Table):
+    """Entry of ``[[frames]]``: the pose of a body."""
+
+    name: str = Field(min_length=1, description="the name of the body frame in quotes")
+    position: list[float] = Field(description="where the body's origin is, a list of coordinates in m")
+    rotation: list[float] | None = Field(
+        None, description="axis times angle in rad, a list of numbers: three in space, one in the plane"
+    )
+
+
+class LimitsTable(Table):
+    """Table ``[limits]``."""
+
+    lower: float = Field(description="the smallest tension in N, a number")
+    upper: float = Field(description="the largest tension in N, a number")
+
+
+class TargetTable(Table):
+    """Table ``[target]``."""
+
+    x: list[float] = Field(description="from where to where along X, a list of two coordinates in m")
+    y: list[float] = Field(description="from where to where along Y, a list of two coordinates in m")
+    z: list[float] | None = Field(None, description="from where to where along Z, a list of two coordinates in m")
+    step: float = Field(description="the distance of neighbouring positions in m, a number")
+
+
+class ObjectiveTable(Table):
+    """Table ``[objective]``."""
+
+    force: float | None = Field(None, description="the force in N to be had in every direction, a number")
+
+
+class SearchTable(Table):
+    """Table ``[search]``."""
+
+    seed: int = Field(0, ge=0, description="a whole number, 0 or more")
+    generations: int = Field(30, ge=1, description="how long to evolve, a whole number above zero")
+    starts: int = Field(50, ge=1, description="how many layouts to polish, a whole number above zero")
+
+
+class SpaceFile(Table):
+    """Whole file."""
+
+    name: str = Field(min_length=1, description="a name in quotes")
+    description: str = Field("", description="a text in quotes")
+    counts: list[int] = Field(min_length=1, description="how many modules to put, a list of whole numbers")
+    limits: LimitsTable = Field(description="a [limits] table")
+    target: TargetTable = Field(description="a [target] table")
+    objective: ObjectiveTable = Field(ObjectiveTable(), description="an [objective] table")
+    search: SearchTable = Field(SearchTable(), description="a [search] table")
+    room: RoomTable | None = Field(None, description="a [room] table")
+    surfaces: list[SurfaceTable] = Field([], description="[[surfaces]] tables")
+    modules: list[ModuleTable] = Field([], description="[[modules]] tables")
+    frames: list[FrameTable] = Field([], description="[[frames]] tables")
+
+
+class LayoutTask(NamedTuple):
+    """Arguments of `search_layout`, as a file gives them."""
 
     name: str
     space: Space
@@ -43,43 +115,30 @@ class LayoutTask(NamedTuple):
     generations: int
     starts: int
 
-    def run(self, progress: Told | None = None) -> LayoutSearch:
-        """Search for it; ``progress`` is told the share of the work that is done."""
-        return search_layout(
-            self.space,
-            self.target,
-            self.objective,
-            name=self.name,
-            seed=self.seed,
-            generations=self.generations,
-            starts=self.starts,
-            progress=progress,
-        )
+    def run(self, progress: Progress | None = None) -> LayoutSearch:
+        """Search; ``progress`` is called with the share of the work that is done, from 0 to 1."""
+        return search_layout(**self._asdict(), progress=progress)
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:
-    """Which layout does a TOML file ask for?
-
-    The format, with every key, is shown in ``datasets/README.md``.
+    """Return the search task of a TOML file; ``datasets/README.md`` shows the format, with every key.
 
     Raises
     ------
     RigError
         Naming the file, the table and the key: what is wrong and what to do.
     """
-    from tensionlab.workspace.layout import schema
-
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
-        table = schema.parse(document)
+        table = check(SpaceFile, document)
         return LayoutTask(
             name=table.name,
             space=_space(table),
-            target=_target(table),
+            target=_target(table.target),
             objective=Objective(table.objective.force),
             **table.search.model_dump(),
         )
-    except (RigError, ShapeError) as error:
+    except (RigError, ShapeError, InputError) as error:
         raise RigError(f"{path}: {error}") from None
 
 
@@ -118,20 +177,18 @@ def _frame(table: FrameTable) -> Frame:
     return Frame(table.position, kinematics.exponential(turn) if size == 3 else turn[0])
 
 
-def _target(table: SpaceFile) -> Grid:
-    target = table.target
-    intervals = {"x": target.x, "y": target.y} | ({} if target.z is None else {"z": target.z})
+def _target(table: TargetTable) -> Grid:
+    intervals = {"x": table.x, "y": table.y} | ({} if table.z is None else {"z": table.z})
     for key, ends in intervals.items():
         if len(ends) != 2:
             raise RigError(
                 f'[target]: key "{key}" has {len(ends)} numbers; give where it starts and where it ends'
             )
-    for key, (begin, end) in intervals.items():
-        if not max(abs(begin), abs(end)) <= MAX_LENGTH:
-            raise RigError(f'[target]: key "{key}" is {begin:g} to {end:g}; give m, within {MAX_LENGTH:g}')
+        if not max(map(abs, ends)) <= MAX_LENGTH:
+            raise RigError(f'[target]: key "{key}" is {ends[0]:g} to {ends[1]:g}; give m, within {MAX_LENGTH:g}')
     try:
-        grid = box(**{key: tuple(ends) for key, ends in intervals.items()}, step=target.step)
-    except ShapeError as error:
+        grid = box(**{key: tuple(ends) for key, ends in intervals.items()}, step=table.step)
+    except (InputError, ShapeError) as error:
         raise RigError(f"[target]: {error}") from None
     if (count := math.prod(grid.shape)) > MAX_POSES:
         raise RigError(f'[target]: key "step" gives {count:,} positions; give one for {MAX_POSES:,} at most')

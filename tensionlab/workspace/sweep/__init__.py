@@ -1,4 +1,4 @@
-"""Where, and how well, can these rigs pull? `sweep` asks at every pose of every configuration."""
+"""Sweeps: metrics of rigs over configurations and poses, as one labelled dataset."""
 
 from __future__ import annotations
 
@@ -15,47 +15,45 @@ from numpy.typing import ArrayLike
 from tensionlab.errors import SweepError
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.workspace import registry as catalogue
-from tensionlab.workspace.base import Measure
+from tensionlab.workspace import metrics
+from tensionlab.workspace.metrics import Metric
+from tensionlab.workspace.poses import Grid, PoseList
 from tensionlab.workspace.sweep.configurations import Configurations, vary
-from tensionlab.workspace.sweep.dataset import bare_dataset
-from tensionlab.workspace.sweep.executors import locally, on_cluster
+from tensionlab.workspace.sweep.dataset import empty_dataset
+from tensionlab.workspace.sweep.executors import evaluate_on_cluster, evaluate_on_threads, progress_bar
 from tensionlab.workspace.sweep.plan import Plan
-from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
-from tensionlab.workspace.sweep.progress import bar
-from tensionlab.workspace.sweep.store import Memory, Sink, Store
+from tensionlab.workspace.sweep.store import MemoryStore, SweepStore, ZarrStore
 
 if TYPE_CHECKING:
     import xarray
 
-CHUNK = 16_384
-"""Values of a measure in a chunk: 128 kB, and mostly a small part of a second."""
+CHUNK_VALUES = 16_384
+"""Values of a metric in a chunk: 128 kB, and mostly a small part of a second."""
 
 
 def sweep(
     rigs: Rig | Sequence[Rig] | Configurations,
     poses: Grid | PoseList | ArrayLike,
-    measures: str | Measure | Sequence[str | Measure],
+    measures: str | Metric | Sequence[str | Metric],
     *,
     frames: Frames | None = None,
     out: str | PathLike[str] | None = None,
     scheduler: str | None = None,
-    chunk: int = CHUNK,
+    chunk: int = CHUNK_VALUES,
     progress: bool = True,
 ) -> xarray.Dataset:
-    """Where, and how well, can these rigs pull?
+    """Evaluate metrics of every configuration at every pose.
 
-    Every measure, of every configuration, at every pose. A bar on the terminal says how long it will take, if
-    that is more than two seconds.
+    A bar on the terminal says how long it will take, if that is more than two seconds.
 
     Parameters
     ----------
     rigs : Rig, sequence of Rig, or Configurations
-        Rigs with names that differ, or what `tensionlab.workspace.sweep.configurations` returns.
+        Rigs with names that differ, or what `tensionlab.workspace.vary` returns.
     poses : Grid, PoseList or (k, d) array
         From `tensionlab.workspace`: `Grid`, `box`, `polyline`, `read_poses`; or positions in m.
-    measures : str, Measure, or sequence of them
-        Names in `tensionlab.workspace.MEASURES`, such as "capacity-margin" or "reachable-share:2.0", or instances.
+    measures : str, Metric, or sequence of them
+        Names in `tensionlab.workspace.METRICS`, such as "capacity-margin" or "reachable-share:2.0", or instances.
     frames : mapping of name to Frame or (position, rotation), optional
         Where the body frames of the rigs are: one pose for each, the same all over the sweep.
     out : path, optional
@@ -66,23 +64,22 @@ def sweep(
         Address of a Dask scheduler, as in "tcp://host:8786", whose workers evaluate the chunks; else the
         processors of this machine do.
     chunk : int
-        Values of a measure in a chunk, at most. A store goes on with the chunks that it was begun with.
+        Values of a metric in a chunk, at most. A store goes on with the chunks that it was begun with.
     progress : bool
         False for no bar.
 
     Returns
     -------
     xarray.Dataset
-        A variable for each measure, called as it was asked for, with the axes of the configurations, then those
-        of the poses. NaN where a cable has no length, or a measure has
-        no value. Every variable has ``units`` and ``long_name``. The
-        coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves. Among the
-        attributes is the ``manifest``, as JSON: the call, versions, commit and processor.
+        A variable for each metric, called as it was given, with the axes of the configurations, then those of the
+        poses. NaN where a cable has no length, or a metric has no value. Every variable has ``units`` and
+        ``long_name``. The coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves.
+        Among the attributes is the ``manifest``, as JSON: the call, versions, commit and processor.
 
     Raises
     ------
-    SweepError, RigError, ShapeError
-        Before any work: rigs, poses and measures that do not fit, a place to write to that holds something else,
+    SweepError, RigError, ShapeError, InputError
+        Before any work: rigs, poses and metrics that do not fit, a place to write to that holds something else,
         a sweep too large for memory, a scheduler that does not answer.
     MissingDependency
         If xarray or zarr (extra ``workspace``), or distributed (extra ``cluster``) is not installed.
@@ -92,35 +89,36 @@ def sweep(
     plan = Plan(
         configurations=rigs if isinstance(rigs, Configurations) else vary(rigs),
         poses=poses if isinstance(poses, (Grid, PoseList)) else PoseList(poses),  # type: ignore[arg-type]
-        measures=_named(measures),
+        metrics=_by_name(measures),
         frames={} if frames is None else frames,
         chunk=chunk,
     )
-    bare = bare_dataset(plan)
-    sink: Sink = Memory(plan, bare) if out is None else Store(Path(out), plan, bare)
-    with contextlib.closing(sink):
-        missing = [number for number in range(math.prod(plan.tiles)) if number not in sink.finished]
+    empty = empty_dataset(plan)
+    store: SweepStore = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
+    with contextlib.closing(store):
+        missing = [number for number in range(math.prod(plan.tiles)) if number not in store.finished]
         if missing:
             total, ahead = math.prod(plan.shape), sum(plan.size(number) for number in missing)
             tasks = (plan.task(number) for number in missing)
-            with bar(total, total - ahead, progress) as advance:
-                for task, values in locally(tasks) if scheduler is None else on_cluster(scheduler, tasks):
-                    sink.write(task, values)
+            results = evaluate_on_threads(tasks) if scheduler is None else evaluate_on_cluster(scheduler, tasks)
+            with progress_bar(total, total - ahead, progress) as advance:
+                for task, values in results:
+                    store.write(task, values)
                     advance(plan.size(task.number))
-        return sink.dataset()
+        return store.dataset()
 
 
-def _named(measures: str | Measure | Sequence[str | Measure]) -> dict[str, Measure]:
-    """Which measures are meant, by the names that their variables get?"""
+def _by_name(measures: str | Metric | Sequence[str | Metric]) -> dict[str, Metric]:
+    """Return the metrics by the names that their variables get."""
     listed = [measures] if isinstance(measures, str) or not isinstance(measures, Sequence) else measures
-    found: dict[str, Measure] = {}
+    found: dict[str, Metric] = {}
     for each in listed:
         if not isinstance(each, str) and (isinstance(each, type) or not is_dataclass(each)):
-            raise SweepError(f"measures holds {each!r}; give names in MEASURES, or instances of measures")
-        name, measure = (each, catalogue.make(each)) if isinstance(each, str) else (catalogue.name(each), each)
+            raise SweepError(f"measures holds {each!r}; give names in METRICS, or instances of metrics")
+        name, metric = (each, metrics.make(each)) if isinstance(each, str) else (metrics.name_of(each), each)
         if name in found:
             raise SweepError(f"measures holds {name!r} twice; give it once")
-        found[name] = measure
+        found[name] = metric
     if not found:
         raise SweepError("measures is empty; give at least one")
     return found

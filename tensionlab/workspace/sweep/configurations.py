@@ -1,4 +1,4 @@
-"""Which rigs a sweep compares: some rigs, or every combination of layout parameters, anchors and limits."""
+"""Configurations of a sweep: rigs, or every combination of layout parameters, anchors and limits."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import layouts
 from tensionlab.model.rig import Rig
-from tensionlab.workspace.sweep.pose_sets import Coordinate
+from tensionlab.workspace.poses import Coordinate
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One thing that differs between the rigs: its name, its values, and how they are labelled."""
+    """Parameter that differs between the rigs: its name, its values, and their labels."""
 
     name: str
     values: tuple[Any, ...]
@@ -28,14 +28,7 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Configurations:
-    """Every combination of the values of some axes, each a rig; `vary` makes them.
-
-    Attributes
-    ----------
-    axes : tuple of Axis
-    make : callable
-        The rig with given values, one for each axis.
-    """
+    """Every combination of the values of some axes; ``make`` returns the rig with one value for each axis."""
 
     axes: tuple[Axis, ...]
     make: Callable[..., Rig]
@@ -47,15 +40,15 @@ class Configurations:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Values of each axis."""
+        """Number of values of each axis."""
         return tuple(len(axis.values) for axis in self.axes)
 
     def rig(self, index: Sequence[int]) -> Rig:
-        """Which rig has these numbers along the axes?"""
+        """Return the rig with these indices along the axes."""
         return self.make(*(axis.values[i] for axis, i in zip(self.axes, index, strict=True)))
 
     def coordinates(self) -> list[Coordinate]:
-        """How are the axes labelled?"""
+        """Return the labels of the axes."""
         return [coordinate for axis in self.axes for coordinate in axis.coordinates]
 
 
@@ -66,7 +59,7 @@ def vary(
     limits: Sequence[tuple[float, float]] | None = None,
     **parameters: Any,
 ) -> Configurations:
-    """Which rigs are there, for every combination of these values?
+    """Return the rigs of every combination of these values.
 
     ``vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 5, 6, 8], limits=[(0.5, 6), (0.5, 12)])`` are 20 rigs.
 
@@ -118,7 +111,7 @@ def vary(
 
 
 def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[list[Axis], Callable[..., Rig]]:
-    """The axis "rig"."""
+    """Return the axis "rig", and a function that makes a rig of its value."""
     if parameters:
         raise SweepError(f"vary: {next(iter(parameters))!r} is the parameter of a layout, and this is no layout")
     rigs = [what] if isinstance(what, Rig) else list(what)
@@ -135,7 +128,7 @@ def _rigs(what: Rig | Sequence[Rig], parameters: Mapping[str, Any]) -> tuple[lis
 
 
 def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[list[Axis], Callable[..., Rig]]:
-    """One axis for each parameter of the layout that has several values."""
+    """Return an axis for each parameter with several values, and a function that makes the rig."""
     title = getattr(what, "__name__", "the layout")
     known = inspect.signature(what).parameters
     if unknown := [name for name in parameters if name not in known]:
@@ -159,7 +152,7 @@ def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[li
 
 
 def _axis(name: str, values: list[Any], unit: str, title: str, parts: Sequence[str] = "xyz") -> Axis:
-    """Label values: numbers and texts by themselves, points by a number and their coordinates."""
+    """Return an axis: numbers and texts label themselves, points have a number and coordinates."""
     if all(isinstance(value, str) for value in values):
         return Axis(name, tuple(values), (Coordinate(name, (name,), np.array(values), "1", title),))
     try:
@@ -177,19 +170,19 @@ def _axis(name: str, values: list[Any], unit: str, title: str, parts: Sequence[s
     return Axis(name, tuple(values), tuple(labels))
 
 
-def _rows(what: str, values: ArrayLike, wanted: str) -> Floats:
-    """A table of numbers, a row for each value."""
+def _rows(what: str, values: ArrayLike, expected: str) -> Floats:
+    """Return a table of numbers, a row for each value."""
     try:
         table = as_floats(what, values)
     except (TypeError, ValueError):
         table = np.empty(0)
     if table.ndim != 2 or table.size == 0:
-        raise SweepError(f"vary: {what} is {values!r}; give a list of {wanted}")
+        raise SweepError(f"vary: {what} is {values!r}; give a list of {expected}")
     return table
 
 
 def _move(rig: Rig, name: str, anchor: Any) -> Rig:
-    """The same rig with one anchor elsewhere."""
+    """Return the rig with one anchor elsewhere."""
     if name not in (module.name for module in rig.modules):
         names = ", ".join(module.name for module in rig.modules)
         raise RigError(f'rig "{rig.name}" has no module "{name}" to move; it has {names}')

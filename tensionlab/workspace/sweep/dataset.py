@@ -1,12 +1,14 @@
-"""How a sweep is labelled: coordinates of configurations, rigs and poses, and attributes of measures."""
+"""Dataset of a sweep: coordinates of configurations, rigs and poses, attributes of metrics, and summaries."""
 
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,30 +17,40 @@ from tensionlab import records
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.model import pose
-from tensionlab.workspace.base import Measure
-from tensionlab.workspace.registry import question
+from tensionlab.workspace.metrics import Metric, description
+from tensionlab.workspace.poses import Coordinate
 from tensionlab.workspace.sweep.plan import Plan
-from tensionlab.workspace.sweep.pose_sets import Coordinate
 
 if TYPE_CHECKING:
     import xarray
 
+MEDIAN_SAMPLE = 4_000_000
+"""Values that a median is taken of, at most; of a larger sweep every second one, or every third, and so on."""
 
-def bare_dataset(plan: Plan) -> xarray.Dataset:
-    """How will the dataset of a sweep look, before there is a value? Its coordinates and attributes.
+
+def empty_dataset(plan: Plan) -> xarray.Dataset:
+    """Return the dataset of a sweep without values: its coordinates and attributes.
+
+    Every rig is made and checked on the way.
 
     Raises
     ------
     MissingDependency
         If xarray is not installed.
-    SweepError, RigError, ShapeError
-        As `coordinates`.
+    SweepError, RigError, ShapeError, InputError
+        If a rig cannot be made or does not suit the poses or the metrics, no rig has a body frame that is
+        given, or two things have one name.
     """
     try:
         import xarray
     except ImportError as error:
         raise MissingDependency('a sweep needs xarray: pip install "tensionlab[workspace]"') from error
-    found = coordinates(plan)
+    found = [*plan.configurations.coordinates(), *_rig_coordinates(plan), *plan.poses.coordinates()]
+    names = Counter([each.name for each in found] + list(plan.metrics))
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename one')
+    if slashed := [name for name in names if "/" in name]:
+        raise SweepError(f'"{slashed[0]}" has a slash, and cannot name an axis or variable; rename it')
     manifest = records.manifest(sys.orig_argv)
     return xarray.Dataset(
         coords={
@@ -46,43 +58,25 @@ def bare_dataset(plan: Plan) -> xarray.Dataset:
             for each in found
         },
         attrs={
-            "title": f"tensionlab sweep: {', '.join(plan.measures)}",
+            "title": f"tensionlab sweep: {', '.join(plan.metrics)}",
             "sweep": json.dumps(_identity(plan, found, manifest["versions"]["tensionlab"])),
             "manifest": json.dumps(manifest),
         },
     )
 
 
-def coordinates(plan: Plan) -> list[Coordinate]:
-    """Which labelled coordinates does a sweep have? Every rig is made and checked on the way.
-
-    Raises
-    ------
-    SweepError, RigError, ShapeError
-        If a rig cannot be made or does not suit the poses or the measures, no rig has a body frame that is
-        given, or two things have one name.
-    """
-    found = [*plan.configurations.coordinates(), *_rigs(plan), *plan.poses.coordinates()]
-    names = Counter([each.name for each in found] + list(plan.measures))
-    if twice := [name for name, count in names.items() if count > 1]:
-        raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename one')
-    if slashed := [name for name in names if "/" in name]:
-        raise SweepError(f'"{slashed[0]}" has a slash, and cannot name an axis or variable; rename it')
-    return found
-
-
-def attributes(measure: Measure) -> dict[str, str]:
-    """Which attributes does the variable of a measure have? ``measure`` is what makes it again."""
+def attributes(metric: Metric) -> dict[str, str]:
+    """Return the attributes of a metric's variable; ``measure`` is what makes the metric again."""
     return {
-        "units": measure.unit,
-        "long_name": measure.title,
-        "question": question(measure),
-        "measure": repr(measure),
+        "units": metric.unit,
+        "long_name": metric.title,
+        "description": description(metric),
+        "measure": repr(metric),
     }
 
 
-def _rigs(plan: Plan) -> list[Coordinate]:
-    """Where the modules of every configuration are and how hard they pull; NaN for modules that it lacks."""
+def _rig_coordinates(plan: Plan) -> list[Coordinate]:
+    """Return anchors, attachments and limits of every configuration; NaN for modules that it lacks."""
     shape, dims = plan.configurations.shape, plan.configurations.dims
     names, rows, homes = [], [], []
     used: set[str] = set()
@@ -105,9 +99,8 @@ def _rigs(plan: Plan) -> list[Coordinate]:
 
     most = max(len(row[0]) for row in rows)
     anchors, attachments, lower, upper = (_padded([row[i] for row in rows], most, shape) for i in range(4))
+    titles, kinds, ups = (np.array([row[i] for row in names]).reshape(shape) for i in range(3))
     modules = np.array([own + [""] * (most - len(own)) for *_, own in names]).reshape(*shape, most)
-    kinds = np.array([kind for _, kind, *_ in names]).reshape(shape)
-    ups = np.array([up for _, _, up, _ in names]).reshape(shape)
     axes = "xyz"[: plan.poses.dimension]
     each = (*dims, "module")
     found = [
@@ -119,17 +112,14 @@ def _rigs(plan: Plan) -> list[Coordinate]:
         Coordinate("module_name", each, modules, "1", "name of the module"),
         Coordinate("anchor", (*each, "axis"), anchors, "m", "anchor of the module in the world"),
         Coordinate("attachment", (*each, "axis"), attachments, "m", "attachment of the cable in platform axes"),
-        Coordinate("lower", each, lower, "N", "least tension of the cable"),
-        Coordinate("upper", each, upper, "N", "largest tension of the cable"),
+        Coordinate("lower", each, lower, "N", "minimum tension of the cable"),
+        Coordinate("upper", each, upper, "N", "maximum tension of the cable"),
     ]
-    if "rig" in dims:
-        return found
-    titles = np.array([name for name, *_ in names]).reshape(shape)
-    return [Coordinate("rig", dims, titles, "1", "name of the rig"), *found]
+    return found if "rig" in dims else [Coordinate("rig", dims, titles, "1", "name of the rig"), *found]
 
 
 def _padded(rows: list[Floats], length: int, shape: tuple[int, ...]) -> Floats:
-    """Rows of different lengths in one array, with NaN behind the shorter ones."""
+    """Return rows of different lengths in one array, with NaN behind the shorter ones."""
     table = np.full((len(rows), length, *rows[0].shape[1:]), np.nan)
     for row, values in zip(table, rows, strict=True):
         row[: len(values)] = values
@@ -137,13 +127,13 @@ def _padded(rows: list[Floats], length: int, shape: tuple[int, ...]) -> Floats:
 
 
 def _identity(plan: Plan, found: Sequence[Coordinate], version: str) -> dict[str, Any]:
-    """What makes a sweep this one and no other."""
+    """Return what tells a sweep from every other; stores are compared by it."""
     of_poses = plan.poses.coordinates()
     names = {each.name for each in of_poses}
     return {
         "rigs": _digest([each for each in found if each.name not in names]),
         "poses": _digest(of_poses),
-        "measures": {name: repr(measure) for name, measure in plan.measures.items()},
+        "measures": {name: repr(metric) for name, metric in plan.metrics.items()},
         "chunks": list(plan.chunks),
         "version": version,
     }
@@ -155,3 +145,48 @@ def _digest(found: Sequence[Coordinate]) -> str:
         digest.update(repr((each.name, each.dims, each.values.dtype, each.values.shape)).encode())
         digest.update(np.ascontiguousarray(each.values).tobytes())
     return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Statistics of a metric over many poses.
+
+    Attributes
+    ----------
+    poses, missing : int
+        How many poses there are, and how many have no value.
+    min, median, max : float
+        Of those that have one; NaN if none has.
+    above_zero : float
+        Share of the poses with a value where it is above zero.
+    """
+
+    poses: int
+    missing: int
+    min: float
+    median: float
+    max: float
+    above_zero: float
+
+
+def summarise(values: xarray.DataArray) -> Summary:
+    """Summarise a variable of a sweep, or a part of it; one chunk of a store is read at a time."""
+    parts = values.encoding.get("preferred_chunks", {})
+    sizes = [parts.get(dim, length) for dim, length in values.sizes.items()]
+    stride = -(-values.size // MEDIAN_SAMPLE)
+    low, high = np.inf, -np.inf
+    count = above = 0
+    sample = []
+    for start in itertools.product(*map(range, itertools.repeat(0), values.shape, sizes)):
+        block = tuple(slice(first, first + size) for first, size in zip(start, sizes, strict=True))
+        part = values[block].values.ravel()
+        part = part[~np.isnan(part)]
+        if part.size:
+            low, high = min(low, part.min()), max(high, part.max())
+            count += part.size
+            above += int(np.count_nonzero(part > 0))
+            sample.append(part[::stride])
+    if not count:
+        return Summary(values.size, values.size, np.nan, np.nan, np.nan, np.nan)
+    median = float(np.median(np.concatenate(sample)))
+    return Summary(values.size, values.size - count, float(low), median, float(high), above / count)

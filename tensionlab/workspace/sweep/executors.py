@@ -1,12 +1,16 @@
-"""Who evaluates the chunks of a sweep: the threads of this process, or the workers of a Dask cluster."""
+"""Executors of a sweep's chunks: threads of this process or workers of a Dask cluster; and the progress bar."""
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import socket
-from collections.abc import Iterable, Iterator
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from datetime import timedelta
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -15,28 +19,29 @@ from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.files.reading import brief
 from tensionlab.workspace.sweep.plan import Task
 
-AHEAD = 2
-"""Chunks under way for each worker, so that none waits and memory is bounded."""
+CHUNKS_PER_WORKER = 2
+"""Under way at once, so that no worker waits and memory is bounded."""
+CONNECT_TIMEOUT_S = 3.0
+"""For a connection to a scheduler."""
+CLUSTER_TIMEOUT_S = 10
+"""For the answer of a cluster."""
+BAR_DELAY_S = 2.0
+"""Before a progress bar shows up."""
 
-CONNECTING = 3.0
-"""Seconds that a connection to its scheduler may take."""
-PATIENCE = 10
-"""Seconds that a cluster has to answer."""
 
-
-def locally(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
+def evaluate_on_threads(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
     """Evaluate tasks on all processors, ``TENSIONLAB_NUM_THREADS`` of them if it is set; yields as they finish.
 
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
-    asked = os.environ.get("TENSIONLAB_NUM_THREADS", "")
-    workers = int(asked) if asked.isdecimal() and int(asked) else _processors()
+    setting = os.environ.get("TENSIONLAB_NUM_THREADS", "")
+    workers = int(setting) if setting.isdecimal() and int(setting) else _processors()
     waiting = iter(tasks)
     running: dict[Future[Floats], Task] = {}
     with ThreadPoolExecutor(workers) as pool:
         try:
             while True:
-                for task in itertools.islice(waiting, AHEAD * workers - len(running)):
+                for task in itertools.islice(waiting, CHUNKS_PER_WORKER * workers - len(running)):
                     running[pool.submit(task.evaluate)] = task
                 if not running:
                     return
@@ -47,7 +52,7 @@ def locally(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
                 future.cancel()
 
 
-def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
+def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
     """Evaluate tasks on an existing Dask cluster; yields as they finish.
 
     Where a worker dies, the scheduler gives its tasks to another. Workers need tensionlab installed, and no file
@@ -67,9 +72,9 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
         raise MissingDependency('a cluster needs dask.distributed: pip install "tensionlab[cluster]"') from error
     _require_listening(address)
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
-        raise _silent(address, error) from None
+        raise _no_answer(address, error) from None
     with client:
         workers = sum(client.nthreads().values())
         if not workers:
@@ -84,7 +89,7 @@ def on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floa
                 known[futures[-1].key] = task
             return futures
 
-        running = as_completed(submit(AHEAD * workers), loop=client.loop)
+        running = as_completed(submit(CHUNKS_PER_WORKER * workers), loop=client.loop)
         try:
             for future in running:
                 running.update(submit(1))
@@ -102,13 +107,13 @@ def _require_listening(address: str) -> None:
         return
     try:
         parts = urlsplit(f"tcp://{place}")
-        with socket.create_connection((parts.hostname or "", parts.port or 8786), CONNECTING):
+        with socket.create_connection((parts.hostname or "", parts.port or 8786), CONNECT_TIMEOUT_S):
             pass
     except (OSError, ValueError) as error:  # also a port that is none, and a name that cannot be one
-        raise _silent(address, error) from None
+        raise _no_answer(address, error) from None
 
 
-def _silent(address: str, error: Exception) -> SweepError:
+def _no_answer(address: str, error: Exception) -> SweepError:
     why = " ".join(str(error).split())
     return SweepError(
         f"scheduler {brief(address)} does not answer ({why:.100}); give one that runs, as tcp://host:port"
@@ -116,7 +121,52 @@ def _silent(address: str, error: Exception) -> SweepError:
 
 
 def _processors() -> int:
-    """Processors that this process may use."""
+    """Return how many processors this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def progress_bar(total: int, done: int, shown: bool) -> Iterator[Callable[[int], None]]:
+    """Show a bar on stderr while the work lasts, if that is a terminal; it vanishes when done.
+
+    Parameters
+    ----------
+    total, done : int
+        Poses of all the work, and those that were finished before.
+    shown : bool
+        False for no bar at all.
+
+    Yields
+    ------
+    callable
+        To be called with the number of further finished poses.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (
+        TextColumn("Sweep"),
+        BarColumn(),
+        TextColumn("{task.completed:,.0f} of {task.total:,.0f} poses, {task.fields[speed]}"),
+    )
+    progress = Progress(*columns, console=Console(file=sys.stderr), transient=True)
+    shown = shown and progress.console.is_terminal
+    task = progress.add_task("", total=total, completed=done, speed="")
+    start, new = time.monotonic(), 0
+
+    def advance(count: int) -> None:
+        nonlocal new
+        new += count
+        elapsed = time.monotonic() - start
+        left = timedelta(seconds=round((total - done - new) * elapsed / new))
+        progress.update(task, completed=done + new, speed=f"{new / elapsed:,.0f}/s, {left} left")
+        if shown and elapsed > BAR_DELAY_S and not progress.live.is_started:
+            progress.start()
+
+    try:
+        yield advance
+    finally:
+        if progress.live.is_started:
+            progress.stop()

@@ -1,4 +1,4 @@
-"""What a sweep is to do: its axes, its chunks, and the task that evaluates one chunk anywhere."""
+"""Plan of a sweep: its axes, its chunks, and the task that evaluates one chunk."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from tensionlab.errors import SweepError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
 from tensionlab.model.rig import Rig
-from tensionlab.workspace.base import Batch, Measure
+from tensionlab.workspace.metrics import Batch, Metric
+from tensionlab.workspace.poses import Poses
 from tensionlab.workspace.sweep.configurations import Configurations
-from tensionlab.workspace.sweep.pose_sets import Poses
 
 Block = tuple[slice, ...]
 """A part of every axis of a sweep."""
 
-NO_LENGTH = 1e-12
+MIN_LENGTH_RATIO = 1e-12
 """A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
 
-PARTS = 16
+MIN_CHUNKS = 16
 """Chunks of a small sweep, at least, so that all processors have work."""
 
-SMALL = 1_024
+MIN_CHUNK_VALUES = 1_024
 """Values of a chunk that is not worth cutting up."""
 
 
@@ -40,30 +40,30 @@ class Task:
     block: Block
     rigs: tuple[Rig, ...]
     poses: Poses
-    measures: tuple[Measure, ...]
+    metrics: tuple[Metric, ...]
     frames: Frames
 
     def evaluate(self) -> Floats:
-        """What are the measures, (measures, *shape of the block)? NaN where a cable has no length."""
+        """Return the values, (metrics, *shape of the block); NaN where a cable has no length."""
         position, rotation = self.poses.arrays()
-        values = np.full((len(self.measures), len(self.rigs), len(position)), np.nan)
+        values = np.full((len(self.metrics), len(self.rigs), len(position)), np.nan)
         for number, rig in enumerate(self.rigs):
             batch, sound = _batch(rig, position, rotation, self.frames)
-            for row, measure in enumerate(self.measures):
-                values[row, number, sound] = measure.evaluate(batch)
-        return values.reshape(len(self.measures), *(part.stop - part.start for part in self.block))
+            for row, metric in enumerate(self.metrics):
+                values[row, number, sound] = metric.evaluate(batch)
+        return values.reshape(len(self.metrics), *(part.stop - part.start for part in self.block))
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """Every measure, of every configuration, at every pose, cut into chunks of at most so many values.
+    """Every metric, of every configuration, at every pose, in chunks of at most so many values.
 
     The axes are those of the configurations, then those of the poses.
     """
 
     configurations: Configurations
     poses: Poses
-    measures: Mapping[str, Measure]
+    metrics: Mapping[str, Metric]
     frames: Frames
     chunk: int
 
@@ -81,7 +81,7 @@ class Plan:
     def chunks(self) -> tuple[int, ...]:
         """Length of a chunk along each axis: as much of the last axes as fits, then of those before."""
         found: list[int] = []
-        left = min(self.chunk, max(SMALL, math.prod(self.shape) // PARTS))
+        left = min(self.chunk, max(MIN_CHUNK_VALUES, math.prod(self.shape) // MIN_CHUNKS))
         for length in reversed(self.shape):
             found.append(min(length, max(left, 1)))
             left //= found[-1]
@@ -93,7 +93,7 @@ class Plan:
         return tuple(-(-length // part) for length, part in zip(self.shape, self.chunks, strict=True))
 
     def block(self, number: int) -> Block:
-        """Which part of every axis is the chunk of this number? The last axis runs fastest."""
+        """Return the part of every axis that is the chunk of a number; the last axis runs fastest."""
         tile = np.unravel_index(number, self.tiles)
         return tuple(
             slice(int(i) * part, min((int(i) + 1) * part, length))
@@ -101,11 +101,11 @@ class Plan:
         )
 
     def size(self, number: int) -> int:
-        """How many values of a measure has the chunk of this number?"""
+        """Return how many values of a metric the chunk of a number has."""
         return math.prod(part.stop - part.start for part in self.block(number))
 
     def task(self, number: int) -> Task:
-        """Which task evaluates the chunk of this number?"""
+        """Return the task that evaluates the chunk of a number."""
         block = self.block(number)
         count = len(self.configurations.shape)
         rigs = tuple(
@@ -113,16 +113,16 @@ class Plan:
             for index in np.ndindex(*(part.stop - part.start for part in block[:count]))
         )
         return Task(
-            number, block, rigs, self.poses.block(block[count:]), tuple(self.measures.values()), self.frames
+            number, block, rigs, self.poses.block(block[count:]), tuple(self.metrics.values()), self.frames
         )
 
     def check(self, rig: Rig) -> None:
-        """Refuse a rig that cannot stand at the poses, or that a measure refuses.
+        """Refuse a rig that does not suit the poses, or that a metric refuses.
 
         Raises
         ------
-        SweepError, RigError, ShapeError
-            Other dimensions, no body to turn, a body frame that is not given, more cables than a measure takes.
+        SweepError, RigError, ShapeError, InputError
+            Other dimensions, no body to turn, a body frame that is not given, more cables than a metric takes.
         """
         if rig.dimension != self.poses.dimension:
             raise SweepError(
@@ -135,12 +135,12 @@ class Plan:
             raise SweepError(f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn')
         nothing = None if rotation is None else rotation[:0]
         batch, _ = _batch(rig, position[:0], nothing, self.frames)
-        for measure in self.measures.values():
-            measure.evaluate(batch)
+        for metric in self.metrics.values():
+            metric.evaluate(batch)
 
 
 def _batch(rig: Rig, position: Floats, rotation: Floats | None, frames: Frames) -> tuple[Batch, NDArray[np.bool_]]:
-    """Poses of a rig ready to be measured, and which of those given they are: all whose cables have a length."""
+    """Return the poses of a rig whose cables have a length, and which of those given they are."""
     own = {name: frames[name] for name in rig.frames if name in frames}
     anchors = pose.place_anchors(rig.modules, rig.anchors, own)
     arms = None
@@ -148,7 +148,7 @@ def _batch(rig: Rig, position: Floats, rotation: Floats | None, frames: Frames) 
         turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
         arms = rig.attachments if turn is None else kinematics.rotate(turn, rig.attachments)
     lengths, directions = kinematics.cables(anchors, position, arms)
-    sound = np.asarray((lengths > NO_LENGTH * lengths.max(axis=-1, keepdims=True)).all(axis=-1))
+    sound = np.asarray((lengths > MIN_LENGTH_RATIO * lengths.max(axis=-1, keepdims=True)).all(axis=-1))
     structure = kinematics.structure_matrix(directions, arms)
     if not sound.all():
         position, structure = position[sound], structure[sound]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError, ShapeError
 from tensionlab.model.files import rig_from_toml
 from tensionlab.model.module import Module
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
 from tensionlab.workspace.layout import search
-from tensionlab.workspace.layout.place import Places
+from tensionlab.workspace.layout.space import Places
 
 WALLS = tuple(
     Surface(name, corner, [edge])
@@ -156,7 +156,7 @@ def test_bad_input_is_refused():
         search_layout(space, [[0, 0, 0]], Objective())
     with pytest.raises(ShapeError, match="no points"):
         search_layout(space, np.zeros((0, 2)), Objective())
-    with pytest.raises(ShapeError, match="starts is 0"):
+    with pytest.raises(InputError, match="starts is 0"):
         search_layout(space, [[0, 0]], Objective(), starts=0)
-    with pytest.raises(ShapeError, match="generations is 0"):
+    with pytest.raises(InputError, match="generations is 0"):
         search_layout(space, [[0, 0]], Objective(), generations=0)

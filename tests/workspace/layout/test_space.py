@@ -3,8 +3,9 @@ import pytest
 
 from tensionlab.errors import RigError
 from tensionlab.model.module import Module
-from tensionlab.workspace.layout.space import Space, Surface, room
+from tensionlab.workspace.layout.space import Places, Space, Surface, room
 
+CUBE = Space(room([2, 2, 2], centre=[0, 0, 0]), (4,), limits=(1.0, 5.0))
 FLOOR = Surface("floor", [-1, 0, -1], [[2, 0, 0], [0, 0, 2]])
 
 
@@ -67,3 +68,27 @@ def test_surfaces_on_bodies_are_placed_where_the_bodies_are():
 def test_a_space_that_is_none_is_refused(make, message):
     with pytest.raises(RigError, match=message):
         make()
+
+
+def test_genes_pick_surfaces_evenly_and_reach_the_ends_of_edges():
+    genes = np.zeros((6, 1, 4))
+    genes[:, 0, 0] = (np.arange(6) + 0.5) / 6
+    assert CUBE.decode(genes).surfaces[:, 0].tolist() == list(range(6))
+    last = CUBE.decode(np.ones((1, 1, 4)))
+    assert last.surfaces.item() == 5
+    middle = CUBE.decode(np.full((1, 1, 4), 0.5))
+    np.testing.assert_allclose(middle.along, 0.5)
+    along = CUBE.decode(np.linspace(0, 1, 101)[:, None, None] * np.ones(4)).along[:, 0, 0]
+    assert (along == 0).sum() > 5
+    assert (along == 1).sum() > 5
+    assert (np.diff(along) >= 0).all()
+
+
+def test_anchors_lie_on_their_surfaces_with_the_fixed_ones_last():
+    fixed = Module("door", [0.9, -1, 0.3], 0, 9)
+    space = Space((Surface("rail", [0, 0, 0], [[0, 3, 0]]),), (2,), limits=(1, 5), fixed=(fixed,))
+    found = space.anchors(Places(np.zeros(2, int), np.array([[0.5, 0.9, 0.9], [1, 0, 0]])))
+    np.testing.assert_array_equal(found, [[0, 1.5, 0], [0, 3, 0], [0.9, -1, 0.3]])
+    limits = space.tension_limits(2)
+    assert limits.lower.tolist() == [1, 1, 0]
+    assert limits.upper.tolist() == [5, 5, 9]

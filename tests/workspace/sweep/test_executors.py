@@ -1,5 +1,6 @@
 """Chunks are evaluated by threads of this process, or by the workers of a real Dask cluster."""
 
+import io
 import json
 import os
 import signal
@@ -16,8 +17,8 @@ import xarray as xr
 import tensionlab as tl
 from tensionlab.errors import SweepError
 from tensionlab.workspace import Grid
-from tensionlab.workspace.sweep import executors as run
-from tensionlab.workspace.sweep.ledger import LEDGER
+from tensionlab.workspace.sweep import executors
+from tensionlab.workspace.sweep.store import LEDGER
 from tests.support.tallied import Tallied, read
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
@@ -27,7 +28,7 @@ COUNT, CHUNK = 40, 15
 
 def test_all_processors_work_and_few_chunks_wait(monkeypatch):
     monkeypatch.delenv("TENSIONLAB_NUM_THREADS", raising=False)
-    monkeypatch.setattr(run, "_processors", lambda: 3)
+    monkeypatch.setattr(executors, "_processors", lambda: 3)
     threads, waiting = set(), []
 
     class Task:
@@ -42,9 +43,9 @@ def test_all_processors_work_and_few_chunks_wait(monkeypatch):
             yield Task()
 
     done = 0
-    for _ in run.locally(tasks()):
+    for _ in executors.evaluate_on_threads(tasks()):
         done += 1
-        assert len(waiting) - done <= run.AHEAD * 3
+        assert len(waiting) - done <= executors.CHUNKS_PER_WORKER * 3
     assert (done, len(threads)) == (50, 3)
 
 
@@ -56,7 +57,7 @@ def test_the_number_of_threads_can_be_set(monkeypatch):
         def evaluate(self):
             threads.add(threading.get_ident())
 
-    assert len(list(run.locally(Task() for _ in range(9)))) == 9
+    assert len(list(executors.evaluate_on_threads(Task() for _ in range(9)))) == 9
     assert len(threads) == 1
 
 
@@ -66,7 +67,7 @@ def test_an_error_of_a_chunk_ends_the_sweep():
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        list(run.locally(Task() for _ in range(1_000_000)))
+        list(executors.evaluate_on_threads(Task() for _ in range(1_000_000)))
 
 
 @pytest.fixture
@@ -181,7 +182,7 @@ def test_a_scheduler_without_workers_is_refused(scheduler):
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense://x"])
 def test_a_scheduler_that_does_not_answer_is_named(address, monkeypatch):
-    monkeypatch.setattr(run, "PATIENCE", 0.5)
+    monkeypatch.setattr(executors, "CLUSTER_TIMEOUT_S", 0.5)
     with pytest.raises(SweepError, match=f"scheduler '{address}' does not answer"):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler=address)
 
@@ -197,3 +198,34 @@ def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(tl.MissingDependency, match=r'needs dask.distributed: pip install "tensionlab\[cluster\]"'):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:9")
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def drive(monkeypatch, stream, seconds, shown=True):
+    """What is written on a stream while two of four million poses are finished."""
+    now = [0.0]
+    monkeypatch.setattr(executors.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(executors.sys, "stderr", stream)
+    with executors.progress_bar(4_000_000, 1_000_000, shown) as advance:
+        now[0] = seconds
+        advance(1_000_000)
+    return stream.getvalue()
+
+
+def test_the_bar_says_how_far_how_fast_and_how_long(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    said = drive(monkeypatch, Terminal(), 4.0)
+    assert "2,000,000 of 4,000,000 poses, 250,000/s" in said
+    assert "0:00:08 left" in said
+
+
+@pytest.mark.parametrize(
+    ("stream", "seconds", "shown"), [(Terminal(), 1.0, True), (Terminal(), 4.0, False), (io.StringIO(), 4.0, True)]
+)
+def test_no_bar_for_short_work_or_none_to_see_it(monkeypatch, stream, seconds, shown):
+    assert drive(monkeypatch, stream, seconds, shown) == ""

@@ -16,10 +16,9 @@ import xarray as xr
 
 import tensionlab as tl
 from tensionlab.errors import SweepError
+from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.configurations import vary
-from tensionlab.workspace.sweep.ledger import LEDGER, LOCK
-from tensionlab.workspace.sweep.pose_sets import Grid
-from tensionlab.workspace.sweep.store import Store
+from tensionlab.workspace.sweep.store import LEDGER, LOCK, ZarrStore
 from tests.support.tallied import Tallied, read
 
 RIGS = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4])
@@ -32,7 +31,7 @@ import sys
 import numpy as np
 import tensionlab as tl
 from tests.support.tallied import Tallied
-from tensionlab.workspace.sweep.pose_sets import Grid
+from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.configurations import vary
 
 tl.sweep(
@@ -137,7 +136,7 @@ def number(path):
 
 def stop(store, tally, count, monkeypatch):
     """Sweep until so many chunks are finished."""
-    write = Store.write
+    write = ZarrStore.write
 
     def until(self, task, values):
         if len(lines(store)) == count:
@@ -145,7 +144,7 @@ def stop(store, tally, count, monkeypatch):
         write(self, task, values)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Store, "write", until)
+        patch.setattr(ZarrStore, "write", until)
         with pytest.raises(KeyboardInterrupt):
             sweep(store, tally)
 
@@ -253,7 +252,7 @@ def test_a_damaged_line_of_the_ledger_does_not_count(store, tmp_path, row):
 
 
 def test_a_second_sweep_in_the_same_store_is_refused(store, tmp_path, monkeypatch):
-    write = Store.write
+    write = ZarrStore.write
     refused = []
 
     def meanwhile(self, task, values):
@@ -263,7 +262,7 @@ def test_a_second_sweep_in_the_same_store_is_refused(store, tmp_path, monkeypatc
             refused.append(caught.value)
         write(self, task, values)
 
-    monkeypatch.setattr(Store, "write", meanwhile)
+    monkeypatch.setattr(ZarrStore, "write", meanwhile)
     sweep(store, tmp_path / "tally")
     assert refused
 

@@ -14,16 +14,13 @@ import tensionlab as tl
 from tensionlab.errors import RigError, ShapeError, SweepError
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.kinematics import exponential
-from tensionlab.workspace.directions import effort, reachable_share
 from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
 from tensionlab.workspace.margin import capacity_margin
-from tensionlab.workspace.metrics import BodyDistance, CapacityMargin, ReachableShare
-from tensionlab.workspace.paths import box, polyline
-from tensionlab.workspace.registry import MEASURES
-from tensionlab.workspace.structure_metrics import tension_factor, wrench_closure
+from tensionlab.workspace.metrics import METRICS, BodyDistance, CapacityMargin, ReachableShare
+from tensionlab.workspace.poses import Grid, PoseList, box, polyline
+from tensionlab.workspace.structure_metrics import effort, reachable_share, tension_factor, wrench_closure
 from tensionlab.workspace.sweep import store
 from tensionlab.workspace.sweep.configurations import vary
-from tensionlab.workspace.sweep.pose_sets import Grid, PoseList
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 
@@ -144,7 +141,7 @@ def test_anchors_that_ride_on_a_body_are_where_it_is():
 
 def test_where_a_cable_has_no_length_there_is_no_value():
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.5, 1.5], [0.1, 0.0, 0.0]])
-    data = tl.sweep(CUBE, poses, list({*MEASURES} - {"body-distance"}))
+    data = tl.sweep(CUBE, poses, list({*METRICS} - {"body-distance"}))
     for name, values in data.items():
         assert np.isnan(values.values).tolist() == [[False, True, False]], name
 
@@ -181,7 +178,7 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
     ("call", "error", "words"),
     [
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], []), SweepError, "measures is empty"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "beauty"), SweepError, "no measure is called 'beauty'"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], "beauty"), SweepError, "no metric is called 'beauty'"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], ["effort", "effort"]), SweepError, "'effort' twice"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], [CapacityMargin]), SweepError, "CapacityMargin.*instances"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "measures holds 3"),
@@ -212,7 +209,7 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
     ],
 )
 def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch):
-    monkeypatch.setattr("tensionlab.workspace.sweep.locally", None)
+    monkeypatch.setattr("tensionlab.workspace.sweep.evaluate_on_threads", None)
     with pytest.raises(error, match=words):
         call()
 
@@ -233,7 +230,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(missing, monkeypatch,
 
 
 def test_the_limit_of_memory_counts_all_measures(monkeypatch):
-    monkeypatch.setattr(store, "LARGEST", 8 * 2 * 3)
+    monkeypatch.setattr(store, "MAX_MEMORY_BYTES", 8 * 2 * 3)
     assert tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure"]).sizes["pose"] == 3
     with pytest.raises(SweepError, match="give out"):
         tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure", "tension-factor"])

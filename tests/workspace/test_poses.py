@@ -1,0 +1,215 @@
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.model.kinematics import exponential
+from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
+
+TURNS = exponential(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.3]]))
+
+
+def test_a_grid_is_every_combination_and_the_last_axis_runs_fastest():
+    grid = Grid([0.0, 1.0], [5.0], [-1.0, -2.0, -3.0])
+    position, rotation = grid.arrays()
+    assert grid.dims == ("x", "y", "z")
+    assert grid.shape == (2, 1, 3)
+    assert rotation is None
+    assert position.tolist() == [[x, 5.0, z] for x in (0.0, 1.0) for z in (-1.0, -2.0, -3.0)]
+
+
+def test_orientations_are_one_more_axis():
+    spatial = Grid([0.0, 1.0], 5.0, 2.0, TURNS)
+    assert spatial.dims == ("x", "y", "z", "orientation")
+    assert spatial.shape == (2, 1, 1, 2)
+    position, rotation = spatial.arrays()
+    assert position[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0]
+    np.testing.assert_array_equal(rotation, np.concatenate([TURNS, TURNS]))
+    planar = Grid([0.0, 1.0], 5.0, rotations=[0.1, 0.2, 0.3])
+    assert planar.dims == ("x", "y", "angle")
+    assert planar.arrays()[1].tolist() == [0.1, 0.2, 0.3] * 2
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        Grid(np.arange(4.0), np.arange(3.0), np.arange(5.0), TURNS),
+        Grid(np.arange(4.0), np.arange(3.0), rotations=[0.1, 0.2, 0.3]),
+    ],
+)
+def test_blocks_of_a_grid_are_parts_of_it(grid):
+    block = (slice(1, 3), slice(0, 2), slice(2, 5), slice(1, 2))[: len(grid.shape)]
+    for whole, part in zip(grid.arrays(), grid.block(block).arrays(), strict=True):
+        inside = whole.reshape(*grid.shape, *whole.shape[1:])[block]
+        np.testing.assert_array_equal(part, inside.reshape(-1, *whole.shape[1:]))
+
+
+def test_a_grid_of_a_million_million_poses_takes_no_memory():
+    axis = np.linspace(0.0, 1.0, 10_000)
+    assert Grid(axis, axis, axis).block([slice(9_999, 10_000)] * 3).arrays()[0].tolist() == [[1.0, 1.0, 1.0]]
+
+
+def test_blocks_of_a_list_are_parts_of_it():
+    poses = PoseList(np.arange(12.0).reshape(4, 3), np.repeat(TURNS, 2, axis=0), np.arange(4.0))
+    part = poses.block([slice(1, 3)])
+    assert (poses.dims, poses.shape, part.shape) == (("pose",), (4,), (2,))
+    assert part.position.tolist() == [[3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
+    assert part.distance.tolist() == [1.0, 2.0]
+    np.testing.assert_array_equal(part.rotation, TURNS)
+
+
+@pytest.mark.parametrize(
+    "poses",
+    [
+        Grid([0.0, 1.0], 5.0, 2.0, TURNS),
+        Grid([0.0, 1.0], 5.0, rotations=[0.1]),
+        PoseList([[1.0, 2.0, 3.0]], TURNS[:1], [0.0]),
+        PoseList([[1.0, 2.0]], [0.5]),
+    ],
+)
+def test_coordinates_have_units_and_fit_the_axes(poses):
+    sizes = dict(zip(poses.dims, poses.shape, strict=True)) | {"row": 3, "column": 3}
+    units = {"x": "m", "y": "m", "z": "m", "distance": "m", "angle": "rad"}
+    for each in poses.coordinates():
+        assert each.values.shape == tuple(sizes[dim] for dim in each.dims)
+        assert each.units == units.get(each.name, "1")
+        assert each.long_name
+    assert {dim for each in poses.coordinates() for dim in each.dims} >= set(poses.dims)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Grid([], 0.0), r"x has shape \(0,\)"),
+        (lambda: Grid(0.0, [[1.0]]), r"y has shape \(1, 1\)"),
+        (lambda: Grid(0.0, 1.0, [np.nan]), r"z\[0\] is nan"),
+        (lambda: Grid(0.0, "a"), "y is not an array of numbers"),
+        (lambda: Grid(0.0, 1.0, 2.0, np.eye(3)), r"rotations has shape \(3, 3\)"),
+        (lambda: Grid(0.0, 1.0, 2.0, [2 * np.eye(3)]), r"rotations\[0\] is not a rotation"),
+        (lambda: Grid(0.0, 1.0, rotations=[]), r"rotations has shape \(0,\)"),
+        (lambda: PoseList([1.0, 2.0]), r"position has shape \(2,\)"),
+        (lambda: PoseList(np.zeros((0, 3))), r"position has shape \(0, 3\)"),
+        (lambda: PoseList([[0.0, 1.0, np.inf]]), r"position\[0, 2\] is inf"),
+        (lambda: PoseList(np.zeros((2, 3)), [np.eye(3)]), r"rotation has shape \(1, 3, 3\)"),
+        (lambda: PoseList(np.zeros((2, 2)), [0.0]), r"rotation has shape \(1,\)"),
+        (lambda: PoseList(np.zeros((2, 2)), None, [0.0]), r"distance has shape \(1,\)"),
+    ],
+)
+def test_odd_poses_are_refused(make, words):
+    with pytest.raises(ShapeError, match=words):
+        make()
+
+
+TWIST = np.array([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
+
+
+def test_a_box_is_filled_from_end_to_end():
+    grid = box((-4, 4), (-3, 3), 2.0, step=0.1)
+    assert grid.shape == (81, 61, 1)
+    assert (grid.x[0], grid.x[40], grid.x[80], grid.z[0]) == (-4.0, 0.0, 4.0, 2.0)
+    np.testing.assert_allclose(np.diff(grid.y), 0.1)
+
+
+def test_a_step_that_does_not_divide_the_edge_stops_short():
+    np.testing.assert_allclose(box((0, 1), 0, step=0.3).x, [0.0, 0.3, 0.6, 0.9])
+    np.testing.assert_allclose(box((0, 1), (0, 1), (0, 1), step=[0.5, 1.0, 2.0]).x, [0.0, 0.5, 1.0])
+    assert box((0, 1), (0, 1), (0, 1), step=[0.5, 1.0, 2.0]).shape == (3, 2, 1)
+    assert box((2, 2), 0, step=1).x.tolist() == [2.0]
+
+
+def test_a_polyline_is_walked_in_even_steps():
+    path = polyline([[0.0, 0.0], [3.0, 4.0], [3.0, 5.0]], step=2.5)
+    np.testing.assert_allclose(path.distance, [0.0, 2.5, 5.0, 6.0])
+    np.testing.assert_allclose(path.position, [[0, 0], [1.5, 2], [3, 4], [3, 5]])
+    turned = polyline([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], 0.1, rotation=np.eye(3))
+    assert turned.rotation.shape == (11, 3, 3)
+    assert polyline([[0.0, 0.0], [0.3, 0.0]], 0.1, rotation=0.5).rotation.tolist() == [0.5] * 4
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_tables_hold_positions_and_orientations(tmp_path, suffix):
+    def write(columns):
+        file = tmp_path / f"poses.{suffix}"
+        if suffix == "parquet":
+            pq.write_table(pa.table(columns), file)
+        else:
+            rows = zip(*columns.values(), strict=True)
+            file.write_text("\n".join([", ".join(columns), *(",".join(map(str, row)) for row in rows)]))
+        return read_poses(file)
+
+    spatial = write(
+        {
+            "x": [1, 2],
+            "y": [3.0, 4.0],
+            "z": [5.0, 6.0],
+            **dict(zip(("rx", "ry", "rz"), TWIST.T.tolist(), strict=True)),
+        }
+    )
+    assert spatial.position.tolist() == [[1.0, 3.0, 5.0], [2.0, 4.0, 6.0]]
+    np.testing.assert_allclose(spatial.rotation, exponential(TWIST), atol=1e-15)
+    planar = write({"y": [3.0, 4.0], "x": [1.0, 2.0], "angle": [0.1, 0.2]})
+    assert (planar.position.tolist(), planar.rotation.tolist()) == ([[1.0, 3.0], [2.0, 4.0]], [0.1, 0.2])
+    assert write({"x": [1.0], "y": [2.0]}).rotation is None
+
+
+def test_arrays_hold_positions_and_orientations(tmp_path):
+    file = tmp_path / "poses.npz"
+    np.savez(file, position=[[1.0, 2.0, 3.0]], rotation=[np.eye(3)])
+    found = read_poses(file)
+    assert found.position.tolist() == [[1.0, 2.0, 3.0]]
+    assert found.rotation.shape == (1, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: box((1, 0), 0, step=1), InputError, "x goes from 1 to 0"),
+        (lambda: box(0, (0, 1, 2), step=1), ShapeError, r"y has shape \(3,\)"),
+        (lambda: box(0, (0, np.nan), step=1), ShapeError, r"y\[1\] is nan"),
+        (lambda: box((0, 1), (0, 1), step=0.0), InputError, "step is 0.0"),
+        (lambda: box((0, 1), (0, 1), step=[1, 1, 1]), InputError, r"step is \[1, 1, 1\]"),
+        (lambda: box((0, 1), (0, 1), step=1e-9), InputError, r"1e\+09 poses along x"),
+        (lambda: polyline([[0.0, 0.0]], 1.0), InputError, "no length"),
+        (lambda: polyline([[0.0, 0.0], [1.0, 0.0]], -1.0), InputError, "step is -1"),
+        (lambda: polyline([[0.0, 0.0], [1.0, 0.0]], 1.0, rotation=np.eye(3)), ShapeError, "rotation has shape"),
+    ],
+)
+def test_odd_boxes_and_paths_are_refused(call, error, words):
+    with pytest.raises(error, match=words):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("none.csv", None, "no such file"),
+        ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet, .npz"),
+        ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
+        ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
+        ("poses.csv", "x,y,Z\n1,2,3", 'what the column "Z" is'),
+        ("poses.csv", "x,y\n1,a", r"line 2, column \"y\": 'a' is no finite number"),
+        ("poses.csv", "x,y\n1,", r"line 2, column \"y\": '' is no finite number"),
+        ("poses.csv", "", 'column "x" is missing'),
+        ("poses.csv", "x,y\n", "no numbers"),
+        ("poses.parquet", "x,y\n1,2", "poses.parquet"),
+        ("poses.npz", "x,y\n1,2", "poses.npz"),
+        ("poses.csv", "x,y,x\n1,2,3", 'column "x" is there twice'),
+        ("poses.csv", "x,y\n1,2\n1,2,3", "line 3 has 3 values for 2 columns"),
+        ("poses.csv", "x_mm,y_mm\n1,2", 'column "x" is missing; there must be x, y, there are x_mm, y_mm'),
+        ("poses.csv", 'x,y\n1,"2', "line 2: unexpected end of data"),
+        ("poses.csv", "x,y\n1,1e999", "'1e999' is no finite number"),
+    ],
+)
+def test_odd_files_are_refused_by_name(tmp_path, name, text, words):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(DataError, match=words) as caught:
+        read_poses(tmp_path / name)
+    assert name in str(caught.value)
+
+
+def test_arrays_of_other_names_are_refused(tmp_path):
+    np.savez(tmp_path / "a.npz", positions=[[1.0, 2.0]])
+    with pytest.raises(DataError, match="its arrays are positions"):
+        read_poses(tmp_path / "a.npz")
