@@ -24,7 +24,7 @@ MAX_EVENTS = 12
 """Events that are printed; JSON has all."""
 
 COLUMNS: list[Column[ReplayRow]] = [
-    ("fall-\nback", lambda row: str(row.replaced), False),
+    ("fall-\nback", lambda row: str(row.fallback_used), False),
     ("error\nmean N", lambda row: output.short(row.residual_mean), False),
     ("error\nmax N", lambda row: output.short(row.residual_max), True),
     ("angle\nmax °", lambda row: output.short(row.angle_max_deg), True),

@@ -21,7 +21,7 @@ class ReplayRow(Score):
 
     Attributes
     ----------
-    replaced : int
+    fallback_used : int
         Unproven answers of the run's solver. In the run's own row, those of the fallback are in their place, and
         are scored as its own.
     magnitude_mean, magnitude_max : float
@@ -35,7 +35,7 @@ class ReplayRow(Score):
         As the solver counts them.
     """
 
-    replaced: int
+    fallback_used: int
     magnitude_mean: float
     magnitude_max: float
     tension_max: float
@@ -88,27 +88,27 @@ def replay(
     own: dict[str, Nearest | None] = {}
     for name, policy in runs:  # a solver's own policy is its first
         own.setdefault(name, policy)
-    asked = np.asarray(np.isfinite(run.desired).all(axis=1))
-    part = _part(run)[asked]
+    desired = np.asarray(np.isfinite(run.desired).all(axis=1))
+    part = _part(run)[desired]
     limits = np.where(part, run.setup.lower, 0.0), np.where(part, run.setup.upper, 0.0)
     recorded = run.allocation
     kept = Allocation(
-        tensions=recorded.tensions[asked],
-        wrench=recorded.wrench[asked],
-        residual=recorded.residual[asked],
-        status=recorded.status[asked],
-        scale=recorded.scale[asked],
-        iterations=recorded.iterations[asked],
-        separation=recorded.separation[asked],
+        tensions=recorded.tensions[desired],
+        wrench=recorded.wrench[desired],
+        residual=recorded.residual[desired],
+        status=recorded.status[desired],
+        scale=recorded.scale[desired],
+        iterations=recorded.iterations[desired],
+        separation=recorded.separation[desired],
     )
-    rows = [_row(run, asked, run.setup.solver, run.setup.nearest, kept, int(run.fallback_used[asked].sum()))]
+    rows = [_row(run, desired, run.setup.solver, run.setup.nearest, kept, int(run.fallback_used[desired].sum()))]
     for done, (name, policy) in enumerate(own.items(), start=1):
         allocator = Allocator(limits, make(name), nearest=policy)
-        found = allocator(run.structure[asked], run.solver_wrench[asked])
-        rows.append(_row(run, asked, name, policy, found, 0))
+        found = allocator(run.structure[desired], run.solver_wrench[desired])
+        rows.append(_row(run, desired, name, policy, found, 0))
         if progress:
             progress(done / len(own))
-    return Replay(int(asked.sum()), tuple(rows), missing)
+    return Replay(int(desired.sum()), tuple(rows), missing)
 
 
 def _part(run: Run) -> NDArray[np.bool_]:
@@ -118,20 +118,20 @@ def _part(run: Run) -> NDArray[np.bool_]:
 
 def _row(
     run: Run,
-    asked: NDArray[np.bool_],
+    desired: NDArray[np.bool_],
     solver: str,
     nearest: Nearest | None,
     found: Allocation,
-    replaced: int,
+    fallback_used: int,
 ) -> ReplayRow:
     dimension = run.rig.dimension
-    wrenches, part, cycle = run.solver_wrench[asked], _part(run)[asked], run.cycle[asked]
+    wrenches, part, cycle = run.solver_wrench[desired], _part(run)[desired], run.cycle[desired]
     forces, rendered = wrenches[:, :dimension], found.wrench[:, :dimension]
     magnitude = abs(np.linalg.norm(rendered, axis=1) - np.linalg.norm(forces, axis=1))
     neighbours = (np.diff(cycle) == 1) & (part[1:] == part[:-1]).all(axis=1)
     return ReplayRow(
         **vars(score(solver, nearest, wrenches, found, dimension)),
-        replaced=replaced,
+        fallback_used=fallback_used,
         magnitude_mean=finite(np.mean, magnitude),
         magnitude_max=finite(np.max, magnitude),
         tension_max=finite(np.max, found.tensions),

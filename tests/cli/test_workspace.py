@@ -29,7 +29,7 @@ def test_a_table_says_how_well_each_rig_does_and_what_that_means(run):
     (tetra,) = [row for row in rows if row[:2] == ["tetra-4", "wrench-closure"]]
     assert 15.0 < float(tetra[-3]) < 100 / 3  # the inside of a third of the box, less its surface
     assert sum(row[:2] == ["isotropic-force", "N"] for row in rows) == 2
-    assert "wrench-closure: Can the cables" in out
+    assert "wrench-closure: Whether cables of unlimited strength" in out
     assert "no value: a cable has no length there" in out
 
 

@@ -30,18 +30,18 @@ def test_the_runs_own_solver_scores_as_the_run_did(lossy):
 
 def test_scores_are_what_they_say(lossy):
     run, newton = replay(lossy, ["newton"]).rows
-    asked = np.isfinite(lossy.demanded[:, 0])
-    wrenches, rendered, chosen = lossy.demanded[asked], lossy.rendered[asked], lossy.chosen[asked]
+    desired = np.isfinite(lossy.desired[:, 0])
+    wrenches, rendered, chosen = lossy.desired[desired], lossy.rendered[desired], lossy.chosen[desired]
     assert run.residual_max == pytest.approx(np.linalg.norm(wrenches - rendered, axis=1).max())
     sizes = abs(np.linalg.norm(wrenches, axis=1) - np.linalg.norm(rendered, axis=1))
     assert (run.magnitude_mean, run.magnitude_max) == pytest.approx((sizes.mean(), sizes.max()))
     assert run.tension_max == chosen.max()
     assert run.tension_sq_mean == pytest.approx((chosen**2).mean())
-    assert run.iterations_max == lossy.iterations[asked].max()
+    assert run.iterations_max == lossy.iterations[desired].max()
     jumps = [
         abs(lossy.chosen[k] - lossy.chosen[k - 1]).max()
         for k in range(1, len(lossy))
-        if asked[k] and asked[k - 1] and (lossy.active[k] == lossy.active[k - 1]).all()
+        if desired[k] and desired[k - 1] and (lossy.active[k] == lossy.active[k - 1]).all()
     ]
     assert run.jump_max == pytest.approx(max(jumps))
     assert newton.failed == newton.iteration_limit == 0
@@ -50,7 +50,7 @@ def test_scores_are_what_they_say(lossy):
 def test_a_jump_is_from_one_cycle_to_the_next(lossy):
     """A pause in the demands is none."""
     pause = (lossy.cycle >= 20) & (lossy.cycle < 60)
-    paused = dataclasses.replace(lossy, demanded=np.where(pause[:, None], np.nan, lossy.demanded))
+    paused = dataclasses.replace(lossy, desired=np.where(pause[:, None], np.nan, lossy.desired))
     there = abs(lossy.chosen[60] - lossy.chosen[19]).max()
     assert replay(paused, ["newton"]).rows[0].jump_max <= replay(lossy, ["newton"]).rows[0].jump_max < there
 
@@ -73,7 +73,7 @@ def test_modules_that_took_no_part_take_none_in_the_replay(lossy, monkeypatch):
 
 
 def test_all_solvers_that_serve_the_rig_are_asked(lossy):
-    found = replay(dataclasses.replace(lossy, demanded=np.where(lossy.cycle[:, None] < 5, lossy.demanded, np.nan)))
+    found = replay(dataclasses.replace(lossy, desired=np.where(lossy.cycle[:, None] < 5, lossy.desired, np.nan)))
     names = [row.solver for row in found.rows[1:]]
     assert found.cycles == 5
     assert {"newton", "dykstra", "closed-form", "qp:daqp", "cvxpy"} <= set(names)
