@@ -153,6 +153,21 @@ class _Prepared:
     single: SingleSolver | None
 
 
+def resolve_solver(solver: str | Solver, nearest: Nearest | None) -> tuple[Solver, Nearest | None]:
+    """Return the solver that a name or an instance stands for, and the policy that it will honour.
+
+    Parameters and errors as those of `allocate`.
+    """
+    if isinstance(solver, type):
+        raise TypeError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
+    if not isinstance(solver, str) and not hasattr(solver, "policies"):
+        raise TypeError(f"solver is {solver!r:.60}; give a name in tensionlab.SOLVERS or an instance of a solver")
+    if nearest is not None and not isinstance(nearest, str):
+        raise TypeError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
+    made: Solver = make(solver) if isinstance(solver, str) else solver
+    return made, resolve_policy(made, nearest, type(made).__name__)
+
+
 class Allocator:
     """Tension allocation with limits and a solver that stay the same.
 
@@ -168,16 +183,7 @@ class Allocator:
         nearest: Nearest | None = None,
         wrench_weights: ArrayLike | None = None,
     ) -> None:
-        if isinstance(solver, type):
-            raise TypeError(f"solver is the class {solver.__name__}; give an instance, {solver.__name__}()")
-        if not isinstance(solver, str) and not hasattr(solver, "policies"):
-            raise TypeError(
-                f"solver is {solver!r:.60}; give a name in tensionlab.SOLVERS or an instance of a solver"
-            )
-        self.solver: Solver = make(solver) if isinstance(solver, str) else solver
-        if nearest is not None and not isinstance(nearest, str):
-            raise TypeError(f"nearest is {nearest!r:.60}; give one of {', '.join(map(repr, POLICIES))}")
-        self.nearest = resolve_policy(self.solver, nearest, type(self.solver).__name__)
+        self.solver, self.nearest = resolve_solver(solver, nearest)
         self._fused = fused(self.solver)
         self.lower, self.upper = tension_limits(limits)
         self.reference = self._resolve(reference)

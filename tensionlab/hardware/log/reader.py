@@ -66,7 +66,7 @@ class RunEvent:
     module: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Run(CycleTable):
     """What happened in a run? Arrays over its K cycles, as in `CycleTable`, and what was around them.
 

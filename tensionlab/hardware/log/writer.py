@@ -13,7 +13,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from tensionlab.allocation import Allocator, Nearest, Solver
+from tensionlab.allocation import Nearest, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
 from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.mcap_file import McapWriter
@@ -80,11 +80,11 @@ class RunSetup:
 
 def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
     """How is a run set up that has these settings? Arguments and errors as those of `RunLog`."""
-    allocator = Allocator(rig.limits, solver, nearest=settings.nearest)
+    made, nearest = resolve_solver(solver, settings.nearest)
     return RunSetup(
         solver=solver if isinstance(solver, str) else type(solver).__name__,
-        parameters=vars(allocator.solver),
-        nearest=allocator.nearest,
+        parameters=vars(made),
+        nearest=nearest,
         rate=settings.rate,
         ttl=settings.ttl,
         on_loss=settings.on_loss,
