@@ -225,11 +225,13 @@ class Allocator:
             )
         fixed = self._prepared.get((n, m)) or self._prepare(n, m)
         shape = common_axes(
-            structure=structure.shape[:-2],
-            wrench=wrench.shape[:-1],
-            lower=fixed.lower.shape[:-1],
-            upper=fixed.upper.shape[:-1],
-            reference=fixed.reference.shape[:-1],
+            {
+                "structure": structure.shape[:-2],
+                "wrench": wrench.shape[:-1],
+                "lower": fixed.lower.shape[:-1],
+                "upper": fixed.upper.shape[:-1],
+                "reference": fixed.reference.shape[:-1],
+            }
         )
         return Problem(
             structure=rows(structure, shape, 2),

@@ -1,8 +1,9 @@
-"""Array types, and arrays as people give them: turned into float64 without loss, checked, broadcast."""
+"""Array types; arrays turned into float64 without loss, checked, and broadcast."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -19,19 +20,15 @@ MAX_MAGNITUDE = 1e100
 
 
 def as_floats(name: str, values: ArrayLike) -> Floats:
-    """Convert numbers to a float64 array, contiguous; one that is so already is returned as it is.
+    """Convert numbers to a contiguous float64 array; one that is so already is returned as it is.
 
-    Parameters
-    ----------
-    name : str
-        What the error calls them.
-    values : array_like
-        Real numbers; NaN and infinity pass.
+    NaN and infinity pass.
 
     Raises
     ------
     ShapeError
-        If something would be lost or made up: complex parts, masked entries, None, text, dates, ragged lists.
+        Calling them ``name``, if something would be lost or made up: complex parts, masked entries, None, text,
+        dates, ragged lists.
     """
     if type(values) is np.ndarray and values.dtype == np.float64:
         return np.asarray(values, order="C")
@@ -53,7 +50,7 @@ def as_floats(name: str, values: ArrayLike) -> Floats:
 
 
 def _masked(values: object) -> bool:
-    """Whether anything is masked, in lists and tuples too, from which NumPy would take it without a word."""
+    """Tell whether anything is masked, in lists and tuples too, from which NumPy would take it without a word."""
     if isinstance(values, list | tuple):
         return any(_masked(each) for each in values)
     # By its attribute: to name numpy.ma would load it.
@@ -65,15 +62,15 @@ class Limits(Protocol):
 
     @property
     def lower(self) -> Floats:
-        """Least tensions, (..., m), N."""
+        """Minimum tensions, (..., m), N."""
 
     @property
     def upper(self) -> Floats:
-        """Largest tensions, (..., m), N."""
+        """Maximum tensions, (..., m), N."""
 
 
 def tension_limits(limits: Limits | tuple[ArrayLike, ArrayLike]) -> tuple[Floats, Floats]:
-    """Which are the lower and upper limits, finite and not crossed?"""
+    """Return the lower and upper limits, checked to be finite and not crossed."""
     try:
         lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
     except (AttributeError, ValueError):
@@ -101,14 +98,14 @@ def frozen(array: Floats) -> Floats:
 
 
 def finite(name: str, array: ArrayLike, axes: int) -> Floats:
-    """Which contiguous floats, with at least so many axes, are meant? Or an error that names the entry."""
+    """Return contiguous floats with at least so many axes, or name the entry that is not finite."""
     values = numbers(name, array, axes)
     check(name, values)
     return values
 
 
 def numbers(name: str, array: ArrayLike, axes: int) -> Floats:
-    """Which contiguous floats are meant, whatever their size?"""
+    """Return contiguous floats with at least so many axes, finite or not."""
     values = as_floats(name, array)
     if values.ndim < axes:
         kind = "a matrix" if axes == 2 else "a vector"
@@ -136,7 +133,7 @@ def check_size(n: int, m: int) -> None:
 
 
 def spread(name: str, array: Floats, count: int, what: str) -> Floats:
-    """Which entries does each of ``count`` cables or rows have, where one number may stand for all?"""
+    """Return an entry for each of ``count`` cables or rows, where one number may stand for all."""
     own = array.shape[-1:]
     if own == (count,):
         return array
@@ -145,8 +142,8 @@ def spread(name: str, array: Floats, count: int, what: str) -> Floats:
     return (array if own else array[None]).repeat(count, axis=-1)
 
 
-def common_axes(**axes: tuple[int, ...]) -> tuple[int, ...]:
-    """To which leading axes do those of the named arrays broadcast?"""
+def common_axes(axes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the leading axes that those of the named arrays broadcast to."""
     different = {each for each in axes.values() if each}
     if len(different) < 2:
         return different.pop() if different else ()
@@ -154,11 +151,11 @@ def common_axes(**axes: tuple[int, ...]) -> tuple[int, ...]:
         return np.broadcast_shapes(*different)
     except ValueError:
         shapes = ", ".join(f"{name} {each}" for name, each in axes.items() if each)
-        raise ShapeError(f"the leading axes do not broadcast together: {shapes}") from None
+        raise ShapeError(f"leading axes do not broadcast together: {shapes}; insert axes of length 1") from None
 
 
 def rows(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
-    """The array broadcast to all problems, its leading axes made one; read-only, a view where possible."""
+    """Broadcast an array to all problems, its leading axes made one; read-only, a view where possible."""
     full = shape + array.shape[array.ndim - inner :]
     if array.shape != full:
         array = np.broadcast_to(array, full)
@@ -168,17 +165,9 @@ def rows(array: Floats, shape: tuple[int, ...], inner: int) -> Floats:
 
 
 def angles(desired: Floats, rendered: Floats) -> Floats:
-    """How far each rendered force points away from the desired one.
+    """Return the angles between desired and rendered forces, (K, d), in degrees, (K,).
 
-    Parameters
-    ----------
-    desired, rendered : (K, d) array
-        Forces in N, d = 2 or 3.
-
-    Returns
-    -------
-    (K,) array
-        Degrees; NaN where either force is zero or NaN and so has no direction.
+    NaN where either force is zero or NaN and so has no direction.
     """
     length = np.linalg.norm(desired, axis=1) * np.linalg.norm(rendered, axis=1)
     # arccos of the cosine loses small angles to rounding; lengths of sum and difference (Kahan) do not.

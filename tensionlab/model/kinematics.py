@@ -24,35 +24,16 @@ from tensionlab.arrays import Floats, Integers, common_axes
 
 
 def planar_rotation(angle: Floats) -> Floats:
-    """Which matrix turns the plane by an angle?
-
-    Parameters
-    ----------
-    angle : (...) array
-        Anticlockwise, in rad.
-
-    Returns
-    -------
-    (..., 2, 2) array
-    """
+    """Return the matrices, (..., 2, 2), that turn the plane anticlockwise by angles, (...), in rad."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
 
 def exponential(vector: Floats) -> Floats:
-    """Which rotation is a turn about an axis by an angle, given as one vector?
+    """Return the rotations, (..., 3, 3), about axes by angles, given as axis times angle, (..., 3), in rad.
 
     Rodrigues' formula, ``1 + sin(a)/a K + (1 - cos(a))/a² K²`` with K the cross-product matrix of the vector
     and a its length; written with sinc so that small vectors need no special case.
-
-    Parameters
-    ----------
-    vector : (..., 3) array
-        Axis times angle, in rad.
-
-    Returns
-    -------
-    (..., 3, 3) array
     """
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     zero = np.zeros_like(x)
@@ -66,7 +47,7 @@ def exponential(vector: Floats) -> Floats:
 def place(
     points: Floats, frames: Integers, origins: Sequence[Floats], rotations: Sequence[Floats | None]
 ) -> Floats:
-    """Where in the world are points that ride on moving frames?
+    """Return the places in the world of points that ride on moving frames.
 
     Parameters
     ----------
@@ -96,23 +77,13 @@ def place(
 
 
 def rotate(rotation: Floats, points: Floats) -> Floats:
-    """Where does a rotation take a set of points?
-
-    Parameters
-    ----------
-    rotation : (..., d, d) array
-    points : (m, d) array
-
-    Returns
-    -------
-    (..., m, d) array
-    """
+    """Rotate points, (m, d), by each of the matrices, (..., d, d)."""
     turned: Floats = points @ np.swapaxes(rotation, -1, -2)
     return turned
 
 
 def cables(anchors: Floats, position: Floats, arms: Floats | None) -> tuple[Floats, Floats]:
-    """How long are the cables, and where do they point?
+    """Return how long the cables are, and where they point.
 
     Parameters
     ----------
@@ -138,7 +109,7 @@ def cables(anchors: Floats, position: Floats, arms: Floats | None) -> tuple[Floa
 
 
 def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
-    """Which wrench does a tension of one newton in each cable exert?
+    """Return the structure matrix: the wrench of one newton in each cable.
 
     Parameters
     ----------
@@ -167,7 +138,7 @@ def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
 
 
 def anchor_gradient(gradient: Floats, lengths: Floats, directions: Floats, arms: Floats | None) -> Floats:
-    """How does a number change with the anchors, given how it changes with the structure matrix?
+    """Return the derivative of a number with respect to the anchors, from that with respect to W.
 
     A column changes by ``[du; r x du]``, and u by what of the anchor's motion is across the cable, over its
     length. Moving the reference point without a turn changes the same number by the opposite of all anchors
@@ -179,10 +150,8 @@ def anchor_gradient(gradient: Floats, lengths: Floats, directions: Floats, arms:
         Derivative with respect to the structure matrix.
     lengths : (..., m) array
         In m.
-    directions : (..., m, d) array
-        Unit vectors from attachment to anchor.
-    arms : (..., m, d) array or None
-        From the reference point to the attachments, in world axes, in m; None for a point.
+    directions, arms : (..., m, d) arrays
+        As in `structure_matrix`.
 
     Returns
     -------
@@ -207,8 +176,7 @@ STEP_TOLERANCE = 1e-13
 """A pose is found when the next step would change the lengths by less than this share of the longest."""
 
 ITERATION_LIMIT = 100
-FIRST_DAMPING = 1e-3
-LARGEST_DAMPING = 1e10
+FIRST_DAMPING, MAX_DAMPING = 1e-3, 1e10
 RIDGE = 1e-9
 
 
@@ -238,23 +206,14 @@ class PoseEstimate:
 def estimate_pose(
     anchors: Floats, attachments: Floats | None, lengths: Floats, position: Floats, rotation: Floats | None
 ) -> PoseEstimate:
-    """Which poses near the guesses have these cable lengths? Broadcasts, then calls `solve_pose`.
+    """Find the poses near the guesses that have these cable lengths: `solve_pose` for arrays that broadcast.
 
-    Parameters
-    ----------
-    anchors : (..., m, d) array
-    attachments : (m, d) array or None
-        In platform axes; None for a point.
-    lengths : (..., m) array
-    position : (..., d) array
-        Guesses.
-    rotation : (..., d, d) array or None
-        Guesses; None for the identity.
+    Without a rotation the guess is the identity.
     """
     m, d = anchors.shape[-2:]
     turn = np.eye(d) if rotation is None else rotation
     shapes = {"lengths": lengths.shape[:-1], "position": position.shape[:-1], "rotation": turn.shape[:-2]}
-    batch = common_axes(**shapes, frames=anchors.shape[:-2])
+    batch = common_axes({**shapes, "frames": anchors.shape[:-2]})
     p, R, residual, iterations = solve_pose(
         np.broadcast_to(anchors, (*batch, m, d)).reshape(-1, m, d),
         attachments,
@@ -274,7 +233,7 @@ def estimate_pose(
 def solve_pose(
     anchors: Floats, attachments: Floats | None, lengths: Floats, position: Floats, rotation: Floats | None
 ) -> tuple[Floats, Floats | None, Floats, Integers]:
-    """Which poses near the guesses have these cable lengths, in the least-squares sense?
+    """Find the poses near the guesses that fit the cable lengths best, in the least-squares sense.
 
     Levenberg-Marquardt (Marquardt 1963) on the twist: the derivative of the lengths is ``J = -W'`` in closed
     form, the damping is scaled by the diagonal of ``J'J`` so that metres and radians need no common unit,
@@ -331,7 +290,7 @@ def solve_pose(
         iterations[active] += 1
 
         found = predicted <= STEP_TOLERANCE * L.max(axis=-1)
-        stopped = (damping[active] > LARGEST_DAMPING) | (iterations[active] >= ITERATION_LIMIT)
+        stopped = (damping[active] > MAX_DAMPING) | (iterations[active] >= ITERATION_LIMIT)
         active = active[~(found | stopped)]
 
     return position, rotation, residual, iterations

@@ -1,4 +1,4 @@
-"""Poses as people give them, turned into arrays that fit together, or refused."""
+"""Poses and body frames: checked, and turned into arrays that fit together."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, as_floats
+from tensionlab.arrays import Floats, common_axes, finite
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.model import kinematics
 from tensionlab.model.module import WORLD, Module
@@ -18,7 +18,7 @@ ORTHOGONALITY = 1e-6
 
 
 class Frame(NamedTuple):
-    """Where is a body that carries modules? A tuple ``(position, rotation)`` or a position does as well.
+    """Place of a body that carries modules. A tuple ``(position, rotation)`` or a position does as well.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]
 
 
 def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> Frame:
-    """Where is a body frame, in whichever way it was given?"""
+    """Return a body frame, in whichever way it was given."""
     if isinstance(where, Frame):
         return where
     if isinstance(where, tuple) and len(where) == 2 and np.ndim(where[0]) > 0:
@@ -46,19 +46,15 @@ def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> F
 
 
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
-    """Where in the world are the anchors, with the body frames where they are now?
+    """Return the anchors in the world, (..., m, d), in m; (m, d) where no module rides on a body.
 
     Parameters
     ----------
     modules : sequence of Module
     anchors : (m, d) array
-        Their anchors, each in the axes of its own frame, in m.
-    frames : mapping of name to Frame, (position, rotation) or position, or None
-
-    Returns
-    -------
-    (..., m, d) array
-        In m; (m, d) where no module rides on a body.
+        Each in the axes of its module's own frame, in m.
+    frames : mapping or None
+        Where each body frame is.
 
     Raises
     ------
@@ -92,25 +88,13 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
         if turn is not None:
             shapes[what + "rotation"] = turn.shape[:-2]
         turns.append(turn)
-    common_shape(shapes)
+    common_axes(shapes)
     index_of = np.array([names.index(module.frame) if module.frame != WORLD else -1 for module in modules])
     return kinematics.place(anchors, index_of, origins, turns)
 
 
 def in_own_axes(modules: Sequence[Module], vectors: Floats, frames: Frames | None) -> Floats:
-    """Which components do vectors in world axes have in the axes of each module's own frame?
-
-    Parameters
-    ----------
-    modules : sequence of Module
-    vectors : (..., m, d) array
-        One a module.
-    frames : as in `place_anchors`
-
-    Returns
-    -------
-    (..., m, d) array
-    """
+    """Turn vectors, (..., m, d), one a module, from world axes to those of each module's own frame."""
     if all(module.frame == WORLD for module in modules):
         return vectors
     corners = np.eye(vectors.shape[-1])
@@ -120,28 +104,16 @@ def in_own_axes(modules: Sequence[Module], vectors: Floats, frames: Frames | Non
 
 
 def points(values: ArrayLike, size: int, what: str) -> Floats:
-    """Check an array whose last axis holds coordinates or cables.
-
-    Raises
-    ------
-    ShapeError
-        If the last axis has another length than ``size``, or an entry is NaN or infinite.
-    """
-    array = numbers(values, what)
+    """Return finite floats whose last axis holds ``size`` coordinates or cables."""
+    array = finite(what, values, 0)
     if array.ndim == 0 or array.shape[-1] != size:
         raise ShapeError(f"{what} has shape {array.shape}; its last axis must hold {size} entries")
     return array
 
 
 def rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
-    """Check orientations and return them as (..., d, d) matrices; angles in the plane, matrices in space.
-
-    Raises
-    ------
-    ShapeError
-        If the shape is wrong, an entry is NaN or infinite, or a matrix is not a rotation.
-    """
-    array = numbers(values, what)
+    """Return orientations as (..., d, d) rotation matrices, from angles in the plane or matrices in space."""
+    array = finite(what, values, 0)
     if dimension == 2:
         return kinematics.planar_rotation(array)
     if array.shape[-2:] != (3, 3):
@@ -157,30 +129,6 @@ def rotations(values: ArrayLike, dimension: int, what: str) -> Floats:
     return array
 
 
-def numbers(values: ArrayLike, what: str) -> Floats:
-    """Turn anything into a float array, or name the first entry that is not a finite number."""
-    array = as_floats(what, values)
-    bad = ~np.isfinite(array)
-    if bad.any():
-        raise ShapeError(f"{what}{first(bad)} is {array[bad].flat[0]}; every entry must be finite")
-    return array
-
-
-def common_shape(shapes: dict[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Find the common leading shape of named arrays.
-
-    Raises
-    ------
-    ShapeError
-        Naming each array with its leading shape, if they do not broadcast.
-    """
-    try:
-        return np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ShapeError(f"leading shapes do not broadcast: {listed}; insert axes of length 1") from None
-
-
 def first(wrong: NDArray[np.bool_]) -> str:
-    """Write the index of the first True entry, as ``[1, 2]``; nothing for a scalar."""
+    """Return the index of the first True entry, as ``[1, 2]``; nothing for a scalar."""
     return str([int(i) for i in np.argwhere(wrong)[0]]) if wrong.ndim else ""

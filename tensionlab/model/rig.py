@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
+from tensionlab.arrays import Floats, common_axes
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
 from tensionlab.model import kinematics, pose
@@ -305,7 +305,7 @@ class Rig:
         R = None if rotation is None else pose.rotations(rotation, self.dimension, "rotation")
         anchors = pose.place_anchors(self.modules, self.anchors, frames)
         shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}
-        pose.common_shape(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})
+        common_axes(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})
         return p, R, anchors
 
 

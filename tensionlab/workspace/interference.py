@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats, Integers
+from tensionlab.arrays import Floats, Integers, common_axes
 from tensionlab.errors import InputError
 from tensionlab.model import pose
 from tensionlab.model.pose import Frames
@@ -133,7 +133,7 @@ def body_distance(
         segments.append(np.stack(np.broadcast_arrays(start, end), axis=-2)[..., None, :, :])
         radii.append(float(body.radius))
     shapes = {"cables": cables.shape[:-3]} | {f"body {i}": s.shape[:-3] for i, s in enumerate(segments)}
-    shape = pose.common_shape(shapes)
+    shape = common_axes(shapes)
     everything = [np.broadcast_to(s, (*shape, *s.shape[-3:])) for s in (cables, *segments)]
     pairs = [(i, rig.m + j) for i in range(rig.m) for j in range(len(bodies))]
     found = _closest(
@@ -165,7 +165,7 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
     given = {"start": start, "end": end, "start2": start2, "end2": end2}
     d = np.shape(start)[-1] if np.shape(start)[-1:] in ((2,), (3,)) else 3
     ends = {name: pose.points(values, d, name) for name, values in given.items()}
-    pose.common_shape({name: values.shape[:-1] for name, values in ends.items()})
+    common_axes({name: values.shape[:-1] for name, values in ends.items()})
     stacked = np.stack(np.broadcast_arrays(*ends.values()), axis=-2)
     segments = stacked.reshape(*stacked.shape[:-2], 2, 2, d)
     return _closest(segments, np.array([[0, 1]]), np.zeros(2)).distance

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, as_floats
+from tensionlab.arrays import Floats, as_floats, finite
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.files.reading import brief
 from tensionlab.files.tables import check_columns, read_npz, read_parquet, read_table
@@ -65,7 +65,7 @@ class Grid:
     def __post_init__(self) -> None:
         for name in "xyz":
             if getattr(self, name) is not None:
-                axis = np.atleast_1d(pose.numbers(getattr(self, name), name))
+                axis = np.atleast_1d(finite(name, getattr(self, name), 0))
                 if axis.ndim != 1 or axis.size == 0:
                     raise ShapeError(f"{name} has shape {axis.shape}; give one or more coordinates in m, in a row")
                 object.__setattr__(self, name, axis)
@@ -142,7 +142,7 @@ class PoseList:
     distance: Floats | None = None
 
     def __post_init__(self) -> None:
-        position = pose.numbers(self.position, "position")
+        position = finite("position", self.position, 0)
         if position.ndim != 2 or position.shape[0] == 0 or position.shape[1] not in (2, 3):
             raise ShapeError(f"position has shape {position.shape}; give one or more rows of x, y (and z), in m")
         object.__setattr__(self, "position", position)
@@ -218,7 +218,7 @@ def box(
         If an interval is no pair of finite numbers.
     """
     intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
-    steps = pose.numbers(step, "step")
+    steps = finite("step", step, 0)
     if steps.shape not in ((), (len(intervals),)) or not (steps > 0).all():
         raise InputError(f"step is {step!r}; give one length in m, or one for each axis, above zero")
     axes = [
@@ -258,7 +258,7 @@ def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) 
     position = np.stack([np.interp(places, along, column) for column in corners.T], axis=-1)
     if rotation is None:
         return PoseList(position, distance=places)
-    turn = pose.numbers(rotation, "rotation")
+    turn = finite("rotation", rotation, 0)
     return PoseList(position, np.broadcast_to(turn, (len(places), *turn.shape)), places)
 
 
@@ -326,7 +326,7 @@ def _from_arrays(arrays: dict[str, Floats]) -> PoseList:
 
 def _axis(name: str, ends: ArrayLike, step: float) -> Floats:
     """Return coordinates from one end to the other."""
-    values = pose.numbers(ends, name)
+    values = finite(name, ends, 0)
     if values.ndim == 0:
         return values.reshape(1)
     if values.shape != (2,):

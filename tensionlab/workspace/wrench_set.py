@@ -38,7 +38,9 @@ def structure_batch(matrices: Floats, limits: TensionRange, **axes: tuple[int, .
     m = matrices.shape[-1]
     low, high = tension_limits(limits)
     lower, upper = spread("lower", low, m, "cables"), spread("upper", high, m, "cables")
-    shape = common_axes(structure=matrices.shape[:-2], lower=lower.shape[:-1], upper=upper.shape[:-1], **axes)
+    shape = common_axes(
+        {"structure": matrices.shape[:-2], "lower": lower.shape[:-1], "upper": upper.shape[:-1], **axes}
+    )
     return StructureBatch(rows(matrices, shape, 2), rows(lower, shape, 1), rows(upper, shape, 1), shape)
 
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE
-from tensionlab.arrays import Floats, as_floats
+from tensionlab.arrays import Floats, as_floats, common_axes, finite
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
@@ -144,14 +144,14 @@ def choose_locks(
         Naming the array, if shapes do not fit, a number is not finite, a normal is not of unit length, or a force
         or strength is negative.
     """
-    U, n = pose.numbers(structure, "structure"), pose.numbers(normal, "normal")
+    U, n = finite("structure", structure, 0), finite("normal", normal, 0)
     m = limits.lower.size
     if U.shape[-2:] not in ((2, m), (3, m)) or n.shape[-1:] != U.shape[-2:-1]:
         raise ShapeError(
             f"structure {U.shape}, normal {n.shape} and limits of {m} cables do not fit; give (..., d, m), "
             "(..., d) and m, with d = 2 or 3 for a point"
         )
-    F, holds = pose.numbers(force, "force"), pose.points(strengths, m, "strengths")
+    F, holds = finite("force", force, 0), pose.points(strengths, m, "strengths")
     if F.min(initial=0.0) < 0.0 or holds.min(initial=0.0) < 0.0:
         raise ShapeError(
             "force and strengths must be 0 N or more; turn the normal round for a force the other way"
@@ -163,7 +163,7 @@ def choose_locks(
     stiff = as_floats("crowding", math.inf if crowding is None else crowding)
     if now.shape[-1:] != (m,):
         raise ShapeError(f"held has shape {now.shape}; give one bool for each of {m} cables")
-    shape = pose.common_shape(
+    shape = common_axes(
         {
             "structure": U.shape[:-2],
             "normal": n.shape[:-1],

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats
+from tensionlab.arrays import Floats, common_axes, finite
 from tensionlab.errors import ShapeError
 from tensionlab.model import pose
 
@@ -81,7 +81,7 @@ def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> 
     U, sets = _sets(structure, locked)
     d, m = U.shape[-2:]
     push = pose.points(load, d, "load")
-    shape = pose.common_shape({"structure": U.shape[:-2], "load": push.shape[:-1]})
+    shape = common_axes({"structure": U.shape[:-2], "load": push.shape[:-1]})
     U, sets = np.broadcast_to(U, (*shape, d, m)), np.broadcast_to(sets, (*shape, m))
     push = np.broadcast_to(push, (*shape, d))
     # The locked cables first, and no more columns than the largest set has.
@@ -195,7 +195,7 @@ def _unit(direction: ArrayLike, structure: Floats) -> Floats:
     if structure.ndim < 2:
         raise ShapeError(f"structure has shape {structure.shape}; give that of a point, (2, m) or (3, m)")
     vectors = pose.points(direction, structure.shape[-2], "direction")
-    pose.common_shape({"structure": structure.shape[:-2], "direction": vectors.shape[:-1]})
+    common_axes({"structure": structure.shape[:-2], "direction": vectors.shape[:-1]})
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if not lengths.all():
         raise ShapeError("direction has a vector of length zero; give vectors with a direction")
@@ -204,7 +204,7 @@ def _unit(direction: ArrayLike, structure: Floats) -> Floats:
 
 def _sets(structure: ArrayLike, locked: ArrayLike) -> tuple[Floats, Flags]:
     """Structure matrices and sets of cables with the same leading axes."""
-    U = pose.numbers(structure, "structure")
+    U = finite("structure", structure, 0)
     sets = np.asarray(locked)
     if U.ndim < 2 or U.shape[-2] not in (2, 3):
         raise ShapeError(f"structure has shape {U.shape}; give that of a point, (2, m) or (3, m)")
@@ -213,5 +213,5 @@ def _sets(structure: ArrayLike, locked: ArrayLike) -> tuple[Floats, Flags]:
             f"locked has shape {sets.shape} and entries of type {sets.dtype}; give one bool for each of "
             f"{U.shape[-1]} cables"
         )
-    shape = pose.common_shape({"structure": U.shape[:-2], "locked": sets.shape[:-1]})
+    shape = common_axes({"structure": U.shape[:-2], "locked": sets.shape[:-1]})
     return np.broadcast_to(U, (*shape, *U.shape[-2:])), np.broadcast_to(sets, (*shape, *sets.shape[-1:]))

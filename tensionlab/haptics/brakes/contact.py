@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.allocation import TOLERANCE
-from tensionlab.arrays import Floats
+from tensionlab.arrays import Floats, finite
 from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
@@ -214,7 +214,7 @@ def decide(
     ShapeError
         As `choose_locks`.
     """
-    n = pose.numbers(wall.normal, "normal")
+    n = finite("normal", wall.normal, 0)
     p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")
     hold = pose.points(strengths, limits.lower.size, "strengths")
     approach = -float(n @ v)

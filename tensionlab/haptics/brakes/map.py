@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats
+from tensionlab.arrays import Floats, finite
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
-from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 
 CONVINCING = np.pi / 4
@@ -72,7 +71,7 @@ def brake_map(
     ShapeError
         As `choose_locks`, and for a force of 0.
     """
-    U, n = pose.numbers(structure, "structure"), pose.numbers(normals, "normals")
+    U, n = finite("structure", structure, 0), finite("normals", normals, 0)
     if not force > 0.0 or U.ndim < 2 or n.ndim != 2:
         raise ShapeError(
             f"force is {force}, structure has shape {U.shape} and normals {n.shape}; give a force above 0 N, "
