@@ -9,10 +9,11 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Nearest, RigFile, Solver
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from tensionlab.allocation import Allocation
-    from tensionlab.model.rig import Rig
     from tensionlab.solvers.base import Status
 
 STATUS_TEXTS = {
@@ -46,7 +47,6 @@ def allocate(
     Body frames stay at rest, at the origin of the world.
     """
     from tensionlab.allocation import Allocator
-    from tensionlab.model.files import load_rig
     from tensionlab.solvers.base import Status
 
     loaded = load_rig(rig)

@@ -214,12 +214,7 @@ def show(
 @problems.command()
 def export(
     name: Annotated[str, typer.Option("--set", help="Name of a set.", show_default=False)],
-    out: Annotated[
-        Path,
-        typer.Option(
-            callback=options.output_file(".parquet"), help="The Parquet file to write.", show_default=False
-        ),
-    ],
+    out: Annotated[Path, options.writes("The Parquet file to write.", ".parquet")],
     count: Count = 1000,
     seed: Seed = 0,
 ) -> None:
@@ -229,7 +224,7 @@ def export(
 
     found = problem_set(name, count, seed)
     rows = qp_rows(found)
-    manifest = records.manifest(["tensionlab", *sys.argv[1:]], seed)
+    manifest = output.manifest(seed)
     description = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}
     records.write_parquet(out, rows, manifest | description)
     output.console().print(f"{found.name}, {len(rows)} problems: {out}", soft_wrap=True)

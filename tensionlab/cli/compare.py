@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -11,6 +10,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
+from tensionlab.model.files import load_rig
 
 if TYPE_CHECKING:
     from tensionlab.comparison.compare import Row, Score
@@ -83,7 +83,6 @@ def compare(
     from tensionlab import records
     from tensionlab.comparison import compare as comparison
     from tensionlab.model import directions as direction_sets
-    from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
     names = None if solvers is None else options.parse_names([solvers])
@@ -99,7 +98,7 @@ def compare(
             progress=progress,
         )
     rows = [dataclasses.asdict(row) for row in result.rows]
-    manifest = records.manifest(["tensionlab", *sys.argv[1:]])
+    manifest = output.manifest()
     with output.Keeper(quiet=json) as keeper:
         if plot:
             from tensionlab.plots import plot_comparison

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,10 +27,10 @@ def search(
     path: Annotated[Path, typer.Argument(metavar="SPACE", help="Space file (TOML).", show_default=False)],
     out: Annotated[
         Path | None,
-        typer.Option(
+        options.writes(
+            "Write the rig here; for several numbers of modules, one file each: RIG-4.toml, ...",
+            ".toml",
             metavar="RIG",
-            callback=options.output_file(".toml"),
-            help="Write the rig here; for several numbers of modules, one file each: RIG-4.toml, ...",
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
@@ -41,7 +40,6 @@ def search(
 
     The space file says where modules may stand, how many there are, where the hand will be, and what counts.
     """
-    from tensionlab.records import manifest
     from tensionlab.workspace.layout.task import load_task
 
     task = load_task(path)
@@ -68,7 +66,7 @@ def search(
                     "score": found.objective.describe(),
                     "layouts": [_plain(each, on_front=each in found.front) for each in found.layouts],
                     "written": written,
-                    "manifest": manifest(["tensionlab", *sys.argv[1:]], task.seed),
+                    "manifest": output.manifest(task.seed),
                 }
             )
         else:

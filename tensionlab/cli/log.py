@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,14 +59,7 @@ def info(path: RunFile, json: Json = False) -> None:
 @log.command()
 def export(
     path: RunFile,
-    to: Annotated[
-        Path,
-        typer.Option(
-            callback=options.output_file(".nc", ".parquet"),
-            help="Write to this file: NetCDF (.nc) or Parquet.",
-            show_default=False,
-        ),
-    ],
+    to: Annotated[Path, options.writes("Write to this file: NetCDF (.nc) or Parquet.", ".nc", ".parquet")],
 ) -> None:
     """Write a run as NetCDF, with names, units and dimensions, or as a Parquet table with a row for each cycle."""
     from tensionlab import records
@@ -122,7 +114,7 @@ def replay(
     with output.progress(f"Replaying {path.name}") as progress:
         found = replays.replay(run, names, progress)
     rows = [dataclasses.asdict(row) for row in found.rows]
-    manifest = {**records.manifest(["tensionlab", *sys.argv[1:]]), "run": run.manifest}
+    manifest = {**output.manifest(), "run": run.manifest}
     with output.Keeper(quiet=json) as keeper:
         if out:
             keeper.write("rows", out, lambda file: records.write_parquet(file, rows, manifest))

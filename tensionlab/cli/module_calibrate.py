@@ -11,13 +11,14 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, RigFile
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from tensionlab.hardware.calibration.anchors import AnchorEstimate
     from tensionlab.hardware.calibration.gain import Balance, GainEstimate
     from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.model.rig import Rig
 
 calibrate = typer.Typer(
     help="Calibrate modules (N/A, friction, zero, lengths) and rigs (anchors).",
@@ -103,9 +104,7 @@ def gain(
 @calibrate.command()
 def staircase(
     url: Url,
-    out: Annotated[
-        Path, typer.Option(metavar="CSV", callback=options.output_file(".csv"), help="Write to this file.")
-    ],
+    out: Annotated[Path, options.writes("Write to this file.", ".csv", metavar="CSV")],
 ) -> None:
     """Pull at a force sensor in steps, up and down, and record what the module measures.
 
@@ -212,7 +211,6 @@ def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
     """
     from tensionlab.hardware.calibration.lengths import zero_lengths
     from tensionlab.hardware.runner.settings import RealClock
-    from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
     typer.echo(
@@ -239,10 +237,7 @@ def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
 def record(
     path: RigFile,
     modules: ModulesOfRig,
-    out: Annotated[
-        Path,
-        typer.Option(metavar="CSV", callback=options.output_file(".csv"), help="Write the lengths to this file."),
-    ],
+    out: Annotated[Path, options.writes("Write the lengths to this file.", ".csv", metavar="CSV")],
     poses: Annotated[int, typer.Option(help="End after so many poses.", min=1)] = 30,
     seconds: Annotated[float, typer.Option(help="End after that time at the latest.", min=1.0)] = 300.0,
 ) -> None:
@@ -253,7 +248,6 @@ def record(
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.calibration.tables import table_text
     from tensionlab.hardware.runner.settings import RealClock
-    from tensionlab.model.files import load_rig
 
     rig = load_rig(path)
     with _group(rig, modules) as group:
@@ -278,10 +272,7 @@ def anchors(
         bool, typer.Option("--offsets", help="Also find a constant error of each cable's length.")
     ] = False,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RIG", callback=options.output_file(".toml"), help="Write the calibrated rig to this file."
-        ),
+        Path | None, options.writes("Write the calibrated rig to this file.", ".toml", metavar="RIG")
     ] = None,
     json: Json = False,
 ) -> None:

@@ -10,10 +10,11 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot, RigFile
 from tensionlab.files import writing
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from tensionlab.arrays import Floats
-    from tensionlab.model.rig import Rig
     from tensionlab.validation.rig_check import Finding
 
 rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
@@ -24,8 +25,6 @@ SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", 
 @rig.command()
 def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     """Show the modules of a rig: anchors, cable lengths at home, limits. Body frames stay at rest."""
-    from tensionlab.model.files import load_rig
-
     loaded = load_rig(path)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     with output.Keeper(quiet=json) as keeper:
@@ -83,7 +82,6 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
 
     Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.model.files import load_rig
     from tensionlab.validation.rig_check import check_rig
 
     loaded = load_rig(path)
@@ -122,10 +120,7 @@ def import_(
         typer.Option("--set", metavar="ID", help="Which set of cables; the file's default if left out."),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="RIG", callback=options.output_file(".toml"), help="Write the rig file here, not to stdout."
-        ),
+        Path | None, options.writes("Write the rig file here, not to stdout.", ".toml", metavar="RIG")
     ] = None,
 ) -> None:
     """Make a rig file from a model of CASPR, the cable-robot library: one body, in a plane or in space."""
@@ -145,18 +140,9 @@ def import_(
 @rig.command()
 def export(
     path: RigFile,
-    mjcf: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE.xml",
-            callback=options.output_file(".xml"),
-            help="Write a MuJoCo model here.",
-            show_default=False,
-        ),
-    ],
+    mjcf: Annotated[Path, options.writes("Write a MuJoCo model here.", ".xml", metavar="FILE.xml")],
 ) -> None:
     """Write a rig as a MuJoCo model: a spatial tendon for each cable, with a motor that can only pull."""
-    from tensionlab.model.files import load_rig
     from tensionlab.model.mjcf import rig_to_mjcf
 
     loaded = load_rig(path)

@@ -11,7 +11,9 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, reach_modules
-from tensionlab.cli.common.options import Log, Modules, Nearest, RigFile, Solver
+from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigFile, Solver
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from tensionlab.demand import DemandSource
     from tensionlab.hardware.runner.runner import Runner, Tracker
     from tensionlab.hardware.runner.statistics import Statistics
-    from tensionlab.model.rig import Rig
 
 REFRESH_RATE_HZ = 5.0
 """Of the live table."""
@@ -55,12 +56,7 @@ def run(
             help="Time to live of a set-point in a module, in s; a module that is silent for longer is lost.",
         ),
     ] = 0.25,
-    seconds: Annotated[
-        float | None,
-        typer.Option(
-            callback=options.require_positive, help="Duration; until the program's end or Ctrl-C if left out."
-        ),
-    ] = None,
+    seconds: Duration = None,
     on_loss: Annotated[
         str,
         typer.Option(
@@ -80,7 +76,6 @@ def run(
     from tensionlab.errors import HardwareError
     from tensionlab.hardware.runner.runner import Runner
     from tensionlab.hardware.runner.settings import RunSettings
-    from tensionlab.model.files import load_rig
 
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)

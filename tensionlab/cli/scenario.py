@@ -1,9 +1,9 @@
-"""``tensionlab scenario``: something to feel, on simulated modules with a simulated person, or on real ones."""
+"""``tensionlab scenario``: haptic scenarios on simulated modules with a simulated person, or on real modules."""
 
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +11,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
-from tensionlab.cli.common.options import Modules, Solver
-from tensionlab.cli.common.output import INTERRUPTED
+from tensionlab.cli.common.options import Duration, Json, Log, Modules, Solver
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from tensionlab.scenarios.play import ScenarioModules, ScenarioResult
 
 LIST = "list"
+"""Shows the scenarios, in the place of a name."""
 
 
 def scenario(
@@ -31,34 +31,30 @@ def scenario(
     ],
     modules: Modules = None,
     solver: Solver = "newton",
-    seconds: Annotated[
-        float | None, typer.Option(callback=options.require_positive, help="How much of it; all if left out.")
-    ] = None,
+    seconds: Duration = None,
     osc: Annotated[
         int | None,
         typer.Option(
             metavar="PORT",
-            help="With --modules: where hand and bodies are comes by OSC to this UDP port: /body/NAME x y z.",
+            help="With --modules: receive the positions of hand and bodies by OSC at this UDP port, as "
+            "/body/NAME x y z.",
             min=1,
             max=65535,
         ),
     ] = None,
-    log: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.mcap", callback=options.output_file(".mcap"), help="Keep every cycle there."),
-    ] = None,
+    log: Log = None,
     plot: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", callback=options.picture_file, help="The picture.  [default: scenario-NAME.png]"
+            metavar="FILE", callback=options.picture_file, help="Draw to this file.  [default: scenario-NAME.png]"
         ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print what was felt as JSON.")] = False,
+    json: Json = False,
 ) -> None:
-    """Play a scenario, compare what was felt with what should be, and draw it.
+    """Play a scenario, compare the rendered forces with what a person should feel, and draw them.
 
-    On simulated modules, a simulated person acts, as fast as this machine can. Exit status 1 where something felt
-    otherwise than it should, or went wrong with a module.
+    On simulated modules, a simulated person acts, as fast as this computer can. Exit status 1 where a measured
+    value is not as expected, or something went wrong with a module.
     """
     from tensionlab.errors import HardwareError
     from tensionlab.plots import plot_scenario
@@ -70,44 +66,42 @@ def scenario(
     if name == LIST:
         _list(json)
         return
-    played_one = load_scenario(name)
-    options.check_solvers(played_one.rig, [solver], played_one.nearest)
-    if seconds is not None and not 0.0 < seconds <= played_one.seconds:
-        raise typer.BadParameter(f"--seconds is above 0 and at most {played_one.seconds:g}; got {seconds:g}")
-    picture = plot or Path(f"scenario-{played_one.name}.png")
+    loaded = load_scenario(name)
+    options.check_solvers(loaded.rig, [solver], loaded.nearest)
+    if seconds is not None and seconds > loaded.seconds:
+        raise typer.BadParameter(f"--seconds is above 0 and at most {loaded.seconds:g}; got {seconds:g}")
+    picture = plot or Path(f"scenario-{loaded.name}.png")
     writing.require_writable(picture)
-    with ExitStack() as opened, output.progress(played_one.title) as progress:
-        reached = _reached(played_one, modules, osc, opened)
+    with ExitStack() as opened, output.progress(loaded.title) as progress:
+        reached = _reached(loaded, modules, osc, opened)
         try:
-            call = ["tensionlab", *sys.argv[1:]]
-            played = play(played_one, reached, solver, seconds, log, call, progress)
+            played = play(loaded, reached, solver, seconds, log, ["tensionlab", *sys.argv[1:]], progress)
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
-    interrupted = played.statistics.ended.startswith("signal") and not played.statistics.emergency
-    whole = seconds in (None, played_one.seconds) and not interrupted
-    rows = check_scenario(played) if whole else ()
+    statistics = played.statistics
+    interrupted = statistics.ended.startswith("signal") and not statistics.emergency
+    complete = seconds in (None, loaded.seconds) and not interrupted
+    rows = check_scenario(played) if complete else ()
     found = check_directions(played.run)
     with output.Keeper(quiet=json) as keeper:
         keeper.write("Picture", picture, lambda path: plot_scenario(played, rows, path))
         if json:
-            output.print_json(_as_json(played, rows, found, picture))
+            output.print_json(_json(played, rows, found, picture))
         else:
-            _show(played, rows, found)
-            if not whole:
-                typer.echo("What it should feel like is judged when it is played as a whole.")
+            _print(played, rows, found)
+            if not complete:
+                typer.echo("Expected values are only compared when a scenario is played as a whole.")
     if interrupted:
         output.print_error(f"interrupted after {len(played.run)} cycles; its modules have been stopped")
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(output.INTERRUPTED)
     wrong = not all(row.met for row in rows) or found.reasons["unexplained"] > 0
-    if wrong or played.statistics.unconfirmed or played.statistics.lost or played.statistics.emergency:
+    if wrong or statistics.unconfirmed or statistics.lost or statistics.emergency:
         raise typer.Exit(1)
 
 
 def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> ScenarioModules:
-    """Open the modules, to be closed with the rest, and find out who tells where everything is."""
-    from contextlib import closing
-
+    """Open the modules, to be closed with the rest, and what tracks hand and bodies."""
     from tensionlab.haptics.bridge.client_state import ClientState
     from tensionlab.haptics.bridge.osc import OscServer
     from tensionlab.haptics.bridge.source import tracked_pose
@@ -137,65 +131,68 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
 
 
 def _list(json: bool) -> None:
-    """Show what there is."""
+    """Print the scenarios that come with the package."""
     from tensionlab.scenarios import SCENARIOS, load_scenario
 
     loaded = [load_scenario(name) for name in SCENARIOS]
     if json:
-        output.print_json([
-            {
-                "name": each.name,
-                "title": each.title,
-                "about": each.about,
-                "seconds": each.seconds,
-                "modules": {module.name: module.frame for module in each.rig.modules},
-            }
-            for each in loaded
-        ])  # fmt: skip
+        output.print_json(
+            [
+                output.fields(each, "name", "title", "about", "seconds")
+                | {"modules": {module.name: module.frame for module in each.rig.modules}}
+                for each in loaded
+            ]
+        )
         return
-    title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
-    table = output.table(title, ("<name", "<what", "room", "body", "s"))
+    rows = []
     for each in loaded:
         worn = sum(module.frame in each.rig.frames for module in each.rig.modules)
-        table.add_row(each.name, each.about, str(each.rig.m - worn), str(worn), f"{each.seconds:g}")
-    output.console().print(table)
+        rows.append((each.name, each.about, str(each.rig.m - worn), str(worn), f"{each.seconds:g}"))
+    title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
+    headings = ("<name", "<what", "modules\nin the room", "modules\non a body", "duration\ns")
+    output.print_table(title, headings, rows)
 
 
-def _show(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
-    """Print what was felt, and where forces pointed."""
+def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
+    """Print measured values beside expected ones, and where forces pointed."""
     console = output.console()
-    title = f"{played.scenario.title}: {played.scenario.about}"
-    table = output.table(title, ("<", "measured", "expected", "<", "<"))
-    for row in rows:
-        unit = "" if row.unit == "1" else row.unit
-        bounds = f"{output.short(row.low)} to {output.short(row.high)}"
-        table.add_row(row.name, output.short(row.measured), bounds, unit, "" if row.met else "not met")
     if rows:
-        console.print(table)
+        output.print_table(
+            f"{played.scenario.title}: {played.scenario.about}",
+            ("<", "measured", "expected", "<", "<"),
+            (
+                (
+                    row.name,
+                    output.short(row.measured),
+                    f"{output.short(row.low)} to {output.short(row.high)}",
+                    "" if row.unit == "1" else row.unit,
+                    "" if row.met else "not met",
+                )
+                for row in rows
+            ),
+        )
         console.print()
     reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
     elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""
     console.print(
         f"Forces above 0.5 N in {found.cycles} of {len(played.run)} cycles: "
-        f"{found.within} within 45 degrees of the intended ones{elsewhere}."
+        f"{found.within} within 45 degrees of the desired ones{elsewhere}."
     )
-    console.print(f"The loop was {1e3 * _delay(played):.0f} ms late.")
+    console.print(f"Loop latency {1e3 * _latency(played):.0f} ms.")
 
 
-def _delay(played: ScenarioResult) -> float:
+def _latency(played: ScenarioResult) -> float:
     from tensionlab.scenarios.expected_values import loop_delay
 
     return loop_delay(played)
 
 
-def _as_json(
-    played: ScenarioResult, rows: tuple[Check, ...], found: Directions, picture: Path
-) -> dict[str, object]:
+def _json(played: ScenarioResult, rows: tuple[Check, ...], found: Directions, picture: Path) -> dict[str, object]:
     return {
         "scenario": played.scenario.name,
         "checks": [{**row._asdict(), "met": row.met} for row in rows],
         "directions": {"cycles": found.cycles, "within": found.within, **found.reasons},
-        "delay": _delay(played),
+        "delay": _latency(played),
         "run": played.statistics.summary(),
         "events": [vars(event) for event in played.run.events],
         "picture": str(picture),

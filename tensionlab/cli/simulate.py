@@ -1,10 +1,10 @@
-"""``tensionlab simulate``: modules without hardware, to talk to as if they were real."""
+"""``tensionlab simulate``: modules without hardware, which other programs reach as if they were real."""
 
 from __future__ import annotations
 
 import math
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,40 +13,46 @@ import typer
 
 from tensionlab.cli.common import options
 from tensionlab.files import writing
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from tensionlab.hardware.simulation.serve import PlannedFault
-    from tensionlab.model.rig import Rig
+    from tensionlab.hardware.simulation.simulated_module import SimulatedModule
     from tensionlab.scenarios import Scenario
     from tensionlab.scenarios.person import PersonSimulation
     from tensionlab.validation.error_model import Errors
 
+SINGLE_MODULE = "module"
+"""Name of a module that belongs to no rig."""
+MAX_SPEED = 1000.0
+FarEnds = Mapping[str, Callable[[], float]]
+"""Lengths of cables in m as they are now, by the names of modules."""
+
 
 def simulate(
     rig: Annotated[
-        Path | None, typer.Argument(help="Rig file (TOML); one module by itself if left out.", show_default=False)
+        Path | None, typer.Argument(help="Rig file (TOML); a single module if left out.", show_default=False)
     ] = None,
-    listen: Annotated[
-        str, typer.Option(metavar="HOST", help="Address of this machine to listen at; others reach it there.")
-    ] = "127.0.0.1",
+    listen: Annotated[str, typer.Option(metavar="HOST", help="Address to listen at.")] = "127.0.0.1",
     port: Annotated[
         int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0, max=65535)
     ] = 0,
     pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
-    modules: Annotated[
-        Path | None,
-        typer.Option(callback=options.output_file(".toml"), help="Write the modules file there as well."),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of all noise and accidents.", min=0)] = 0,
+    modules: Annotated[Path | None, options.writes("Also write the modules file here.", ".toml")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all random noise and losses.", min=0)] = 0,
     latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.")] = 0.0,
-    jitter_ms: Annotated[float, typer.Option(help="They take up to so much longer.")] = 0.0,
+    jitter_ms: Annotated[float, typer.Option(help="Random time that is added, at most.")] = 0.0,
     drop_pct: Annotated[float, typer.Option(help="Per cent of the bytes that are lost.")] = 0.0,
     corrupt_pct: Annotated[float, typer.Option(help="Per cent of the bytes with a flipped bit.")] = 0.0,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="WHAT@WHEN", help="Such as encoder@2s, or floor-1:cable@800ms; also repeated."),
+        typer.Option(
+            metavar="PART@TIME",
+            help="A fault, such as encoder@2s in all modules, or floor-1:cable@800ms in one; also repeated.",
+        ),
     ] = None,
-    speed: Annotated[float, typer.Option(help="How fast time passes; all times are the modules' own.")] = 1.0,
+    speed: Annotated[float, typer.Option(help="How much faster than real time the modules' time passes.")] = 1.0,
     only: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Only these modules of the rig; also repeated.")
     ] = None,
@@ -54,72 +60,71 @@ def simulate(
         str | None,
         typer.Option(
             metavar="RADIUS PERIOD",
-            help="The point goes round its home in so many s, m away from it; in step with other such processes.",
+            help="Move the point on a circle of this radius in m around its home, once in this period in s. All "
+            "processes on this computer move it in step.",
         ),
     ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            callback=options.output_file(".csv"), help="Write there (CSV) what the cables really pull with."
-        ),
-    ] = None,
+    record: Annotated[Path | None, options.writes("Write the true tensions to this file (CSV).", ".csv")] = None,
     scenario: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="The modules of a scenario, and its simulated person, who holds their cables: a name that "
-            "`tensionlab scenario list` shows, or a file. RIG takes the place of its rig.",
+            help="Serve the modules of a scenario, whose cables its simulated person holds: a name that "
+            "`tensionlab scenario list` shows, or a file. RIG replaces its rig.",
         ),
     ] = None,
     tracker: Annotated[
         str | None,
         typer.Option(
             metavar="HOST:PORT",
-            help="With --scenario, send where hand and bodies are by OSC, 90 times a second: /body/NAME x y z.",
+            help="With --scenario: send the positions of hand and bodies there by OSC, 90 times per second, as "
+            "/body/NAME x y z.",
         ),
     ] = None,
     sensor_port: Annotated[
         int | None,
         typer.Option(
-            help="A force sensor holds the point, and sends its three forces (N, its own axes, Z up) 1000 times a "
-            "second from this TCP port; 0 takes a free one.",
+            help="Also simulate a force sensor that holds the point. It sends three forces (N, in its own axes, Z "
+            "up) 1000 times per second from this TCP port; 0 takes a free one.",
             min=0,
             max=65535,
         ),
     ] = None,
     preset: Annotated[
         str,
-        typer.Option(help="With --sensor-port, what is wrong with the rig: ideal or paper-like; see validate."),
+        typer.Option(
+            metavar="ideal|paper-like",
+            help="With --sensor-port: the errors of the rig; see `tensionlab validate`.",
+        ),
     ] = "paper-like",
     config_file: Annotated[
         Path | None,
-        typer.Option(
-            callback=options.output_file(),
-            help="Settings, read at the start and written when the module saves. In a rig, -1, -2, ... is put "
-            "before the suffix.",
+        options.writes(
+            "File of the module's stored parameters, read at the start and written when it saves. In a rig, "
+            "-1, -2, ... is put before the suffix."
         ),
     ] = None,
 ) -> None:
-    """Simulate one module for each cable of a rig, with its own firmware, until Ctrl-C.
+    """Simulate one module for each cable of a rig, each with its own firmware, until Ctrl-C.
 
-    The cable's far end stays where the rig's home puts it, goes round it (--orbit), or is where a simulated
-    person holds it (--scenario). The person begins when all modules are armed, and goes back to the start once all
-    have been stopped; `tensionlab scenario NAME --modules FILE --osc PORT` plays with it.
+    The end of each cable stays at the rig's home, moves around it (--orbit), or is where a simulated person holds
+    it (--scenario). The person begins when all modules are armed, and goes back to the start when all have been
+    stopped; `tensionlab scenario NAME --modules FILE --osc PORT` plays with it.
 
-    Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module has one
-    client at a time; a second one is refused, and one that goes away is a link that closed.
+    Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module takes one
+    client at a time, and refuses others.
     """
-    from tensionlab.cli.common.simulated_modules import one_module, rig_modules
     from tensionlab.hardware.client.group import modules_to_toml
     from tensionlab.hardware.simulation.channel import Conditions
     from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
     from tensionlab.hardware.simulation.recording import Recording
     from tensionlab.hardware.simulation.serve import ServedModule, serve
     from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
+    from tensionlab.scenarios import load_scenario
     from tensionlab.validation.sensor_server import ServedSensor
 
-    if not 0.0 < speed <= 1000.0:
-        raise typer.BadParameter(f"--speed is above 0 and at most 1000; got {speed:g}")
+    if not 0.0 < speed <= MAX_SPEED:
+        raise typer.BadParameter(f"--speed is above 0 and at most {MAX_SPEED:g}; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
     if scenario is not None and (only or orbit is not None or sensor_port is not None):
         raise typer.BadParameter(
@@ -129,21 +134,19 @@ def simulate(
     if sensor_port is not None and (rig is None or only or orbit is not None):
         raise typer.BadParameter("--sensor-port takes a rig with all its modules, and a point that stays")
     if tracker is not None and scenario is None:
-        raise typer.BadParameter("--tracker sends where the person of a scenario is: give --scenario NAME as well")
-    played = None if scenario is None else _scenario(scenario, rig)
-    loaded = _loaded(rig) if played is None else played.rig
+        raise typer.BadParameter("--tracker sends the positions of a scenario: give --scenario NAME as well")
+    loaded = None if rig is None else load_rig(rig)
+    loaded_scenario = None if scenario is None else load_scenario(scenario, rig)
+    if loaded_scenario is not None:
+        loaded = loaded_scenario.rig
     errors = None if loaded is None or sensor_port is None else _errors(loaded, preset, seed)
     with ExitStack() as opened:
-        person = None if played is None else _person(played, tracker, opened)
-        far_ends = {} if person is None else person.far_ends
+        person = None if loaded_scenario is None else _person(loaded_scenario, tracker, opened)
+        far_ends: FarEnds = {} if person is None else person.far_ends
         if orbit is not None:
             far_ends = _orbit(loaded, options.parse_numbers(orbit))
-        simulated = (
-            one_module(seed, config_file)
-            if loaded is None
-            else rig_modules(loaded, seed, config_file, far_ends, errors)
-        )
-        chosen = _only(only, list(simulated))
+        simulated = _modules(loaded, seed, config_file, far_ends, errors)
+        chosen = _chosen(only, list(simulated))
         faults = _faults(fault or [], list(simulated))
         served = [
             ServedModule(
@@ -159,8 +162,8 @@ def simulate(
             if name in chosen
         ]
         ports = opened.enter_context(ExitStack())
-        for opening in served:
-            ports.callback(opening.port.close)
+        for each in served:
+            ports.callback(each.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         watchers = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
@@ -172,27 +175,52 @@ def simulate(
         if modules is not None:
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
-        ended = []
-        for each in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(each, lambda number, _: ended.append(number))
+        signals: list[int] = []
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda number, _: signals.append(number))
         typer.echo(text)
-        serve(served, speed, lambda: bool(ended), watchers, math.inf if person is None else COMPLIANT_STEP_S)
+        serve(served, speed, lambda: bool(signals), watchers, math.inf if person is None else COMPLIANT_STEP_S)
 
 
-def _scenario(name: str, rig: Path | None) -> Scenario:
-    from tensionlab.scenarios import load_scenario
+def _modules(
+    rig: Rig | None, seed: int, config_file: Path | None, far_ends: FarEnds, errors: Errors | None
+) -> dict[str, tuple[SimulatedModule, Path | None]]:
+    """Return the modules by their names, each with the file of its parameters.
 
-    return load_scenario(name, rig)
+    Without a rig it is a single one as its maker leaves it: neither set up nor calibrated.
+    """
+    from tensionlab.hardware.simulation.serve import read_settings
+    from tensionlab.hardware.simulation.simulated_module import SimulatedModule
+    from tensionlab.hardware.simulation.simulated_rig import simulated_module
+    from tensionlab.validation.error_model import true_plants, true_rig
 
-
-def _loaded(path: Path | None) -> Rig | None:
-    from tensionlab.model.files import load_rig
-
-    return None if path is None else load_rig(path)
+    simulated: dict[str, tuple[SimulatedModule, Path | None]] = {}
+    if rig is None:
+        settings = None if config_file is None else read_settings(config_file)
+        simulated[SINGLE_MODULE] = (SimulatedModule(seed=seed, settings=settings), config_file)
+    else:
+        plants = {} if errors is None else true_plants(rig, errors)
+        true = rig if errors is None else true_rig(rig, errors)
+        lengths = true.lengths(true.home, frames=true.at_rest)
+        for index, (each, length) in enumerate(zip(true.modules, lengths, strict=True)):
+            file = config_file and config_file.with_name(f"{config_file.stem}-{index + 1}{config_file.suffix}")
+            module = simulated_module(
+                each,
+                far_ends[each.name]() if far_ends else float(length),
+                serial_number=index + 1,
+                seed=seed + index,
+                settings=None if file is None else read_settings(file),
+                plant=plants.get(each.name),
+            )
+            simulated[each.name] = (module, file)
+    for module, file in simulated.values():
+        if file is not None and file.exists() and not module.loaded:
+            typer.echo(f"{file}: not the settings of a module; it starts with standard ones", err=True)
+    return simulated
 
 
 def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> PersonSimulation:
-    """Who holds the cables, and is tracked, if that is wanted?"""
+    """Return who holds the cables, and is tracked, if that is wanted."""
     from tensionlab.haptics.bridge.osc import OscTracker
     from tensionlab.scenarios.person import PersonSimulation
 
@@ -206,7 +234,7 @@ def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> Perso
 
 
 def _errors(rig: Rig, preset: str, seed: int) -> Errors:
-    """What is wrong with the rig that a force sensor holds?"""
+    """Return the errors of the rig that a force sensor holds."""
     from tensionlab.validation.error_model import PRESETS, draw, require_point
 
     if preset not in PRESETS:
@@ -215,16 +243,8 @@ def _errors(rig: Rig, preset: str, seed: int) -> Errors:
     return draw(PRESETS[preset], rig.m, seed)
 
 
-def _only(only: list[str] | None, names: list[str]) -> list[str]:
-    """Which modules are served? All, if none is named."""
-    for name in only or []:
-        if name not in names:
-            raise typer.BadParameter(f"--only {name}: no such module; there are {', '.join(names)}")
-    return [name for name in names if not only or name in only]
-
-
-def _orbit(rig: Rig | None, numbers: list[float]) -> dict[str, Callable[[], float]]:
-    """How long is each cable now, if the point goes round its home? By the time of day, which processes share."""
+def _orbit(rig: Rig | None, numbers: list[float]) -> FarEnds:
+    """Return the lengths of cables whose point goes round its home, by the time of day, which processes share."""
     from tensionlab.hardware.simulation.orbit import cable_lengths
 
     if rig is None or len(numbers) != 2:
@@ -232,8 +252,16 @@ def _orbit(rig: Rig | None, numbers: list[float]) -> dict[str, Callable[[], floa
     return cable_lengths(rig, *numbers)
 
 
+def _chosen(only: list[str] | None, names: list[str]) -> list[str]:
+    """Return the modules that are served; all, if none is named."""
+    for name in only or []:
+        if name not in names:
+            raise typer.BadParameter(f"--only {name}: no such module; there are {', '.join(names)}")
+    return [name for name in names if not only or name in only]
+
+
 def _faults(texts: list[str], names: list[str]) -> dict[str, list[PlannedFault]]:
-    """What breaks in which module? Without a name before a colon, it breaks in all."""
+    """Return the faults of each module. Without a name before a colon, a fault is in all."""
     from tensionlab.hardware.simulation.serve import parse_fault
 
     faults: dict[str, list[PlannedFault]] = {name: [] for name in names}

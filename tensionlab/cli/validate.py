@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import sys
+import json as json_text
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,11 +12,10 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
 from tensionlab.cli.common.options import Modules, Solver
-from tensionlab.cli.common.output import INTERRUPTED
+from tensionlab.model.files import load_rig
+from tensionlab.model.layouts import ring_plus_top
 
 if TYPE_CHECKING:
-    from contextlib import ExitStack
-
     from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.validation.results import Result
     from tensionlab.validation.sensor import ForceSensor
@@ -36,7 +36,7 @@ def validate(
         str,
         typer.Option(
             metavar="FILE|URL|sim:",
-            help="Force sensor: a table that its program goes on writing (ATI's CSV), socket://HOST:PORT that "
+            help="Force sensor: a table to which its program keeps writing (ATI's CSV), socket://HOST:PORT that "
             "sends lines of numbers, or a simulated one that simulated modules pull on.",
         ),
     ] = SIMULATED,
@@ -44,10 +44,11 @@ def validate(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="What is wrong with the simulated rig: ideal (nothing) or paper-like.  [default: paper-like]"
+            metavar="ideal|paper-like",
+            help="Errors of the simulated rig: none, or such as the paper may have had.  [default: paper-like]",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the simulated rig's errors and noise.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated rig's errors and noise.", min=0)] = 0,
     hold: Annotated[
         float, typer.Option(help="How long each force is held, in s; the first 0.3 s are not averaged.")
     ] = 1.0,
@@ -62,14 +63,13 @@ def validate(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Hold 182 forces one after another, measure them, and compare with the published validation.
+    """Render 182 forces one after another, measure them, and compare with the published validation.
 
-    An interrupted validation goes on with the same command. Exit status 1 where it is not complete, or something
-    went wrong with a module or the sensor.
+    The same command continues a validation that was interrupted. Exit status 1 where it is not complete, or
+    something went wrong with a module or the sensor.
     """
-    from contextlib import ExitStack
-
     from tensionlab.errors import HardwareError, LogError
+    from tensionlab.validation.report import HEADINGS, remarks, rows
     from tensionlab.validation.results import result_of
     from tensionlab.validation.session import validate as measure
 
@@ -93,40 +93,22 @@ def validate(
             f"interrupted: {len(measurements)} of {total} forces are measured; the same command goes on with the "
             "others"
         )
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(output.INTERRUPTED)
     result = result_of(setup, measurements)
     with output.Keeper(quiet=True) as keeper:
-        report = _written(result, plan, sensor, out, keeper)
+        report = _write(result, plan, sensor, out, keeper)
         if json:
             output.print_json(report)
         else:
-            _show(result, plan)
-
-
-def _show(result: Result, plan: Plan) -> None:
-    """Print measured beside published values."""
-    from tensionlab.validation.report import HEADINGS, remarks, rows
-
-    headings = [heading or "<" for heading in HEADINGS]
-    output.print_table(f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces", headings, rows(result))
-    console = output.console()
-    console.print()
-    for remark in remarks(result):
-        console.print(remark)
+            title = f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces"
+            output.print_table(title, [heading or "<" for heading in HEADINGS], rows(result))
+            output.console().print("", *remarks(result), sep="\n")
 
 
 def _plan(
-    rig: Path | None,
-    modules: str | None,
-    sensor: str,
-    solver: str,
-    preset: str | None,
-    seed: int,
-    hold: float,
+    rig: Path | None, modules: str | None, sensor: str, solver: str, preset: str | None, seed: int, hold: float
 ) -> Plan:
-    """What is asked for? Refuses what does not go together."""
-    from tensionlab.model.files import load_rig
-    from tensionlab.model.layouts import ring_plus_top
+    """Return what is to be measured; refuse options that do not go together."""
     from tensionlab.validation.error_model import PRESETS, require_point
     from tensionlab.validation.protocol import Protocol
     from tensionlab.validation.session import Plan
@@ -152,30 +134,26 @@ def _plan(
 
 def _reached(plan: Plan, modules: str, sensor: str, opened: ExitStack) -> tuple[ModuleGroup, ForceSensor]:
     """Open the links to modules and sensor, to be closed with the others."""
-    from contextlib import closing
-
     from tensionlab.hardware.client.group import connect
     from tensionlab.validation.external_sensor import open_sensor
 
     links = module_links(plan.rig, modules)
-    felt = opened.enter_context(closing(open_sensor(sensor)))
-    return opened.enter_context(closing(connect(plan.rig, links))), felt
+    force_sensor = opened.enter_context(closing(open_sensor(sensor)))
+    return opened.enter_context(closing(connect(plan.rig, links))), force_sensor
 
 
-def _written(result: Result, plan: Plan, sensor: str, out: Path, keeper: output.Keeper) -> dict[str, object]:
+def _write(result: Result, plan: Plan, sensor: str, out: Path, keeper: output.Keeper) -> dict[str, object]:
     """Write report, table and recording, and return what the report says."""
-    import json
-
-    from tensionlab.records import manifest
     from tensionlab.validation.recordings import write
     from tensionlab.validation.report import as_json, as_latex, as_markdown
     from tensionlab.validation.results import recording_of
 
-    origin = manifest(["tensionlab", *sys.argv[1:]], plan.seed if plan.preset else None)
-    report = as_json(result, origin)
-    keeper.write_text("report", out / "report.json", json.dumps(output.plain(report), indent=2) + "\n")
+    manifest = output.manifest(plan.seed if plan.preset else None)
+    report = as_json(result, manifest)
+    keeper.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
     keeper.write_text("report", out / "report.md", as_markdown(result))
     keeper.write_text("table", out / "table.tex", as_latex(result))
+    recording = recording_of(result, plan.rig, sensor, manifest)
     name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
-    keeper.write("recording", out / name, lambda path: write(path, recording_of(result, plan.rig, sensor, origin)))
+    keeper.write("recording", out / name, lambda path: write(path, recording))
     return report

@@ -15,9 +15,10 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.files.writing import unwritable
+from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
-    from tensionlab.model.rig import Rig
     from tensionlab.workspace.poses import Grid, PoseList
     from tensionlab.workspace.sweep.dataset import Summary
 
@@ -94,7 +95,6 @@ def workspace(
 
     Platforms keep their home orientation in a box. Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.model.files import load_rig
     from tensionlab.workspace.poses import read_poses
     from tensionlab.workspace.sweep import sweep
     from tensionlab.workspace.sweep.dataset import summarise

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -125,6 +125,17 @@ def _as_bad_parameter() -> Iterator[None]:
         raise typer.BadParameter(str(error)) from None
 
 
+def writes(help_text: str, *suffixes: str, name: str | None = None, metavar: str = "FILE") -> Any:
+    """Return an option that names a file to write, which is checked by `output_file`."""
+    return typer.Option(
+        *([name] if name else []),
+        metavar=metavar,
+        callback=output_file(*suffixes),
+        help=help_text,
+        show_default=False,
+    )
+
+
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
 At = Annotated[str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")]
@@ -152,6 +163,14 @@ Log = Annotated[
         metavar="FILE.mcap",
         callback=output_file(".mcap"),
         help="Log every cycle to this file; see `tensionlab log`.",
+    ),
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(
+        callback=require_positive,
+        help="Duration in s; to the end, or until Ctrl-C, if left out.",
+        show_default=False,
     ),
 ]
 Modules = Annotated[

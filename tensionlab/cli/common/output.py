@@ -211,6 +211,13 @@ def plain(value: Any) -> Any:
     return value
 
 
+def manifest(seed: int | None = None) -> dict[str, Any]:
+    """Return where and how a result was made, with the command line."""
+    from tensionlab import records
+
+    return records.manifest(["tensionlab", *sys.argv[1:]], seed)
+
+
 def fields(thing: object, *names: str) -> dict[str, Any]:
     """Return some attributes of a thing by their names, for JSON."""
     return {name: getattr(thing, name) for name in names}
