@@ -38,7 +38,7 @@ class View(StrEnum):
 
 
 def workspace(
-    rigs: Annotated[list[Path], typer.Argument(metavar="RIG...", help="Rig files (TOML).", show_default=False)],
+    rigs: Annotated[list[Path], typer.Argument(metavar="RIG", help="Rig files (TOML).", show_default=False)],
     box: Annotated[
         str | None,
         typer.Option(
