@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tensionlab.benchmark.results import Results
 
 problems = typer.Typer(
-    help="List the problem sets of the benchmark, show one, or export it for other benchmarks.",
+    help="List, show and export the benchmark's problem sets.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -69,11 +69,12 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Two minutes instead of twenty.")] = False,
     json: Json = False,
 ) -> None:
-    """Benchmark all solvers and baselines: accuracy, speed and the worst case, on seeded problem sets.
+    """Benchmark all solvers and baselines.
 
-    Writes results.parquet, manifest.json, report.md and figures/ into the folder. Measured in a process of its
-    own, on one thread. Built-in solvers run through tensionlab's interface. The baselines solve the plain
-    quadratic program, at their default and at tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
+    Measures accuracy, speed and the worst case on seeded problem sets. Writes results.parquet, manifest.json,
+    report.md and figures/ into the folder. Measured in a process of its own, on one thread. Built-in solvers run
+    through tensionlab's interface. The baselines solve the plain quadratic program, at their default and at
+    tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
     from tensionlab.benchmark.results import read
     from tensionlab.benchmark.run import measure, plan

@@ -75,7 +75,9 @@ def compare(
     out: Rows = None,
     json: Json = False,
 ) -> None:
-    """Compare solvers on one set of forces: what each renders, how far off it is, how long it takes.
+    """Compare solvers on one set of forces.
+
+    Shows what each renders, how far off it is, and how long it takes.
 
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
     count, the grid is inferred). Body frames stay at rest, at the origin of the world.

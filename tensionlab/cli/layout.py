@@ -36,9 +36,10 @@ def search(
     seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
     json: Json = False,
 ) -> None:
-    """Search for the places on walls, floors and bodies from which modules render the most force.
+    """Search for the best places of modules.
 
-    The space file says where modules may stand, how many there are, where the hand will be, and what counts.
+    On walls, floors and bodies, so that they render the most force. The space file says where modules may stand,
+    how many there are, where the hand will be, and what counts.
     """
     from tensionlab.workspace.layout.task import load_task
 

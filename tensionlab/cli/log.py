@@ -43,7 +43,7 @@ t: tensions   jump: of a tension from one cycle to the next, before the runner l
 
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
-    """Show how a run went: the answers of its solver, its timing, what limited the modules, and events."""
+    """Show how a run went: answers, timing, limits and events."""
     from tensionlab.hardware.log.report import report
 
     run = _read(path)
@@ -61,7 +61,10 @@ def export(
     path: RunFile,
     to: Annotated[Path, options.writes("Write to this file: NetCDF (.nc) or Parquet.", ".nc", ".parquet")],
 ) -> None:
-    """Write a run as NetCDF, with names, units and dimensions, or as a Parquet table with a row for each cycle."""
+    """Write a run as NetCDF or Parquet.
+
+    NetCDF has names, units and dimensions; the Parquet table has a row for each cycle.
+    """
     from tensionlab import records
     from tensionlab.hardware.log.reader import flat_columns, write_netcdf
 
@@ -83,7 +86,7 @@ def plot(
         ),
     ],
 ) -> None:
-    """Draw a run: wrenches, tensions, the status of each answer, what limited the modules, and timing."""
+    """Draw wrenches, tensions, statuses, limits and timing of a run."""
     from tensionlab.plots import plot_run
 
     plot_run(_read(path), file)
@@ -100,10 +103,11 @@ def replay(
     out: Rows = None,
     json: Json = False,
 ) -> None:
-    """Solve the desired wrenches of a run with other solvers, at its poses and with its modules, and compare them.
+    """Compare other solvers on the desired wrenches of a run.
 
-    The first row is the run as it was. The others show what each solver would have chosen, with its own policy for
-    infeasible wrenches. The hand or platform follows the recorded path in all of them.
+    At its poses and with its modules. The first row is the run as it was. The others show what each solver would
+    have chosen, with its own policy for infeasible wrenches. The hand or platform follows the recorded path in
+    all of them.
     """
     from tensionlab import records
     from tensionlab.comparison import replay as replays

@@ -35,10 +35,11 @@ def discover(
     everything: Annotated[bool, typer.Option("--all", help="Try every serial port.")] = False,
     json: Json = False,
 ) -> None:
-    """Find the modules at this computer's ports: USB, and Bluetooth where they are paired.
+    """Find the modules at this computer's ports.
 
-    Only ports that look like a module's are tried, unless --all is given; ports in use are only listed. With
-    links, those are tried instead. Exit status 1 if no module was found.
+    USB, and Bluetooth where they are paired. Only ports that look like a module's are tried, unless --all is
+    given; ports in use are only listed. With links, those are tried instead. Exit status 1 if no module was
+    found.
     """
     from tensionlab.hardware.client.discovery import find_all, ports
 
@@ -76,7 +77,7 @@ def discover(
 
 @module.command()
 def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Show what modules report of themselves: versions, state, limits, calibration."""
+    """Show versions, state, limits and calibration of modules."""
     from tensionlab.hardware.client.module import ModuleClient
 
     urls = find_links(links, modules)
@@ -112,10 +113,10 @@ def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -
 
 @module.command()
 def identify(links: Links = None, modules: ModulesFile = None) -> None:
-    """Pulse the cable of each module three times, gently, one module after another.
+    """Pulse the cables of modules, one after another.
 
-    Each module is armed for that, with its lower tension limit and half a newton more, and stopped at the end. A
-    module that is armed already is left alone.
+    Three times, and gently. Each module is armed for that, with its lower tension limit and half a newton more,
+    and stopped at the end. A module that is armed already is left alone.
     """
     from tensionlab.hardware.client.discovery import identify as pulse
 
@@ -193,11 +194,11 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
 
 
 def estop_all(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
-    """Stop modules at once, until they are cleared: also those that another process uses.
+    """Stop modules at once, also those of other processes.
 
-    Without links and file: all modules that processes of yours use on this computer. Each such process gets some
-    seconds to stop and release its modules; then each module has to confirm. Exit status 1 if one did not.
-    `tensionlab module clear` leads out of it.
+    They stay stopped until they are cleared. Without links and file: all modules that processes of yours use on
+    this computer. Each such process gets some seconds to stop and release its modules; then each module has to
+    confirm. Exit status 1 if one did not. `tensionlab module clear` leads out of it.
 
     This is software. Whatever it says, only cutting the motors' supply protects.
     """

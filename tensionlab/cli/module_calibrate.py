@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tensionlab.hardware.client.module import ModuleClient
 
 calibrate = typer.Typer(
-    help="Calibrate modules (N/A, friction, zero, lengths) and rigs (anchors).",
+    help="Calibrate modules and rigs.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -60,10 +60,11 @@ def gain(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Find N/A, friction and zero current of a module, from masses on its cable or from a force sensor.
+    """Find N/A, friction and zero current of a module.
 
-    The module stands above, and the mass hangs still or stands on something, with 5 cm to rise. It is lifted and
-    lowered slowly, some mm each time. Exit status 1 if the result is too uncertain to be written.
+    From masses on its cable, or from a force sensor. The module stands above, and the mass hangs still or stands
+    on something, with 5 cm to rise. It is lifted and lowered slowly, some mm each time. Exit status 1 if the
+    result is too uncertain to be written.
     """
     from tensionlab.hardware.calibration.gain import gain_from_sensor, gain_from_weights
 
@@ -106,10 +107,10 @@ def staircase(
     url: Url,
     out: Annotated[Path, options.writes("Write to this file.", ".csv", metavar="CSV")],
 ) -> None:
-    """Pull at a force sensor in steps, up and down, and record what the module measures.
+    """Pull at a force sensor in steps, for `gain`.
 
-    Tie the cable to the sensor, start the sensor's recording, run this, and stop the recording; then
-    `gain URL --sensor FILE --staircase CSV`.
+    Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
+    run this, and stop the recording; then `gain URL --sensor FILE --staircase CSV`.
     """
     from tensionlab.hardware.calibration.staircase import climb
     from tensionlab.hardware.calibration.tables import table_text
@@ -205,9 +206,10 @@ def _print_gain(url: str, found: GainEstimate) -> None:
 
 @calibrate.command()
 def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
-    """Set the cable lengths of all modules of a rig: hold the platform at the rig's home meanwhile.
+    """Set the cable lengths of all modules of a rig.
 
-    Modules forget them when they restart, and perhaps when they save.
+    Hold the platform at the rig's home meanwhile. Modules forget them when they restart, and perhaps when they
+    save.
     """
     from tensionlab.hardware.calibration.lengths import zero_lengths
     from tensionlab.hardware.runner.settings import RealClock
@@ -241,9 +243,10 @@ def record(
     poses: Annotated[int, typer.Option(help="End after so many poses.", min=1)] = 30,
     seconds: Annotated[float, typer.Option(help="End after that time at the latest.", min=1.0)] = 300.0,
 ) -> None:
-    """Record cable lengths while a person moves the platform: hold it still for half a second at each pose.
+    """Record cable lengths at poses, for `anchors`.
 
-    Spread the poses over the whole workspace. The result is for `anchors`; columns x, y and z may be added to it.
+    Move the platform, and hold it still for half a second at each pose. Spread the poses over the whole
+    workspace. The result is for `anchors`; columns x, y and z may be added to it.
     """
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.calibration.tables import table_text
@@ -276,12 +279,12 @@ def anchors(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Find the anchors of a rig from cable lengths, at known or unknown poses.
+    """Find the anchors of a rig from cable lengths.
 
-    Lengths come from `record`, or from a tape measure. At unknown poses the rig needs more cables than degrees of
-    freedom, and its place and rotation are kept as in the rig file: lengths cannot show them. Nor do they show an
-    error that is the same share of all lengths. For a platform, give rough poses all the same: the search starts
-    from them.
+    At known or unknown poses. Lengths come from `record`, or from a tape measure. At unknown poses the rig needs
+    more cables than degrees of freedom, and its place and rotation are kept as in the rig file: lengths cannot
+    show them. Nor do they show an error that is the same share of all lengths. For a platform, give rough poses
+    all the same: the search starts from them.
     """
     from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
     from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from tensionlab.hardware.client.parameter_file import Change
 
 config = typer.Typer(
-    help="Get and set the parameters of modules, keep them in a file. The modules must be idle.",
+    help="Get and set the parameters of modules. The modules must be idle.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 LinksAndParameters = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[URL...] [PARAMETER...]",
+        metavar="URL|PARAMETER",
         help="Links to modules, or with --modules names of modules; and parameters.",
         show_default=False,
     ),
@@ -128,8 +128,8 @@ def restore(
 ) -> None:
     """Set the parameters of modules from a file, until the next start, or for good with --save.
 
-    What the file does not name stays as it is. All values are checked before the first is changed. One file serves
-    several modules; in a folder, each has its NAME.toml.
+    What the file does not name stays as it is. All values are checked before the first is changed. One file
+    serves several modules; in a folder, each has its NAME.toml.
     """
     from tensionlab.errors import HardwareError
     from tensionlab.files.reading import read_text

@@ -40,9 +40,10 @@ def monitor(
     seconds: Annotated[float, typer.Option(help="How long; until Ctrl-C if left out.", min=0.1)] = math.inf,
     json: Json = False,
 ) -> None:
-    """Show how modules are, in a table that is kept up to date. Nothing is changed, nothing pulls.
+    """Show the telemetry of modules in a live table.
 
-    In a file or a pipe only the last table is printed. Exit status 1 where a link broke or could not be opened.
+    Nothing is changed, nothing pulls. In a file or a pipe only the last table is printed. Exit status 1 where a
+    link broke or could not be opened.
     """
     from rich.live import Live
 
@@ -170,13 +171,14 @@ def ping(
     count: Annotated[int, typer.Option(help="Pings to each module.", min=1)] = 200,
     json: Json = False,
 ) -> None:
-    """Measure how long messages take to modules and back, and which cycle rates are safe over these links.
+    """Measure the latency of links to modules.
 
-    A set-point must outlive the wait for the next. At the lowest safe rate, three set-points are sent within the
-    module's time to live (TTL), less the 99th percentile of the time to the module (half of the trip); more, where
-    so many pings are lost that all three could be. The highest is 100 Hz over Bluetooth and 1000 Hz over anything
-    else. All modules are measured at the same time. Ctrl-C ends it early. Exit status 1 where a module does not
-    answer, or no rate is safe.
+    Shows how long messages take to modules and back, and which cycle rates are safe with that. A set-point must
+    outlive the wait for the next. At the lowest safe rate, three set-points are sent within the module's time to
+    live (TTL), less the 99th percentile of the time to the module (half of the trip); more, where so many pings
+    are lost that all three could be. The highest is 100 Hz over Bluetooth and 1000 Hz over anything else. All
+    modules are measured at the same time. Ctrl-C ends it early. Exit status 1 where a module does not answer, or
+    no rate is safe.
 
     The clock is how much the module's is ahead of this computer's, as exact as half the shortest trip; it wraps
     around after 71 minutes.

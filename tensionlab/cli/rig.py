@@ -24,7 +24,7 @@ SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", 
 
 @rig.command()
 def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
-    """Show the modules of a rig: anchors, cable lengths at home, limits. Body frames stay at rest."""
+    """Show anchors, cable lengths at home and limits of a rig. Body frames stay at rest."""
     loaded = load_rig(path)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     with output.Keeper(quiet=json) as keeper:
@@ -78,9 +78,10 @@ def _print(loaded: Rig, lengths: Floats) -> None:
 
 @rig.command()
 def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
-    """Check that a rig can work at home: rank, limits, balance, strength. Exit status 1 where it cannot.
+    """Check that a rig can work at its home.
 
-    Body frames stay at rest, at the origin of the world.
+    Checks rank, limits, balance and strength; exit status 1 where it cannot. Body frames stay at rest, at the
+    origin of the world.
     """
     from tensionlab.validation.rig_check import check_rig
 
@@ -123,7 +124,10 @@ def import_(
         Path | None, options.writes("Write the rig file here, not to stdout.", ".toml", metavar="RIG")
     ] = None,
 ) -> None:
-    """Make a rig file from a model of CASPR, the cable-robot library: one body, in a plane or in space."""
+    """Make a rig file from a model of CASPR, a cable-robot library.
+
+    It has one body that moves in a plane or in space.
+    """
     from tensionlab.model.caspr import load_caspr
     from tensionlab.model.files import rig_to_toml, save_rig
 
@@ -142,7 +146,10 @@ def export(
     path: RigFile,
     mjcf: Annotated[Path, options.writes("Write a MuJoCo model here.", ".xml", metavar="FILE.xml")],
 ) -> None:
-    """Write a rig as a MuJoCo model: a spatial tendon for each cable, with a motor that can only pull."""
+    """Write a rig as a MuJoCo model.
+
+    It has a spatial tendon for each cable, with a motor that can only pull.
+    """
     from tensionlab.model.mjcf import rig_to_mjcf
 
     loaded = load_rig(path)

@@ -68,8 +68,8 @@ def run(
 ) -> None:
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
 
-    Ctrl-C ends the run. However it ends, all modules are stopped. Exit status 1 where something went wrong with a
-    module, a module did not confirm that it has stopped, or an emergency stop ended the run.
+    Ctrl-C ends the run. However it ends, all modules are stopped. Exit status 1 where something went wrong with
+    a module, a module did not confirm that it has stopped, or an emergency stop ended the run.
     """
     from rich.live import Live
 

@@ -51,10 +51,11 @@ def scenario(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Play a scenario, compare the rendered forces with what a person should feel, and draw them.
+    """Play a haptic scenario and check its forces.
 
-    On simulated modules, a simulated person acts, as fast as this computer can. Exit status 1 where a measured
-    value is not as expected, or something went wrong with a module.
+    Compares the rendered forces with what a person should feel, and draws them. On simulated modules, a
+    simulated person acts, as fast as this computer can. Exit status 1 where a measured value is not as expected,
+    or something went wrong with a module.
     """
     from tensionlab.errors import HardwareError
     from tensionlab.plots import plot_scenario

@@ -32,7 +32,7 @@ pressed against a wall of 300 N/m shakes, even where the module renders it."""
 def serve(
     rig: Annotated[
         Path | None,
-        typer.Argument(help="Rig file (TOML); the scenario's own if left out.", show_default=False),
+        typer.Argument(metavar="RIG", help="Rig file (TOML); the scenario's own if left out.", show_default=False),
     ] = None,
     scenario: Annotated[
         str | None,
@@ -84,10 +84,10 @@ def serve(
     ] = None,
     log: Log = None,
 ) -> None:
-    """Let a program drive a rig over a WebSocket: it sends poses and effects, and gets the state.
+    """Let a game engine drive a rig over a WebSocket.
 
-    BRIDGE.md describes the messages. Without --modules, the simulated hand is where the client says it is. Ctrl-C
-    ends it, and all modules are stopped.
+    It sends poses and effects, and gets the state; BRIDGE.md describes the messages. Without --modules, the
+    simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
     from tensionlab.haptics.bridge.client_state import HAND, ClientState
     from tensionlab.haptics.bridge.events import RunEvents
@@ -120,9 +120,7 @@ def serve(
     events = RunEvents(loaded, limits, brakes, lambda: client.count)
     bridge = Bridge(client, welcome, events.state, host, port, _token(token_file), tuple(page or ()))
     events.send = bridge.broadcast
-    inner: Inner = (
-        FreeEffects(client) if played is None else ScenarioDemand(played, events.note, repeat=True)
-    )
+    inner: Inner = FreeEffects(client) if played is None else ScenarioDemand(played, events.note, repeat=True)
     with ExitStack() as stack:
         stack.enter_context(bridge)
         typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")

@@ -32,7 +32,8 @@ FarEnds = Mapping[str, Callable[[], float]]
 
 def simulate(
     rig: Annotated[
-        Path | None, typer.Argument(help="Rig file (TOML); a single module if left out.", show_default=False)
+        Path | None,
+        typer.Argument(metavar="RIG", help="Rig file (TOML); a single module if left out.", show_default=False),
     ] = None,
     listen: Annotated[str, typer.Option(metavar="HOST", help="Address to listen at.")] = "127.0.0.1",
     port: Annotated[
@@ -105,11 +106,12 @@ def simulate(
         ),
     ] = None,
 ) -> None:
-    """Simulate one module for each cable of a rig, each with its own firmware, until Ctrl-C.
+    """Simulate the modules of a rig, with their firmware.
 
-    The end of each cable stays at the rig's home, moves around it (--orbit), or is where a simulated person holds
-    it (--scenario). The person begins when all modules are armed, and goes back to the start when all have been
-    stopped; `tensionlab scenario NAME --modules FILE --osc PORT` plays with it.
+    Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, moves around it
+    (--orbit), or is where a simulated person holds it (--scenario). The person begins when all modules are
+    armed, and goes back to the start when all have been stopped; `tensionlab scenario NAME --modules FILE --osc
+    PORT` plays with it.
 
     Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module takes one
     client at a time, and refuses others.

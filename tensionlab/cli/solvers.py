@@ -14,7 +14,7 @@ SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.D
 
 
 def solvers(json: Json = False) -> None:
-    """List the solvers: what each minimises, its policies for infeasible wrenches, where it was published."""
+    """List the solvers, with what each minimises, its policies for infeasible wrenches, and its source."""
     from tensionlab.solvers import every_solver, find_plugins, make
 
     broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}

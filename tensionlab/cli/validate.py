@@ -28,7 +28,9 @@ def validate(
     rig: Annotated[
         Path | None,
         typer.Argument(
-            help="Rig file (TOML) of a point in space; the published one if left out.", show_default=False
+            metavar="RIG",
+            help="Rig file (TOML) of a point in space; the published one if left out.",
+            show_default=False,
         ),
     ] = None,
     modules: Modules = None,
@@ -63,10 +65,10 @@ def validate(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Render 182 forces one after another, measure them, and compare with the published validation.
+    """Repeat the published validation and compare with it.
 
-    The same command continues a validation that was interrupted. Exit status 1 where it is not complete, or
-    something went wrong with a module or the sensor.
+    Renders 182 forces one after another, and measures them. The same command continues a validation that was
+    interrupted. Exit status 1 where it is not complete, or something went wrong with a module or the sensor.
     """
     from tensionlab.errors import HardwareError, LogError
     from tensionlab.validation.report import HEADINGS, remarks, rows

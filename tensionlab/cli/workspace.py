@@ -91,9 +91,10 @@ def workspace(
     ] = View.slices,
     json: Json = False,
 ) -> None:
-    """Evaluate where, and how well, rigs can pull: at every position of a box, or at the poses of a file.
+    """Evaluate where, and how well, rigs can pull.
 
-    Platforms keep their home orientation in a box. Body frames stay at rest, at the origin of the world.
+    At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box. Body
+    frames stay at rest, at the origin of the world.
     """
     from tensionlab.workspace.poses import read_poses
     from tensionlab.workspace.sweep import sweep

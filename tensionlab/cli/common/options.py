@@ -183,9 +183,7 @@ Modules = Annotated[
 ]
 Links = Annotated[
     list[str] | None,
-    typer.Argument(
-        metavar="[URL...]", help="Links to modules; with --modules, names of modules.", show_default=False
-    ),
+    typer.Argument(metavar="URL", help="Links to modules; with --modules, names of modules.", show_default=False),
 ]
 ModulesFile = Annotated[
     Path | None,
