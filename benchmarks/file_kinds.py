@@ -368,8 +368,7 @@ def _mcap(document: Any, folder: Path) -> bytes:
 
 
 def _read_log(place: Path) -> object:
-    from tensionlab.hardware.log.reader import flat_columns, read_run
-    from tensionlab.hardware.log.report import report
+    from tensionlab.hardware.log.reader import flat_columns, read_run, report
 
     run = read_run(place)
     return report(run), flat_columns(run), run.allocation

@@ -14,8 +14,7 @@ from tensionlab.cli.compare import STATUS_LEGEND, Column, print_scores
 
 if TYPE_CHECKING:
     from tensionlab.comparison.replay import ReplayRow
-    from tensionlab.hardware.log.reader import Run
-    from tensionlab.hardware.log.report import ModuleReport, RunReport
+    from tensionlab.hardware.log.reader import ModuleReport, Run, RunReport
 
 log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
@@ -44,14 +43,12 @@ t: tensions   jump: of a tension from one cycle to the next, before the runner l
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
     """Show how a run went: answers, timing, limits and events."""
-    from tensionlab.hardware.log.report import report
+    from tensionlab.hardware.log.reader import report
 
     run = _read(path)
     found = report(run)
     if json:
-        output.print_json(
-            {**dataclasses.asdict(found), "setup": dataclasses.asdict(run.setup), "manifest": run.manifest}
-        )
+        output.print_json({**found.summary(), "setup": dataclasses.asdict(run.setup), "manifest": run.manifest})
     else:
         _print_info(found)
 
@@ -147,20 +144,23 @@ def _read(path: Path) -> Run:
 
 def _print_info(found: RunReport) -> None:
     console = output.console()
+    statistics = found.statistics
     policy = f", nearest in {found.nearest}" if found.nearest else ""
     console.print(f"{found.rig}, {found.solver}{policy}", style="bold")
     console.print(
-        f"{found.cycles} cycles in {found.duration:.2f} s, {found.rate:g} Hz desired, {found.missed} missed"
+        f"{statistics.cycles} cycles in {found.duration_s:.2f} s, {found.rate_hz:g} Hz desired, "
+        f"{statistics.missed} missed"
     )
-    counts = ", ".join(f"{count} {name}" for name, count in found.statuses.items() if count) or "none"
-    console.print(
-        f"answers: {counts}; {found.fallback_used} by newton as fallback, {found.slew_limited} slew-rate limited"
+    counts = (
+        ", ".join(f"{count} {name}" for name, count in statistics.counts()["statuses"].items() if count) or "none"
     )
-    for name, times in (("start jitter", found.start_delay), ("compute time", found.compute_time)):
+    fallback, slewed = statistics.fallback_used, statistics.slew_limited
+    console.print(f"answers: {counts}; {fallback} by newton as fallback, {slewed} slew-rate limited")
+    for name, times in zip(("start jitter", "compute time"), statistics.percentiles().values(), strict=True):
         written = ", ".join(output.duration(value) for value in times)
         console.print(f"{name}: {written} (median, 99 %, max)")
     if found.complete:
-        console.print(f"finished: {found.ended or 'the log does not say why'}")
+        console.print(f"finished: {statistics.ended or 'the log does not say why'}")
     else:
         console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
     console.print()
@@ -179,8 +179,11 @@ def _print_info(found: RunReport) -> None:
         (
             (
                 module.name,
-                *(output.short(value) for value in (module.sent_least, module.sent_mean, module.sent_most)),
-                *(output.duration(value) for value in module.age),
+                *(
+                    output.short(value)
+                    for value in (module.commanded_min_n, module.commanded_mean_n, module.commanded_max_n)
+                ),
+                *(output.duration(value) for value in module.telemetry_age_s.values()),
                 _limiters(module),
             )
             for module in found.modules
@@ -199,7 +202,7 @@ def _limiters(module: ModuleReport) -> str:
     """Return what limited a module in which share of the cycles, its faults, and when it was lost."""
     limits = [
         f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
-        for name, share in module.limits.items()
+        for name, share in module.limiters.items()
     ]
-    lost = [] if module.lost_at is None else [f"lost at {module.lost_at:.3f} s"]
+    lost = [] if module.lost_at_s is None else [f"lost at {module.lost_at_s:.3f} s"]
     return ", ".join([*limits, *(f"fault {name}" for name in module.faults), *lost])

@@ -61,7 +61,7 @@ def test_export_to_parquet(run, file, tmp_path):
     assert code == 0
     table = pq.read_table(tmp_path / "run.parquet")
     assert table.num_rows == 120
-    assert {"cycle", "chosen.back-floor", "structure.Fx.back-floor", "demanded.Fz"} <= set(table.column_names)
+    assert {"cycle", "chosen.back-floor", "structure.Fx.back-floor", "desired.Fz"} <= set(table.column_names)
     assert json.loads(table.schema.metadata[b"tensionlab"]) == runs.MANIFEST
 
 

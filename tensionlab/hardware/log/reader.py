@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -24,6 +25,8 @@ from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.columns import COLUMNS, IMPEDANCE, CycleTable
 from tensionlab.hardware.log.mcap_file import read_records
 from tensionlab.hardware.log.writer import RunSetup
+from tensionlab.hardware.protocol.codes import Fault, Limit
+from tensionlab.hardware.runner.statistics import PERCENTILES, Statistics, percentiles
 from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 
@@ -301,3 +304,132 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
         If the file cannot be written; what was there before stays.
     """
     writing.write_bytes(path, bytes(to_dataset(run).to_netcdf(engine="scipy")))
+
+
+@dataclass(frozen=True)
+class ModuleReport:
+    """One module in a run.
+
+    Attributes
+    ----------
+    name, link : str
+        The module, and where it was reached.
+    commanded_min_n, commanded_mean_n, commanded_max_n : float
+        Set-points, in N; NaN if none was sent.
+    limiters : dict of str to float
+        Share of the cycles in which each `Limit` held the tension back; those that never did are left out.
+    faults : list of str
+        That it ever reported.
+    telemetry_age_s : dict of str to float
+        Median, 99th percentile and largest.
+    lost_at_s : float or None
+        Time since when it did not take part any more, in s.
+    """
+
+    name: str
+    link: str
+    commanded_min_n: float
+    commanded_mean_n: float
+    commanded_max_n: float
+    limiters: dict[str, float]
+    faults: list[str]
+    telemetry_age_s: dict[str, float]
+    lost_at_s: float | None
+
+
+@dataclass(frozen=True)
+class RunReport:
+    """How a run went, as far as its log goes.
+
+    Attributes
+    ----------
+    rig, solver, nearest : str
+        What ran, by which solver, with which policy; None if it honours none.
+    rate_hz, duration_s : float
+        Desired cycles a second; time from the first cycle to the last.
+    statistics : Statistics
+        Recounted from the cycles. What ended the run is empty if the log does not say.
+    complete : bool
+        Whether the log was closed.
+    modules : tuple of ModuleReport
+    events : tuple of RunEvent
+    """
+
+    rig: str
+    solver: str
+    nearest: str | None
+    rate_hz: float
+    duration_s: float
+    statistics: Statistics
+    complete: bool
+    modules: tuple[ModuleReport, ...]
+    events: tuple[RunEvent, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return it as plain numbers and texts, for JSON."""
+        return {
+            "rig": self.rig,
+            "solver": self.solver,
+            "nearest": self.nearest,
+            "rate_hz": self.rate_hz,
+            "duration_s": self.duration_s,
+            **self.statistics.counts(),
+            "ended": self.statistics.ended,
+            "complete": self.complete,
+            "modules": [asdict(module) for module in self.modules],
+            "events": [asdict(event) for event in self.events],
+        }
+
+
+def report(run: Run) -> RunReport:
+    """Return how a run went."""
+    return RunReport(
+        rig=run.rig.name,
+        solver=run.setup.solver,
+        nearest=run.setup.nearest,
+        rate_hz=run.setup.rate,
+        duration_s=float(run.time[-1] - run.time[0]) if len(run) else 0.0,
+        statistics=recount(run),
+        complete=run.complete,
+        modules=tuple(_module(run, index) for index in range(run.rig.m)),
+        events=run.events,
+    )
+
+
+def recount(run: Run) -> Statistics:
+    """Return the statistics of a run by its cycles, whether or not the runner came to write its own."""
+    deadlines = np.round((run.time - run.start_delay) * run.setup.rate)
+    missed = int(deadlines[-1] - deadlines[0]) + 1 - len(run) if len(run) else 0
+    changed = np.isfinite(run.commanded) & (abs(run.commanded - run.chosen) > 0.0)
+    found = Statistics(
+        missed=missed, ended=str(run.summary.get("ended", "")), start_delays=deque(), compute_times=deque()
+    )
+    columns = (run.status, run.start_delay, run.compute_time, run.fallback_used, changed.any(axis=1))
+    for status, delay, compute, fallback, slewed in zip(*(each.tolist() for each in columns), strict=True):
+        found.add(status, delay, compute, fallback_used=fallback, slew_limited=slewed)
+    return found
+
+
+def _module(run: Run, index: int) -> ModuleReport:
+    name = run.rig.modules[index].name
+    commanded = run.commanded[:, index]
+    commanded = commanded[np.isfinite(commanded)]
+    gone = np.flatnonzero(~run.active[:, index])
+    return ModuleReport(
+        name=name,
+        link=run.setup.links.get(name, ""),
+        commanded_min_n=float(commanded.min()) if commanded.size else np.nan,
+        commanded_mean_n=float(commanded.mean()) if commanded.size else np.nan,
+        commanded_max_n=float(commanded.max()) if commanded.size else np.nan,
+        limiters=_shares(run.limiters[:, index]),
+        faults=[str(fault.name) for fault in Fault if (run.faults[:, index] & fault).any()],
+        telemetry_age_s=dict(zip(PERCENTILES, percentiles(run.ages[:, index]), strict=True)),
+        lost_at_s=float(run.time[gone[0]]) if gone.size else None,
+    )
+
+
+def _shares(limiters: NDArray[np.int64]) -> dict[str, float]:
+    numbers, counts = np.unique(limiters, return_counts=True)
+    pairs = zip(numbers.tolist(), (counts / max(len(limiters), 1)).tolist(), strict=True)
+    names = {int(limit): limit.name for limit in Limit}
+    return {names.get(number, f"limiter {number}"): share for number, share in pairs if number != Limit.NONE}

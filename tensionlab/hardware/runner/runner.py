@@ -258,7 +258,9 @@ class Runner:
         work = time.perf_counter() - began
         sent = np.where(free, self._before, np.nan)
         self.latest = Cycle(state, demand, wrench, allocation, replaced, sent, sequences, late, work)
-        self.statistics.take(self.latest, slew_limited=self._before is not wanted)
+        self.statistics.add(
+            int(allocation.status), late, work, fallback_used=replaced, slew_limited=self._before is not wanted
+        )
         if self.log is not None:
             self.log.write(self.latest)
         return True

@@ -1,8 +1,9 @@
-"""What happens in a cycle of a run, and counts and times over all of them."""
+"""Cycles of a run, and counts and times over them: kept up while it runs, or recounted from its log."""
 
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,23 +13,31 @@ from tensionlab.allocation import Allocation, Status
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, RigState
 
+MAX_TIMES = 100_000
+"""Cycles whose times are kept for percentiles while a run lasts."""
+DURATION_REACHED = "duration reached"
+DEMAND_STOPPED = "stopped by the demand"
+"""What ends a run in good order; other ends are signals, an emergency stop and errors."""
+STATUSES = tuple(sorted(Status))
+PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}
+
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """What happened in one cycle of a run?
+    """One cycle of a run.
 
     Attributes
     ----------
     state : RigState
         At its begin.
     demand : Demand
-        What was asked for.
     solver_wrench : (n,) array
-        What of it the solver was asked for: all but what modules with an impedance pull.
+        What of the desired wrench the solver is to render: all but what modules with an impedance, and lost ones
+        that have not let go yet, pull.
     allocation : Allocation
-        What the solver chose, measured; with tension 0 in modules that do not take part.
+        What the solver chose, verified; with tension 0 in modules that do not take part.
     fallback_used : bool
-        Whether the run's own solver left the answer unproved, so that the exact solver gave this one.
+        Whether the run's own solver left the answer unproven, so that the exact solver gave this one.
     commanded : (m,) array
         Set-points in N, after the limit on their change; NaN where none was sent.
     sequences : (m,) array of int
@@ -50,15 +59,6 @@ class Cycle:
     compute_time: float
 
 
-KEPT = 100_000
-"""Cycles whose times are kept for percentiles."""
-DURATION_REACHED = "duration reached"
-DEMAND_STOPPED = "stopped by the demand"
-"""What ends a run in good order; other ends are signals, an emergency stop and errors."""
-STATUSES = tuple(sorted(Status))
-PERCENTILES = (50.0, 99.0, 100.0)
-
-
 @dataclass
 class Statistics:
     """Counts and times of a run.
@@ -66,7 +66,6 @@ class Statistics:
     Attributes
     ----------
     cycles : int
-        How many there were.
     missed : int
         Deadlines that no cycle began at, because one before them was still going on.
     fallback_used : int
@@ -88,7 +87,7 @@ class Statistics:
     unconfirmed : dict of str to str
         Modules that did not confirm the stop at the end, and why.
     start_delays, compute_times : deque of float
-        Time from deadline to begin of the latest cycles, and what the host needed for each, in s.
+        Of the latest cycles, in s.
     """
 
     cycles: int = 0
@@ -102,40 +101,58 @@ class Statistics:
     ended: str = ""
     emergency: bool = False
     unconfirmed: dict[str, str] = field(default_factory=dict)
-    start_delays: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
-    compute_times: deque[float] = field(default_factory=lambda: deque(maxlen=KEPT))
+    start_delays: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))
+    compute_times: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))
 
-    def take(self, cycle: Cycle, *, slew_limited: bool) -> None:
-        """Count a cycle."""
+    def add(
+        self, status: int, start_delay: float, compute_time: float, *, fallback_used: bool, slew_limited: bool
+    ) -> None:
+        """Count a cycle; times in s."""
         self.cycles += 1
-        self.fallback_used += cycle.fallback_used
+        self.fallback_used += fallback_used
         self.slew_limited += slew_limited
-        self.statuses[STATUSES[int(cycle.allocation.status)]] += 1
-        self.start_delays.append(cycle.start_delay)
-        self.compute_times.append(cycle.compute_time)
+        self.statuses[STATUSES[status]] += 1
+        self.start_delays.append(start_delay)
+        self.compute_times.append(compute_time)
 
     def percentiles(self) -> dict[str, tuple[float, ...]]:
-        """Median, 99th percentile and largest delay and compute time, in s; zeros before the first cycle."""
+        """Return median, 99th percentile and largest delay and compute time, in s."""
         return {
-            name: tuple(float(value) for value in np.percentile(list(times) or [0.0], PERCENTILES))
-            for name, times in (("start_delay", self.start_delays), ("compute_time", self.compute_times))
+            "start_delay": percentiles(self.start_delays),
+            "compute_time": percentiles(self.compute_times),
         }
 
-    def summary(self) -> dict[str, Any]:
-        """The same as plain numbers and texts; times in s."""
-        named = ("median", "p99", "max")
-        times = {f"{name}_s": dict(zip(named, values, strict=True)) for name, values in self.percentiles().items()}
+    def counts(self) -> dict[str, Any]:
+        """Return what can be recounted from a log, as plain numbers; times are zero before the first cycle."""
         return {
-            "ended": self.ended,
-            "emergency": self.emergency,
             "cycles": self.cycles,
             "missed": self.missed,
             "fallback_used": self.fallback_used,
             "slew_limited": self.slew_limited,
             "statuses": {status.name: self.statuses[status] for status in Status},
+            **{
+                f"{name}_s": dict(zip(PERCENTILES, np.nan_to_num(values).tolist(), strict=True))
+                for name, values in self.percentiles().items()
+            },
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """Return all of it as plain numbers and texts."""
+        return {
+            "ended": self.ended,
+            "emergency": self.emergency,
+            **self.counts(),
             "late_telemetry": dict(self.late_telemetry),
             "derated": self.derated,
             "lost": self.lost,
             "unconfirmed": self.unconfirmed,
-            **times,
         }
+
+
+def percentiles(values: Iterable[float]) -> tuple[float, ...]:
+    """Return median, 99th percentile and largest of the values that are numbers; NaN where there is none."""
+    numbers = np.fromiter(values, dtype=np.float64)
+    numbers = numbers[np.isfinite(numbers)]
+    if not numbers.size:
+        return (np.nan,) * len(PERCENTILES)
+    return tuple(np.percentile(numbers, list(PERCENTILES.values())).tolist())
