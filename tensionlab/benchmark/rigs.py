@@ -11,6 +11,7 @@ from tensionlab import datasets
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.model.files import load_rig
+from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import capacity_margin
 
@@ -21,8 +22,6 @@ SCALING_ROUNDS = 6
 CONDITION_ACCURACY = 1e-3
 """... to this share, or the rig is drawn again."""
 
-GRAVITY = 9.81
-"""m/s²."""
 BOX_SHARE = 0.6
 """Robots are placed up to this share of the way from home to their most distant anchor, along each axis."""
 TILT = np.radians(10.0)
@@ -162,7 +161,7 @@ def desired_wrenches(rig: Rig, force: Floats, rotation: Floats | None = None) ->
     (B, n) array
         In N (and N·m, about the reference point).
     """
-    total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY * rig.upward
+    total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY_M_S2 * rig.upward
     if rig.n == 3:
         return total
     com = np.zeros(3) if rig.platform is None or rig.platform.com is None else np.asarray(rig.platform.com)

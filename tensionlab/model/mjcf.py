@@ -9,14 +9,12 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.model.module import KINDS, WORLD
+from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD
 from tensionlab.model.rig import Rig
 
 MASS = 1.0
 """Of what the cables hold where the rig has no platform, in kg."""
 
-GRAVITY = 9.81
-"""In m/s²."""
 
 JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
 """The sliding joints of each kind of rig; a platform is free."""
@@ -50,7 +48,7 @@ def rig_to_mjcf(rig: Rig) -> str:
         if text:
             root.append(Xml.Comment(f" {text.replace('--', '- -')} "))
     Xml.SubElement(root, "compiler", angle="radian")
-    Xml.SubElement(root, "option", gravity=_row(_in_space(-GRAVITY * rig.upward) if rig.up else np.zeros(3)))
+    Xml.SubElement(root, "option", gravity=_row(_in_space(-GRAVITY_M_S2 * rig.upward) if rig.up else np.zeros(3)))
     world = Xml.SubElement(root, "worldbody")
     frames = {WORLD: world}
     for name in rig.frames:

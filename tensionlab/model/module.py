@@ -22,6 +22,8 @@ MAX_TENSION = 1e11
 where they mean no limit."""
 MAX_MASS = 1e8
 """Largest mass of a platform, in kg: that of a large ship."""
+GRAVITY_M_S2 = 9.81
+"""Acceleration by gravity, in m/s²."""
 MAX_NAME = 100
 """Characters of a name."""
 

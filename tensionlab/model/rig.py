@@ -14,7 +14,18 @@ from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
 from tensionlab.model import kinematics, pose
 from tensionlab.model.kinematics import PoseEstimate
-from tensionlab.model.module import KINDS, WORLD, Kind, Module, Platform, TensionLimits, require_name, same, vector
+from tensionlab.model.module import (
+    GRAVITY_M_S2,
+    KINDS,
+    WORLD,
+    Kind,
+    Module,
+    Platform,
+    TensionLimits,
+    require_name,
+    same,
+    vector,
+)
 from tensionlab.model.pose import Frames
 
 
@@ -135,6 +146,20 @@ class Rig:
         upward = np.zeros(self.dimension)
         upward["xyz".index(self.up[-1])] = -1.0 if self.up.startswith("-") else 1.0
         return upward
+
+    @property
+    def weight(self) -> Floats | None:
+        """Wrench of gravity on the platform at home, (n,), in N and N·m; None if ``up`` or the mass is unknown."""
+        if self.up is None or self.platform is None:
+            return None
+        force = -self.platform.mass * GRAVITY_M_S2 * self.upward
+        wrench = np.zeros(self.n)
+        wrench[: self.dimension] = force
+        if self.platform.com is not None and self.n > self.dimension:
+            arm = np.pad(self.platform.com, (0, 3 - self.dimension))
+            torque = np.cross(arm, np.pad(force, (0, 3 - self.dimension)))
+            wrench[self.dimension :] = torque[-(self.n - self.dimension) :]
+        return wrench
 
     @property
     def vertical(self) -> str:

@@ -51,13 +51,17 @@ def check_rig(rig: Rig) -> list[Finding]:
     Returns
     -------
     list of Finding
-        Rank of the structure matrix; limits that leave room; balance, that is the zero wrench inside the
-        limits; strength, the largest force that the rig renders in its weakest direction; body frames.
+        Rank of the structure matrix; limits that leave room; weight, where it is known; balance, that is the zero
+        wrench inside the limits; strength, the largest force that the rig renders in its weakest direction; body
+        frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig)]
+    if rig.weight is not None:
+        findings.append(_weight(rig, structure, rig.weight))
+    held = findings[-1].name == "weight" and findings[-1].passed is True
     balanced = allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT
-    findings.append(_balance(structure, bool(balanced)))
+    findings.append(_balance(structure, bool(balanced), held))
     if balanced:
         findings.append(_strength(rig, structure))
     if rig.frames:
@@ -92,8 +96,19 @@ def _limits(rig: Rig) -> Finding:
     return Finding("limits", True, text)
 
 
-def _balance(structure: Floats, balanced: bool) -> Finding:
-    """Whether the cables can hold the platform still with no outside force."""
+def _weight(rig: Rig, structure: Floats, weight: Floats) -> Finding:
+    """Whether the cables can hold the platform's weight still at home."""
+    assert rig.platform is not None
+    found = allocate(structure, -weight, rig.limits)
+    if found.status == Status.EXACT:
+        tensions = f"{found.tensions.min():.3g} to {found.tensions.max():.3g} N"
+        return Finding("weight", True, f"{rig.platform.mass:g} kg are held at home, with tensions of {tensions}")
+    text = f"{rig.platform.mass:g} kg cannot be held at home within the limits: move modules or widen the limits"
+    return Finding("weight", False, text)
+
+
+def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
+    """Whether the cables can hold the platform still with no outside force; not needed where weight pulls."""
     if balanced:
         return Finding("balance", True, "the cables hold each other at home, within their limits")
     n, m = structure.shape
@@ -102,7 +117,7 @@ def _balance(structure: Floats, balanced: bool) -> Finding:
         text = "the cables could hold each other, but not within their limits: widen the limits"
     else:
         text = "no tensions hold each other at home (no wrench closure): weight must pull, or add a module"
-    return Finding("balance", False, text)
+    return Finding("balance", None if held else False, text)
 
 
 def _strength(rig: Rig, structure: Floats) -> Finding:

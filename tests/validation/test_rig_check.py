@@ -56,7 +56,30 @@ def test_limits_that_are_too_narrow_are_told_from_geometry():
 
 
 def test_a_suspended_robot_needs_its_weight():
-    assert verdicts(tl.load_rig(RIGS / "cogiro.toml"))["balance"] is False
+    rig = tl.load_rig(RIGS / "cogiro.toml")
+    assert verdicts(rig)["balance"] is None
+    assert verdicts(rig)["weight"] is True
+    assert verdicts(dataclasses.replace(rig, platform=None))["balance"] is False
+
+
+@pytest.mark.parametrize("name", ["cogiro", "ipanema-1", "ipanema-2", "kntu-planar"])
+def test_held_tensions_balance_the_weight_and_its_torque(name):
+    rig = tl.load_rig(RIGS / f"{name}.toml")
+    rig = dataclasses.replace(rig, platform=tl.Platform(rig.platform.mass, com=0.01 * np.ones(rig.dimension)))
+    structure = rig.structure_matrix(rig.home)
+    found = tl.allocate(structure, -rig.weight, rig.limits)
+    held = structure @ found.tensions
+    assert held[: rig.dimension] == pytest.approx(9.81 * rig.platform.mass * rig.upward, abs=1e-5)
+    # The weight acts at the centre of mass: what holds it has no torque about that point.
+    arm, force = np.zeros(3), np.zeros(3)
+    arm[: rig.dimension], force[: rig.dimension] = rig.platform.com, held[: rig.dimension]
+    torque = np.cross(arm, force)
+    assert held[rig.dimension :] == pytest.approx(torque if rig.dimension == 3 else torque[2:], abs=1e-5)
+
+
+def test_a_weight_beyond_the_limits_is_found():
+    rig = tl.load_rig(RIGS / "cogiro.toml")
+    assert verdicts(dataclasses.replace(rig, platform=tl.Platform(50_000.0)))["weight"] is False
 
 
 def test_too_few_or_flat_cables_lack_rank():
