@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tensionlab.errors import ShapeError
+from tensionlab.errors import DataError, InputError
 
 CANDIDATES = (Path(__file__).parent / "datasets", Path(__file__).parents[1] / "datasets")
 """Where the files may be: inside the installed package, or beside it in the source tree."""
@@ -47,14 +47,14 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 
     Raises
     ------
-    ShapeError
+    InputError
         If there is no such folder or kind.
     """
     from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
     where = _found(folder)
     if kind is not None and kind not in (*_KINDS, PROBLEMS):
-        raise ShapeError(f"no data sets are called {kind!r}; there are {', '.join([*_KINDS, PROBLEMS])}")
+        raise InputError(f"no data sets are called {kind!r}; there are {', '.join([*_KINDS, PROBLEMS])}")
     stored = [
         f"{each}/{path.stem}"
         for each, (suffix, _) in _KINDS.items()
@@ -83,20 +83,20 @@ def load(name: str, folder: str | Path | None = None) -> Any:
 
     Raises
     ------
-    ShapeError
-        If there is no data set of that name, or its file is damaged.
-    RigError
-        If a rig's or a space's file is.
+    InputError
+        If there is no data set of that name.
+    DataError, RigError
+        If its file is damaged; that of a rig or a space.
     """
     if not isinstance(name, str):
-        raise ShapeError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")
+        raise InputError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")
     known = names(folder=folder)
     if name not in known:
         import difflib
 
         close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
         hint = f"did you mean {close[0]!r}?" if close else "`tensionlab.datasets.names()` lists them"
-        raise ShapeError(f"no data set is called {name!r}; {hint}")
+        raise InputError(f"no data set is called {name!r}; {hint}")
     kind, _, stem = name.partition("/")
     if kind == PROBLEMS:
         from tensionlab.benchmark.problem_sets import problem_set
@@ -111,13 +111,13 @@ def folder() -> Path:
 
     Raises
     ------
-    ShapeError
+    DataError
         If it is not there.
     """
     for candidate in CANDIDATES:
         if (candidate / SUMS).is_file():
             return candidate
-    raise ShapeError(f"{CANDIDATES[0]}: the data sets are not here; install tensionlab again, or give a folder")
+    raise DataError(f"{CANDIDATES[0]}: the data sets are not here; install tensionlab again, or give a folder")
 
 
 def _found(named: str | Path | None) -> Path:
@@ -125,7 +125,7 @@ def _found(named: str | Path | None) -> Path:
     if named is None:
         return folder()
     if not Path(named).is_dir():
-        raise ShapeError(f"{named}: no such folder; leave it out for the data sets that come with tensionlab")
+        raise InputError(f"{named}: no such folder; leave it out for the data sets that come with tensionlab")
     return Path(named)
 
 

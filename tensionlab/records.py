@@ -15,6 +15,7 @@ from tensionlab.errors import MissingDependency
 from tensionlab.files import writing
 
 LIBRARIES = [
+    "tensionlab",
     "numpy",
     "scipy",
     "qpsolvers",
@@ -54,9 +55,7 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
     """
     import importlib.metadata
 
-    from tensionlab import __version__
-
-    versions = {"tensionlab": __version__}
+    versions = {}
     for name in LIBRARIES:
         try:
             versions[name] = importlib.metadata.version(name)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import ShapeError
+from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.files.reading import brief, read_text
 from tensionlab.files.tables import MAX_FILE_BYTES, csv_rows
 
@@ -55,11 +55,11 @@ def fibonacci(count: int) -> Floats:
 
     Raises
     ------
-    ShapeError
+    InputError
         If `count` is not positive.
     """
     if count < 1:
-        raise ShapeError(f"a set of directions needs at least 1 vector, not {count}")
+        raise InputError(f"a set of directions needs at least 1 vector, not {count}")
     index = np.arange(count)
     height = 1.0 - (2.0 * index + 1.0) / count
     radius = np.sqrt(1.0 - height**2)
@@ -77,11 +77,11 @@ def circle(count: int = CIRCLE_COUNT) -> Floats:
 
     Raises
     ------
-    ShapeError
+    InputError
         If `count` is not positive.
     """
     if count < 1:
-        raise ShapeError(f"a set of directions needs at least 1 vector, not {count}")
+        raise InputError(f"a set of directions needs at least 1 vector, not {count}")
     angle = 2.0 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -99,12 +99,12 @@ def read_csv(path: str | Path) -> Floats:
 
     Raises
     ------
-    ShapeError
+    DataError
         If the file cannot be read or a row is not a direction; names file and row, counted from 1.
     """
-    text = read_text(path, "a list of directions (*.csv)", ShapeError, MAX_FILE_BYTES)
+    text = read_text(path, "a list of directions (*.csv)", DataError, MAX_FILE_BYTES)
     rows: list[list[float]] = []
-    for number, cells in csv_rows(text, str(path), ShapeError):
+    for number, cells in csv_rows(text, str(path), DataError):
         if not any(cells):
             continue
         try:
@@ -112,17 +112,15 @@ def read_csv(path: str | Path) -> Floats:
         except ValueError:
             if number == 1 and not any(character.isdigit() for cell in cells for character in cell):
                 continue
-            raise ShapeError(f"{path}, row {number}: {brief(','.join(cells))} is not a row of numbers") from None
+            raise DataError(f"{path}, row {number}: {brief(','.join(cells))} is not a row of numbers") from None
         columns = len(rows[0]) if rows else len(row)
         if columns not in (2, 3) or len(row) != columns:
-            raise ShapeError(f"{path}, row {number}: {len(row)} columns; every row needs the same 3 (or 2)")
+            raise DataError(f"{path}, row {number}: {len(row)} columns; every row needs the same 3 (or 2)")
         if not np.all(np.isfinite(row)) or not any(row):
-            raise ShapeError(
-                f"{path}, row {number}: {brief(row)} has no direction; give finite numbers, not all 0"
-            )
+            raise DataError(f"{path}, row {number}: {brief(row)} has no direction; give finite numbers, not all 0")
         rows.append(row)
     if not rows:
-        raise ShapeError(f"{path}: no directions; write one row x,y,z for each")
+        raise DataError(f"{path}: no directions; write one row x,y,z for each")
     vectors = np.array(rows)
     # Scaled by the largest entry first, so that tiny and huge rows neither vanish nor overflow.
     vectors /= np.abs(vectors).max(axis=1, keepdims=True)
@@ -145,7 +143,7 @@ def parse(text: str) -> Floats:
 
     Raises
     ------
-    ShapeError
+    InputError
         If the text is none of these.
     """
     if text == "grid18":
@@ -155,7 +153,7 @@ def parse(text: str) -> Floats:
         return fibonacci(int(count)) if name == "fibonacci" else circle(int(count))
     if text.lower().endswith(".csv"):
         return read_csv(text)
-    raise ShapeError(f"directions {text!r}: write grid18, fibonacci:N, circle:N or the path of a .csv file")
+    raise InputError(f"directions {text!r}: write grid18, fibonacci:N, circle:N or the path of a .csv file")
 
 
 def forces(vectors: Floats, components: int, dimension: int) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.errors import InputError, MissingDependency, UnknownSolver
 from tensionlab.solvers.quadratic import BACKENDS, SPARSE, installed_backends, raised_by
 
 
@@ -97,7 +97,7 @@ class PlainProgram:
         if self.backend not in BACKENDS:
             raise UnknownSolver(f"no QP backend is called {self.backend!r}; choose one of {', '.join(BACKENDS)}")
         if self.settings == "tight" and self.backend not in TIGHT:
-            raise ValueError(f"{self.backend} has no options that would make it tighter; use its defaults")
+            raise InputError(f"{self.backend} has no options that would make it tighter; use its defaults")
         if self.backend not in installed_backends():
             raise MissingDependency(
                 f'QP backend {self.backend!r} is not installed; pip install "tensionlab[solvers]" brings it'

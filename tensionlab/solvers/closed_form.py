@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from tensionlab import _native
+from tensionlab.errors import InputError
 from tensionlab.solvers.base import RANK_TOLERANCE, Answer, Nearest, Problem
 
 Start = Literal["reference", "middle"]
@@ -38,7 +39,7 @@ class Pseudoinverse:
 
     def __post_init__(self) -> None:
         if self.start not in get_args(Start):
-            raise ValueError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
+            raise InputError(f'Pseudoinverse(start={self.start!r}): must be "reference" or "middle"')
 
     @property
     def objective(self) -> str:
@@ -171,7 +172,7 @@ class Polygon:
 
     def __post_init__(self) -> None:
         if self.goal not in get_args(PolygonGoal):
-            raise ValueError(f"Polygon(goal={self.goal!r}): must be one of {', '.join(get_args(PolygonGoal))}")
+            raise InputError(f"Polygon(goal={self.goal!r}): must be one of {', '.join(get_args(PolygonGoal))}")
 
     @property
     def objective(self) -> str:

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from tensionlab import _native
 from tensionlab.arrays import MAX_MAGNITUDE, Floats
+from tensionlab.errors import InputError
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer, Nearest, Problem, Verified
 
 
@@ -117,7 +118,7 @@ class Dykstra:
 
     def __post_init__(self) -> None:
         if not self.tolerance >= 0 or self.iteration_limit < 1:
-            raise ValueError(f"{self}: tolerance must not be negative, and iteration_limit at least 1")
+            raise InputError(f"{self}: tolerance must not be negative, and iteration_limit at least 1")
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 from tensionlab import _native
+from tensionlab.errors import InputError
 from tensionlab.solvers.base import Answer, Nearest, Problem
 from tensionlab.solvers.least_squares import Newton
 
@@ -90,7 +91,7 @@ class OptimallySafe:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.alpha < math.inf:
-            raise ValueError(f"OptimallySafe(alpha={self.alpha}): must be a number, 0 or more")
+            raise InputError(f"OptimallySafe(alpha={self.alpha}): must be a number, 0 or more")
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from tensionlab import _native
+from tensionlab.errors import InputError
 from tensionlab.solvers.base import Answer, Nearest, Problem
 
 
@@ -102,7 +103,7 @@ class SlackNorm:
             value = getattr(self, field.name)
             if not least <= value < np.inf:
                 wanted = "2 or more" if field.name == "p" else "positive"
-                raise ValueError(f"SlackNorm({field.name}={value}): must be finite and {wanted}")
+                raise InputError(f"SlackNorm({field.name}={value}): must be finite and {wanted}")
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -165,7 +166,7 @@ class Spidar:
         for field in fields(self):
             value = getattr(self, field.name)
             if not 0.0 < value < np.inf:
-                raise ValueError(f"Spidar({field.name}={value}): must be positive and finite")
+                raise InputError(f"Spidar({field.name}={value}): must be positive and finite")
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""

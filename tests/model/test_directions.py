@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.errors import ShapeError
+from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.model import directions
 
 
@@ -83,13 +83,13 @@ def test_csv_rows_of_any_length_keep_their_direction(tmp_path):
 def test_bad_csv_names_the_file_and_the_row(tmp_path, text, message):
     path = tmp_path / "broken.csv"
     path.write_text(text)
-    with pytest.raises(ShapeError, match=message) as caught:
+    with pytest.raises(DataError, match=message) as caught:
         directions.read_csv(path)
     assert str(path) in str(caught.value)
 
 
 def test_a_missing_csv_is_named(tmp_path):
-    with pytest.raises(ShapeError, match=r"none\.csv"):
+    with pytest.raises(DataError, match=r"none\.csv"):
         directions.parse(str(tmp_path / "none.csv"))
 
 
@@ -97,13 +97,13 @@ def test_a_missing_csv_is_named(tmp_path):
     "text", ["grid19", "fibonacci", "fibonacci:", "fibonacci:x", "fibonacci:-3", "circle:1.5", ""]
 )
 def test_other_words_are_refused_with_the_choices(text):
-    with pytest.raises(ShapeError, match="grid18, fibonacci:N, circle:N"):
+    with pytest.raises(InputError, match="grid18, fibonacci:N, circle:N"):
         directions.parse(text)
 
 
 @pytest.mark.parametrize("text", ["fibonacci:0", "circle:0"])
 def test_an_empty_set_is_refused(text):
-    with pytest.raises(ShapeError, match="at least 1"):
+    with pytest.raises(InputError, match="at least 1"):
         directions.parse(text)
 
 
