@@ -84,5 +84,5 @@ def test_the_log_has_what_was_felt(run, tmp_path):
     come = log.time > 0.3  # forces come in at the start
     assert np.isfinite(log.impedances[come, 0, 0]).all()
     draw = np.maximum(log.lengths[come, 0] - 0.2, 0.0)
-    assert np.linalg.norm(log.demanded[come], axis=1) == pytest.approx(np.minimum(1.0 + 8.3 * draw, 6.0), abs=0.1)
-    assert np.abs(log.asked[come]).max() < 0.1
+    assert np.linalg.norm(log.desired[come], axis=1) == pytest.approx(np.minimum(1.0 + 8.3 * draw, 6.0), abs=0.1)
+    assert np.abs(log.solver_wrench[come]).max() < 0.1

@@ -296,7 +296,7 @@ def test_osc_does_the_same(tmp_path):
             assert "/nowhere" in heard(watch, "ignored")["text"]
             sender.send_message("/stop", [])
         assert running.wait(60.0) == 0
-    assert read_run(log).demanded[-1] == pytest.approx([0.0, 1.0, 0.0], abs=0.02)
+    assert read_run(log).desired[-1] == pytest.approx([0.0, 1.0, 0.0], abs=0.02)
 
 
 def test_a_client_that_commands_and_says_nothing_loses_its_place(bridge):
