@@ -79,7 +79,7 @@ NATIVE = {
     "workspace/wrench_set.py",
     "haptics/brakes/choice.py",
     "hardware/protocol/parameters.py",
-    "hardware/runner/pose_tracker.py",
+    "hardware/runner/state_estimation.py",
     "hardware/runner/watchdog.py",
     "hardware/simulation/simulated_module.py",
 }

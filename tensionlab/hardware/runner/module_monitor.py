@@ -1,11 +1,10 @@
-"""Checks of the modules in each cycle of a run, and what lost ones still pull with."""
+"""Monitor of the modules in a run: which take part, and whether what they report is fresh and can be true."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +12,28 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
-from tensionlab.hardware.client.connection import Received
+from tensionlab.hardware.client.connection import CLOCK_WRAP_US, Received
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
+from tensionlab.hardware.protocol.codes import Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
 from tensionlab.hardware.runner.guard import Derating
-from tensionlab.hardware.runner.observation import LoopChecks, Observation, require_plausible
 from tensionlab.hardware.runner.settings import OnLoss
+from tensionlab.hardware.runner.state_estimation import Observation
 
+TELEMETRY_UNITS = {
+    "length": "m",
+    "speed": "m/s",
+    "tension": "N",
+    "current": "A",
+    "supply": "V",
+    "thermal": "of the budget",
+}
+"""Numbers of a telemetry that must be finite, and their units."""
+JUMP_M = 0.05
+"""A length may differ by so much, in m, from where the cable's speeds take it."""
+MAX_ACCELERATION = 100.0
+"""Of a cable, in m/s²: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
 STALL = 0.75
 """A run whose next cycle is longer in coming than this share of the time to live has stalled."""
 
@@ -192,94 +204,73 @@ def silence(client: ModuleClient, age: float) -> str:
     return f"has been silent for {age:.2f} s"
 
 
-RELAX_S = 2.0
-"""A module that timed out keeps its cable taut for so long, in s, before it lets it go."""
-
-
-@dataclass(frozen=True)
-class Release:
-    """How a module lets go.
-
-    Attributes
-    ----------
-    tension : float
-        What it pulls with until it begins to, in N.
-    begin : float
-        When it begins to, in s.
-    slew : float
-        How fast its tension sinks, in N/s.
-    taut : float
-        Where it stays for `RELAX_S`, in N; 0: nowhere.
-    """
-
-    tension: float
-    begin: float
-    slew: float
-    taut: float = 0.0
-
-    def pull(self, now: float) -> float:
-        """Return what it pulls with at a time in s, in N."""
-        passed = now - self.begin
-        if passed <= 0.0:
-            return self.tension
-        taut = min(self.taut, self.tension)
-        if passed > RELAX_S:
-            return max(taut - self.slew * (passed - RELAX_S), 0.0)
-        return max(self.tension - self.slew * passed, taut)
-
-
-NOTHING = Release(0.0, 0.0, 1.0)
-
-
-class ReleasedModules:
-    """Modules that dropped out, and how each lets go.
+def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:
+    """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, what it is, and the value.
 
     Parameters
     ----------
-    lower : (m,) array
-        Of the tension limits, in N.
-    slews : sequence of float
-        How fast each module lets its tension change, in N/s.
+    name : str
+        Of the module.
+    before, heard : Received of Telemetry
+        Two that came one after the other, of a module that follows set-points.
+    """
+    now = heard.message
+    for field, unit in TELEMETRY_UNITS.items():
+        value = getattr(now, field)
+        if not math.isfinite(value):
+            raise ModuleFault(
+                f'module "{name}" reports a {field} of {value} {unit}: its firmware or its link is broken',
+                name,
+                Code.BAD_VALUE,
+            )
+    if now.faults:
+        raise ModuleFault(
+            f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and goes on pulling '
+            f"({now.state.name}); update its firmware, it must let go",
+            name,
+            now.faults,
+        )
+    if before is None:
+        return
+    said = before.message
+    # By the slower clock: that of a simulated module stands still while its computer gives it no time.
+    seconds = max(1e-6 * ((now.time_us - said.time_us) % CLOCK_WRAP_US), heard.time - before.time)
+    expected = said.length + 0.5 * (said.speed + now.speed) * seconds
+    jump = now.length - expected
+    if abs(jump) > JUMP_M + 0.25 * MAX_ACCELERATION * seconds**2:
+        raise ModuleFault(
+            f'module "{name}" reports a length of {now.length:.3f} m, {1e3 * abs(jump):.0f} mm '
+            f"{'more' if jump > 0.0 else 'less'} than its speed explains in {1e3 * seconds:.0f} ms; look at its "
+            "encoder, and calibrate its length",
+            name,
+            Fault.ENCODER,
+        )
+
+
+class LoopChecks:
+    """Are set-points followed, and is that reported, before they are older than they may get?
+
+    Parameters
+    ----------
+    names : list of str
+        Of the modules.
     ttl : float
-        Of set-points, in s.
+        Time to live of set-points, in s. A loop that is later for as long is refused.
     """
 
-    def __init__(self, lower: Floats, slews: Sequence[float], ttl: float) -> None:
-        self._lower, self._slews, self._ttl = lower, slews, ttl
-        self._releases: dict[int, Release] = {}
+    def __init__(self, names: list[str], ttl: float) -> None:
+        self._names, self._ttl = names, ttl
+        self._late_since = np.full(len(names), np.nan)
 
-    def add(
-        self, index: int, tension: float, heard: float, now: float, state: State | None, error: HardwareError
-    ) -> None:
-        """Note a module that dropped out.
+    def update(self, delays: Floats, now: float) -> None:
+        """Note how old the newest set-points are, (m,) in s, that modules are known to follow, at a time in s."""
+        self._late_since = np.where(delays > self._ttl, np.fmin(self._late_since, now), np.nan)
+        self._delays, self._now = delays, now
 
-        Parameters
-        ----------
-        index : int
-        tension : float
-            Of its last set-point, in N.
-        heard, now : float
-            When it was heard last, and what time it is, in s.
-        state : State or None
-            As it said last.
-        error : HardwareError
-            Why it dropped out.
-        """
-        slew, taut = self._slews[index], float(self._lower[index])
-        if state in LATCHED_STATES:
-            release = NOTHING  # its driver is off
-        elif isinstance(error, LinkTimeout) and now - heard > self._ttl:
-            # Nobody knows what still reaches it. What it follows lives on from then, and then it times out.
-            release = Release(tension, heard + self._ttl, slew, taut)
-        elif isinstance(error, LinkError) or state is State.TIMEOUT:
-            release = Release(tension, now, slew, taut)  # a link that closes is a time that is out
-        else:
-            release = Release(tension, now, slew)  # it hears that it is to stop
-        self._releases[index] = release
-
-    def pulls(self, now: float) -> Floats:
-        """Return what each pulls with at a time in s, (m,) in N; zero for those that take part."""
-        pulls = np.zeros(len(self._lower))
-        for index, release in self._releases.items():
-            pulls[index] = release.pull(now)
-        return pulls
+    def require_prompt(self, index: int) -> None:
+        """Refuse, by a `LinkTimeout`, a module whose loop has been late for too long."""
+        if self._now - self._late_since[index] > self._ttl:
+            raise LinkTimeout(
+                f'module "{self._names[index]}" is late: the newest set-point that it reports to follow was sent '
+                f"{self._delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or crowded"
+            )

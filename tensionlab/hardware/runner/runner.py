@@ -20,12 +20,26 @@ from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.messages import Stop
-from tensionlab.hardware.runner.guard import EXACT_SOLVER, Derating, GuardedAllocator, approach, require_within
-from tensionlab.hardware.runner.module_monitor import ReleasedModules, Roll
-from tensionlab.hardware.runner.observation import Observation, SetPointDelays, observe
-from tensionlab.hardware.runner.pose_tracker import PoseTracker, at_one_time, reel_in, velocity
+from tensionlab.hardware.runner.guard import (
+    EXACT_SOLVER,
+    Derating,
+    GuardedAllocator,
+    ReleasedModules,
+    approach,
+    require_within,
+)
+from tensionlab.hardware.runner.module_monitor import Roll
 from tensionlab.hardware.runner.program import require_demand
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
+from tensionlab.hardware.runner.state_estimation import (
+    Observation,
+    PoseTracker,
+    SetPointDelays,
+    at_one_time,
+    observe,
+    reel_in,
+    velocity,
+)
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED, Cycle, Statistics
 from tensionlab.hardware.runner.watchdog import ENDING, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig

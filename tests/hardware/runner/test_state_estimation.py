@@ -3,7 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.runner.pose_tracker import PoseTracker, velocity
+from tensionlab.hardware.runner.state_estimation import PoseTracker, velocity
 from tensionlab.model import kinematics
 
 RIGS = ["bartels2026-validation", "seven-modules", "cube-8", "kntu-planar", "ipanema-1"]

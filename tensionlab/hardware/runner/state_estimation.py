@@ -1,19 +1,128 @@
-"""Pose of the platform from cable lengths, cycle after cycle, and slack cables reeled in before a run."""
+"""State of the rig in each cycle: telemetry, delays of set-points, pose and velocity from the cables."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.arrays import Floats
+from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.runner.observation import Observation
+from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.hardware.runner.settings import Clock
 from tensionlab.model.rig import Rig
+
+
+class Observation(NamedTuple):
+    """The latest telemetry of all modules; fields as in `RigState`."""
+
+    lengths: Floats
+    speeds: Floats
+    tensions: Floats
+    ages: Floats
+    states: Integers
+    faults: Integers
+    limiters: Integers
+    brakes: Integers
+    last_sequence: Integers
+    thermal: Floats
+
+
+NAN = float("nan")
+SILENT = (NAN, NAN, NAN, float("inf"), State.IDLE, 0, Limit.IDLE, -1, -1, NAN)
+"""What is known of a module that has said nothing yet."""
+
+
+def observe(group: ModuleGroup) -> Observation:
+    """Read what has come by now."""
+    rows: list[tuple[float, ...]] = []
+    for client in group.clients:
+        client.listen()
+        heard = client.telemetry
+        if heard is None:
+            rows.append(SILENT)
+            continue
+        said = heard.message
+        age = client.link.clock() - heard.time
+        state = said.state if client.state is None else client.state
+        codes = (state, client.faults, said.limit, said.brake, said.sequence)
+        rows.append((said.length, said.speed, said.tension, age, *codes, said.thermal))
+    lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
+    states, faults, limiters, brakes, last_sequence = np.array(numbers, dtype=np.int64)
+    return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
+
+
+SEQUENCE_NUMBERS = 256
+"""Sequence numbers of set-points; then they begin anew."""
+KEPT_S = 5.0
+"""So far back are times of set-points kept, in s."""
+
+
+class SetPointDelays:
+    """Times at which set-points were sent, by their numbers.
+
+    A number stands for many set-points at high rates. Which one it is follows from how many were sent since the
+    last report; of the first one that is reported, the newest is taken.
+
+    Parameters
+    ----------
+    count : int
+        Of modules, m.
+    rate : float
+        Set-points a second.
+    """
+
+    def __init__(self, count: int, rate: float) -> None:
+        self._kept = SEQUENCE_NUMBERS * math.ceil(KEPT_S * rate / SEQUENCE_NUMBERS)
+        self._times = np.full((self._kept, count), np.nan)
+        self._indices = np.arange(count)
+        self._sent: Integers = np.full(
+            count, -1, dtype=np.int64
+        )  # the latest, counted through; -1 before the first
+        self._first = np.full(count, np.nan)  # when that was, in s
+        self._own: Integers = np.zeros(count, dtype=np.int64)  # the first one
+        self._followed: Integers = np.full(count, -1, dtype=np.int64)
+        self._sent_then: Integers = np.zeros(count, dtype=np.int64)  # the latest when `_followed` changed
+
+    def send(self, sequences: Integers, now: float) -> None:
+        """Note numbers (m,) of set-points that were sent at a time in s; -1 where none was."""
+        new = sequences >= 0
+        first = new & (self._sent < 0)
+        self._own[first] = sequences[first] + SEQUENCE_NUMBERS
+        self._first[first] = now
+        following = self._sent + (sequences - self._sent) % SEQUENCE_NUMBERS
+        self._sent = np.where(first, self._own, np.where(new, following, self._sent))
+        self._times[self._sent[new] % self._kept, self._indices[new]] = now
+
+    def delays(self, last_sequence: Integers, now: float) -> tuple[Floats, Floats]:
+        """Return how old the set-points are that modules report to follow, by their numbers (m,); -1: none yet.
+
+        Returns
+        -------
+        (m,) array
+            In s; NaN where a module has not reported to follow one of these.
+        (m,) array
+            The same; there, the time since the first was sent.
+        """
+        newest = self._sent - (self._sent - last_sequence) % SEQUENCE_NUMBERS
+        step = (last_sequence - self._followed) % SEQUENCE_NUMBERS
+        step = step + SEQUENCE_NUMBERS * np.rint((self._sent - self._sent_then - step) / SEQUENCE_NUMBERS).astype(
+            np.int64
+        )
+        likely = np.minimum(self._followed + np.maximum(step, 0), newest)
+        known = (last_sequence >= 0) & (newest >= self._own) & (self._sent >= 0)
+        found = np.where(known, np.where(self._followed >= self._own, likely, newest), self._followed)
+        self._sent_then = np.where(found != self._followed, self._sent, self._sent_then)
+        self._followed = found
+        ages = np.where(known, now - self._times[found % self._kept, self._indices], np.nan)
+        return ages, np.where(known, ages, now - self._first)
+
 
 STEPS = 3
 """Newton steps a cycle at most: between two cycles a platform moves a few mm."""
