@@ -1,4 +1,4 @@
-"""What does the number of modules buy? Published rigs, and three to eight modules in one room."""
+"""Sweeps that show what the number of modules changes: published rigs, and three to eight modules in one room."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 ROOM = (4.0, 2.5, 4.0)
 """Along X, Y and Z, in m; Y is up, the floor is y = 0, and the Y axis runs through its middle."""
-MEASURE = "capacity-margin"
-"""About no force, it is the force that a point rig renders in every direction."""
+METRIC = "capacity-margin"
+"""Without a force to hold, the force that a point rig renders in every direction."""
 POINTS = 61
 """Of a grid, along the longest edge of its box."""
 
 
 def room_rigs() -> list[Rig]:
-    """Which rigs of three to eight modules would one mount in the room at once?
+    """Return rigs of three to eight modules in the room.
 
     Corners of the room, or of the largest triangle in it that is even about the middle; half of the modules on the
     floor and half on the ceiling, as far as that goes.
@@ -48,13 +48,13 @@ def room_rigs() -> list[Rig]:
 
 
 def sweep_room(points: int = POINTS) -> xarray.Dataset:
-    """How much force can the rigs of the room render in every direction, all over it?"""
+    """Sweep the force that the rigs of the room render in every direction, all over it."""
     low, high = np.array([-ROOM[0] / 2, 0.0, -ROOM[2] / 2]), np.array([ROOM[0] / 2, ROOM[1], ROOM[2] / 2])
-    return sweep(room_rigs(), _grid(low, high, points), MEASURE, progress=False)
+    return sweep(room_rigs(), _grid(low, high, points), METRIC, progress=False)
 
 
 def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
-    """The same for published rigs, each in the box of its anchors."""
+    """Sweep the same metric for published rigs, each in the box of its anchors."""
     big = find_rig("spidar-big")
     eight = replace(
         box_corners(2 * np.abs(big.anchors[0]), (big.modules[0].lower, big.modules[0].upper)),
@@ -67,13 +67,13 @@ def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
         eight,
     ]
     return [
-        sweep(rig, _grid(rig.anchors.min(axis=0), rig.anchors.max(axis=0), points), MEASURE, progress=False)
+        sweep(rig, _grid(rig.anchors.min(axis=0), rig.anchors.max(axis=0), points), METRIC, progress=False)
         for rig in rigs
     ]
 
 
 def _grid(low: Floats, high: Floats, points: int) -> Grid:
-    """Cells as even as can be, with so many points along the longest edge, and one in the middle of every edge."""
+    """Return an even grid with so many points along the longest edge, and one in the middle of every edge."""
     counts = [2 * max(1, round((points - 1) / 2 * edge / (high - low).max())) + 1 for edge in high - low]
     return Grid(*(np.linspace(a, b, count) for a, b, count in zip(low, high, counts, strict=True)))
 

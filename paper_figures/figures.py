@@ -1,4 +1,4 @@
-"""Every figure and table: which data it is drawn from, and what draws it."""
+"""Every figure and table: the data it is drawn from, and the function that draws it."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class Drawing:
-    """Data -> figure: `load` takes the folder of the data sets, `draw` what it found and the file to write."""
+    """Data -> figure or table: `load` takes the folder of the data sets, `draw` what it returns."""
 
     load: Callable[[Path], Any]
-    draw: Callable[[Any, Path], None]
+    draw: Callable[[Any], Any]
     suffixes: tuple[str, ...] = FIGURE
 
 
 def load_all(*names: str) -> Callable[[Path], list[Any]]:
-    """What loads these data sets together."""
+    """Return a function that loads these data sets together."""
     return lambda folder: [tl.datasets.load(name, folder) for name in names]
 
 
 def rounded(swept: Any) -> Any:
-    """The same sweep with rounded values."""
+    """Return the sweep with rounded values."""
     for values in swept.data_vars.values():
         values.data = np.round(values.data, DIGITS)
     return swept
@@ -53,12 +53,12 @@ def rounded(swept: Any) -> Any:
 
 @cache
 def sweeps_of_modules(folder: Path) -> Any:
-    """Slices of published rigs, and three to eight modules in a room."""
+    """Sweep published rigs, and rigs of three to eight modules in a room."""
     return [rounded(each) for each in anchor_count.sweep_published()], rounded(anchor_count.sweep_room())
 
 
 def sweep_of_rooms(folder: Path) -> Any:
-    """An upright slice through home of the validation's rig, sides of 1.0 and 0.3 m, and of seven modules."""
+    """Sweep an upright slice through home of the validation's rig (sides 1.0 and 0.3 m) and of seven modules."""
     names = ("bartels2026-validation", "bartels2026-validation-0.3m", "seven-modules")
     grid = Grid(np.linspace(-1.5, 1.5, 301), np.linspace(0.0, 2.4, 193), np.array([0.0]))
     rigs = [tl.datasets.load(f"rigs/{name}", folder) for name in names]
@@ -66,32 +66,27 @@ def sweep_of_rooms(folder: Path) -> Any:
 
 
 def layouts_of_scenarios(folder: Path) -> Any:
-    """The five scenarios of the package."""
+    """Load the five scenarios of the package."""
     return [load_scenario(name) for name in SCENARIOS]
 
 
-def published_and_simulated(data: list[Any], path: Path) -> None:
-    """The table of what the publication measured, beside one simulated rig and many."""
+def published_and_simulated(data: list[Any]) -> tables.Table:
+    """Return the table of what the publication measured, beside one simulated rig and many."""
     published, recording, trials = data
-    rigs = trials.of("preset")["paper-like"]
-    tables.write_table(tables.published_and_simulated(published, recording, rigs), path)
+    return tables.published_and_simulated(published, recording, trials.of("preset")["paper-like"])
 
 
 DRAWINGS = {
-    "forces": Drawing(load_all(RECORDING), lambda data, path: plots.plot_forces(*data, path)),
+    "forces": Drawing(load_all(RECORDING), lambda data: plots.plot_forces(*data)),
     "error-sphere": Drawing(
-        load_all(RECORDING, "rigs/bartels2026-validation"), lambda data, path: plots.plot_error_sphere(*data, path)
+        load_all(RECORDING, "rigs/bartels2026-validation"), lambda data: plots.plot_error_sphere(*data)
     ),
     "published": Drawing(load_all(PUBLISHED, RECORDING, TRIALS), published_and_simulated, TABLE),
-    "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data, path: plots.plot_what_if(*data, path)),
-    "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data, path: plots.plot_summary(*data, path)),
-    "anchor-count": Drawing(sweeps_of_modules, lambda data, path: plots.plot_anchor_count(*data, path)),
-    "anchor-count-shares": Drawing(
-        sweeps_of_modules, lambda data, path: tables.write_table(tables.shares_of_room(data[1]), path), TABLE
-    ),
-    "scenario-layouts": Drawing(
-        layouts_of_scenarios, lambda data, path: plots.plot_scenario_layouts(data, PROPOSALS, path)
-    ),
-    "workspace": Drawing(sweep_of_rooms, plots.plot_measures),
+    "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data: plots.plot_what_if(*data)),
+    "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data: plots.plot_summary(*data)),
+    "anchor-count": Drawing(sweeps_of_modules, lambda data: plots.plot_anchor_count(*data)),
+    "anchor-count-shares": Drawing(sweeps_of_modules, lambda data: tables.shares_of_room(data[1]), TABLE),
+    "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plots.plot_scenario_layouts(data, PROPOSALS)),
+    "workspace": Drawing(sweep_of_rooms, plots.plot_metrics),
 }
 """By the name of the file, without its suffix."""

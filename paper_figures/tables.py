@@ -25,12 +25,12 @@ LINES = (
     ("“magnitude error”, read as the length of the error vector (N)", "magnitude_error_mean", "vector", 2),
     ("“magnitude error”, read as the difference of sizes (N)", "magnitude_error_mean", "magnitude_error", 2),
 )
-"""What it is called, here, in the publication and among the statistics, and how many decimals it has."""
+"""Name here, in the publication and among the statistics, and number of decimals."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells by row, below their headings, and what is to be known of them."""
+    """Cells by row, their headings, and a note below."""
 
     note: str
     headings: tuple[str, ...]
@@ -38,13 +38,13 @@ class Table:
 
 
 def write_table(table: Table, path: Path) -> None:
-    """Write it as LaTeX (booktabs) or Markdown, by the suffix."""
+    """Write a table as LaTeX (booktabs) or Markdown, by the suffix."""
     text = _latex(table) if path.suffix == ".tex" else _markdown(table)
     path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def published_and_simulated(published: Published, recording: Recording, rigs: Sequence[Trial]) -> Table:
-    """What the publication measured, beside one simulated rig and many."""
+    """Return the table of what the publication measured, beside one simulated rig and many."""
     if not recording.simulated:
         raise ValueError("the table is of simulated rigs; the recording is real")
     one = score(recording.desired, recording.measured)
@@ -70,10 +70,10 @@ def published_and_simulated(published: Published, recording: Recording, rigs: Se
 
 
 def shares_of_room(room: Any) -> Table:
-    """In which share of the room can so many modules render a force in every direction?"""
+    """Return the share of the room in which so many modules render a force in every direction."""
     rows = []
     for rig in room["rig"].to_numpy():
-        values = np.nan_to_num(room[anchor_count.MEASURE].sel(rig=rig).to_numpy())
+        values = np.nan_to_num(room[anchor_count.METRIC].sel(rig=rig).to_numpy())
         rows.append((str(rig), *(f"{100 * (values >= force).mean():.1f} %" for force in FORCES)))
     note = "Share of the room in which so many newtons can be rendered in every direction."
     return Table(note, ("modules", *(f"{force:.1f} N" for force in FORCES)), tuple(rows))

@@ -81,13 +81,13 @@ def test_other_recordings_and_trials_make_other_figures_and_tables(tmp_path):
         assert content(path) != content(COMMITTED / path.name), path.name
     table = (tmp_path / "out" / "published.md").read_text(encoding="utf-8")
     assert "20 simulated rigs" in table
-    felt = np.linalg.norm(made_up().measured, axis=1).mean()
-    assert f"| mean size of the measured force (N) | 1.84 | {felt:.2f} (" in table
+    measured = np.linalg.norm(made_up().measured, axis=1).mean()
+    assert f"| mean size of the measured force (N) | 1.84 | {measured:.2f} (" in table
 
 
-def test_every_figure_is_told_of_and_small():
-    told = (ROOT / "paper_figures" / "README.md").read_text(encoding="utf-8")
-    assert {path.stem for path in COMMITTED.iterdir()} == set(re.findall(r"^\| `(.*?)`", told, re.MULTILINE))
+def test_every_figure_is_described_and_small():
+    described = (ROOT / "paper_figures" / "README.md").read_text(encoding="utf-8")
+    assert {path.stem for path in COMMITTED.iterdir()} == set(re.findall(r"^\| `(.*?)`", described, re.MULTILINE))
     for path in COMMITTED.iterdir():
         assert path.stat().st_size < 300_000, path.name
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -110,9 +110,11 @@ def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
     keeper.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
 
 
-def _draw(draw: Callable[[Results, Path], None], results: Results, path: Path) -> None:
+def _draw(draw: Callable[[Results], Any], results: Results, path: Path) -> None:
+    from tensionlab.plots import save_figure
+
     make_folder(path.parent)
-    draw(results, path)
+    save_figure(draw(results), path)
 
 
 def _print(results: Results, out: Path, json: bool) -> None:

@@ -103,9 +103,9 @@ def compare(
     manifest = output.manifest()
     with output.Keeper(quiet=json) as keeper:
         if plot:
-            from tensionlab.plots import plot_comparison
+            from tensionlab.plots import plot_comparison, save_figure
 
-            keeper.write("plot", plot, lambda path: plot_comparison(result, path))
+            keeper.write("plot", plot, lambda path: save_figure(plot_comparison(result), path))
         if out:
             keeper.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
         if json:

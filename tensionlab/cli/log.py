@@ -84,9 +84,9 @@ def plot(
     ],
 ) -> None:
     """Draw wrenches, tensions, statuses, limits and timing of a run."""
-    from tensionlab.plots import plot_run
+    from tensionlab.plots import plot_run, save_figure
 
-    plot_run(_read(path), file)
+    save_figure(plot_run(_read(path)), file)
     typer.echo(f"plot: {file}")
 
 

@@ -159,6 +159,6 @@ def export(
 
 def _draw(loaded: Rig, plot: Path | None, keeper: output.Keeper) -> None:
     if plot:
-        from tensionlab.plots import plot_rig
+        from tensionlab.plots import plot_rig, save_figure
 
-        keeper.write("plot", plot, lambda path: plot_rig(loaded, path))
+        keeper.write("plot", plot, lambda path: save_figure(plot_rig(loaded), path))

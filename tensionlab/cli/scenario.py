@@ -58,7 +58,7 @@ def scenario(
     or something went wrong with a module.
     """
     from tensionlab.errors import HardwareError
-    from tensionlab.plots import plot_scenario
+    from tensionlab.plots import plot_scenario, save_figure
     from tensionlab.scenarios import load_scenario
     from tensionlab.scenarios.direction import check_directions
     from tensionlab.scenarios.expected import check_scenario
@@ -86,7 +86,7 @@ def scenario(
     rows = check_scenario(played) if complete else ()
     found = check_directions(played.run)
     with output.Keeper(quiet=json) as keeper:
-        keeper.write("Picture", picture, lambda path: plot_scenario(played, rows, path))
+        keeper.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
         if json:
             output.print_json(_json(played, rows, found, picture))
         else:

@@ -7,7 +7,7 @@ import json as json_text
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -121,8 +121,8 @@ def workspace(
             from tensionlab import plots
 
             drawn = names[0] if measures else DRAWN_METRIC
-            draw: Callable[..., None] = getattr(plots, f"plot_{view}")
-            keeper.write("plot", plot, lambda path: draw(data, path, measure=drawn))
+            draw: Callable[..., Any] = getattr(plots, f"plot_{view}")
+            keeper.write("plot", plot, lambda path: plots.save_figure(draw(data, metric=drawn), path))
         if json:
             output.print_json(
                 {

@@ -1,29 +1,26 @@
-"""Pictures of results, always to a file. The only importer of matplotlib; nothing is solved while drawing."""
+"""Figures of results: functions that take a result and return a Matplotlib Figure, without solving anything."""
 
-from tensionlab.plots.accuracy import plot_summary
-from tensionlab.plots.anchor_count import plot_anchor_count
-from tensionlab.plots.bench import plot_accuracy, plot_continuity, plot_profile, plot_worst
+from tensionlab.plots.benchmark import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
 from tensionlab.plots.comparison import plot_comparison
-from tensionlab.plots.forces import plot_error_sphere, plot_forces
-from tensionlab.plots.layout import plot_layouts
-from tensionlab.plots.rig import plot_rig
+from tensionlab.plots.rig import plot_brake_maps, plot_rig
 from tensionlab.plots.run import plot_run
-from tensionlab.plots.scenario_layouts import plot_scenario_layouts
-from tensionlab.plots.scenarios import plot_scenario
-from tensionlab.plots.style import METADATA
-from tensionlab.plots.what_if import plot_what_if
-from tensionlab.plots.workspace import plot_measures, plot_shares, plot_slices, plot_volume
+from tensionlab.plots.scenario import plot_scenario, plot_scenario_layouts
+from tensionlab.plots.style import METADATA, save_figure
+from tensionlab.plots.validation import plot_error_sphere, plot_forces, plot_what_if
+from tensionlab.plots.volume import plot_layouts, plot_volume
+from tensionlab.plots.workspace import plot_anchor_count, plot_metrics, plot_shares, plot_slices
 
 __all__ = [
     "METADATA",
     "plot_accuracy",
     "plot_anchor_count",
+    "plot_brake_maps",
     "plot_comparison",
     "plot_continuity",
     "plot_error_sphere",
     "plot_forces",
     "plot_layouts",
-    "plot_measures",
+    "plot_metrics",
     "plot_profile",
     "plot_rig",
     "plot_run",
@@ -35,4 +32,5 @@ __all__ = [
     "plot_volume",
     "plot_what_if",
     "plot_worst",
+    "save_figure",
 ]

@@ -1,9 +1,8 @@
-"""A comparison of solvers on one rig: what each renders of a set of forces, how far off it is, what it costs."""
+"""Figure of a comparison of solvers on one rig: statuses, errors and times on a set of forces."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from tensionlab.solvers.base import TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from tensionlab.comparison.compare import Comparison, Row
 
@@ -27,30 +27,19 @@ POLICY_LOOK = {
 COUNTS = ("exact", "nearest_count", "iteration_limit", "failed")
 """Of a row, by `STATUS_LOOK`."""
 CABLE = "#C8C8C8"
-DRAWN_FORCES = 200
+MAX_DRAWN_FORCES = 200
 """Of a larger set, so many forces are drawn, evenly spread."""
 
-FLOOR = 1e-12
-"""Errors below are drawn here, in N: rounding, not a difference between solvers."""
+MIN_ERROR_N = 1e-12
+"""Errors below are drawn here: rounding, not a difference between solvers."""
 
 
-def plot_comparison(comparison: Comparison, path: str | Path) -> None:
-    """Draw which forces a rig renders, and which solver gets there at what cost.
+def plot_comparison(comparison: Comparison) -> Figure:
+    """Draw which forces a rig renders, and how accurate and how fast each solver is.
 
     Left: desired forces (blue circles) and the error of what the first row's solver rendered (red lines),
     between the directions of the cables. Right, a line per solver: statuses, largest error, largest angle
     error, time of a call.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    path : path
-        The suffix chooses the format: png, pdf or svg.
-
-    Raises
-    ------
-    ShapeError
-        If the suffix is no such format.
     """
     rows, spatial = comparison.rows, comparison.rig.dimension == 3
     names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]
@@ -60,7 +49,7 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         for row, single in zip(rows, alone, strict=True)
     ]
     count, size = len(comparison.wrenches), np.linalg.norm(comparison.wrenches[0])
-    with new_figure(path, (14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
+    with new_figure((14.5, max(8.0 if spatial else 5.0, 2.0 + 0.42 * len(names)))) as figure:
         parts: Any = figure.subfigures(1, 2, width_ratios=[1.0, 2.5])
         left, right = parts
         policy = f", nearest in {rows[0].nearest}" if rows[0].nearest else ""
@@ -84,15 +73,15 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
         panels[0].set(xlabel="forces", xlim=(0, count))
         for name in comparison.missing:
             panels[0].text(0.02 * count, names.index(name), "left out", va="center", color=GREY, style="italic")
-        errors = [max(row.residual_max, FLOOR) for row in rows]
+        errors = [max(row.residual_max, MIN_ERROR_N) for row in rows]
         _draw_points(panels[1], rows, lines, errors)
-        panels[1].axvspan(FLOOR / 10, TOLERANCE, color="#F2F2F2", zorder=0)
+        panels[1].axvspan(MIN_ERROR_N / 10, TOLERANCE, color="#F2F2F2", zorder=0)
         panels[1].text(TOLERANCE / 2, -0.52, "exact", ha="right", va="top", color=GREY)
-        panels[1].set(xscale="log", xlabel="largest error (N)", xlim=(FLOOR / 10, 10 * np.nanmax([1, *errors])))
+        panels[1].set(xscale="log", xlabel="max error (N)", xlim=(MIN_ERROR_N / 10, 10 * np.nanmax([1, *errors])))
         _draw_points(panels[2], rows, lines, [row.angle_max_deg for row in rows])
         # Linear below 1 degree: 0 and 180 degrees on one axis.
         panels[2].set_xscale("symlog", linthresh=1.0)
-        panels[2].set(xlabel="largest angle error (°)", xlim=(-0.15, 260))
+        panels[2].set(xlabel="max angle error (°)", xlim=(-0.15, 260))
         panels[2].set_xticks([0, 1, 10, 90], ["0", "1", "10", "90"])
         microseconds = [1e6 * row.call_median_s for row in rows]
         _draw_points(panels[3], rows, lines, microseconds)
@@ -121,15 +110,16 @@ def plot_comparison(comparison: Comparison, path: str | Path) -> None:
             ("one call: median to 99 %", {"color": GREY, "marker": "o", "markevery": [0]}),
             ("each in a batch", {"color": GREY, "marker": "|", "ls": "", "mew": 1.6}),
         ])  # fmt: skip
+    return figure
 
 
 def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> None:
-    """Desired forces, errors and cable directions, seen along the third axis."""
+    """Draw desired forces, errors and cable directions, seen along the third axis."""
     rig = comparison.rig
     count = len(comparison.wrenches)
-    shown = np.unique(np.linspace(0, count - 1, min(count, DRAWN_FORCES)).astype(int))
+    shown = np.unique(np.linspace(0, count - 1, min(count, MAX_DRAWN_FORCES)).astype(int))
     wrenches = comparison.wrenches[shown]
-    wanted, got = wrenches[:, view], comparison.allocations[0].wrench[shown][:, view]
+    desired, rendered = wrenches[:, view], comparison.allocations[0].wrench[shown][:, view]
     reach = float(np.linalg.norm(wrenches, axis=1).max())
     labels: dict[tuple[int, int], list[str]] = {}
     for module, direction in zip(rig.modules, comparison.structure[list(view)].T, strict=True):
@@ -146,17 +136,17 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
             ha="center" if abs(x) < 8 else "left" if x > 0 else "right",
             color="#444444", fontsize=8.5, zorder=5, bbox=HALO,
         )  # fmt: skip
-    near = np.full(len(wanted), True)
+    near = np.full(len(desired), True)
     if rig.dimension == 3:
         near = wrenches[:, 3 - sum(view)] >= -1e-9 * reach
         axes.set_title("from the front (along −z)" if view == (0, 1) else "from above (along −y)")
     for half, alpha in ((~near, 0.4), (near, 1.0)):
         axes.plot(
-            *wanted[half].T, linestyle="", marker="o", markersize=4.2, fillstyle="none", color=BLUE,
+            *desired[half].T, linestyle="", marker="o", markersize=4.2, fillstyle="none", color=BLUE,
             markeredgewidth=0.9, alpha=alpha, zorder=3,
         )  # fmt: skip
-    missed = np.linalg.norm(got - wanted, axis=1) > TOLERANCE
-    for start, end in zip(wanted[missed], got[missed], strict=True):
+    missed = np.linalg.norm(rendered - desired, axis=1) > TOLERANCE
+    for start, end in zip(desired[missed], rendered[missed], strict=True):
         axes.plot([start[0], end[0]], [start[1], end[1]], color=RED, linewidth=1.3, zorder=4)
     axes.set(aspect="equal", xlim=(-1.75 * reach, 1.75 * reach), ylim=(-1.5 * reach, 1.5 * reach))
     axes.set(xlabel=f"{'xyz'[view[0]]} (N)", ylabel=f"{'xyz'[view[1]]} (N)")
@@ -166,7 +156,7 @@ def _draw_forces(axes: Axes, comparison: Comparison, view: tuple[int, int]) -> N
 
 
 def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> None:
-    """Draw how the forces of each row ended, as a bar."""
+    """Draw the statuses of each row as a bar."""
     for row, line in zip(rows, lines, strict=True):
         start = 0
         for key, (_, colour) in zip(COUNTS, STATUS_LOOK, strict=True):
@@ -175,7 +165,7 @@ def _draw_statuses(axes: Axes, rows: Sequence[Row], lines: Sequence[float]) -> N
 
 
 def _draw_points(axes: Axes, rows: Sequence[Row], lines: Sequence[float], values: Sequence[float]) -> None:
-    """Draw one marker a row."""
+    """Draw one marker for each row."""
     for row, line, value in zip(rows, lines, values, strict=True):
         colour, marker, _ = POLICY_LOOK[row.nearest]
         axes.plot(value, line, marker=marker, color=colour, markersize=5, linestyle="", zorder=3)

@@ -1,8 +1,7 @@
-"""A rig to scale: where its modules stand and how its cables run."""
+"""Figures of a rig: modules and cables to scale, and the directions in which its brakes hold walls."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,29 +9,26 @@ import numpy as np
 from tensionlab.plots.style import BLUE, GREY, HALO, ORANGE, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tensionlab.arrays import Floats
+    from tensionlab.haptics.brakes.map import BrakeMap
     from tensionlab.model.rig import Rig
 
 
-def plot_rig(rig: Rig, path: str | Path) -> None:
+MAP_ROWS, MAP_COLUMNS = 61, 121
+"""Of the grid of normals of a brake map."""
+
+
+def plot_rig(rig: Rig) -> Figure:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
-    The axis that the rig says is vertical, y if it does not say.
-    Body frames are drawn at the origin of the world, and a planar rig in its plane.
-
-    Parameters
-    ----------
-    rig : Rig
-    path : path
-        The suffix chooses the format: png, pdf or svg.
-
-    Raises
-    ------
-    ShapeError
-        If the suffix is no such format.
+    The rig's vertical axis is upright. Body frames are drawn at the origin of the world, a planar rig in its
+    plane.
     """
     spatial = rig.dimension == 3
     ends = rig.home + rig.attachments
-    with new_figure(path, (7.5, 7.0)) as figure:
+    with new_figure((7.5, 7.0)) as figure:
         axes: Any = figure.add_subplot(projection="3d" if spatial else None)
         everything = np.concatenate([rig.anchors, ends])
         low, high = everything.min(axis=0), everything.max(axis=0)
@@ -60,18 +56,19 @@ def plot_rig(rig: Rig, path: str | Path) -> None:
         for anchor, end in zip(rig.anchors, ends, strict=True):
             axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=1.1)
             axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
-        riding = np.array([module.frame in rig.frames for module in rig.modules])
-        axes.plot(*rig.anchors[~riding].T, linestyle="", marker="s", markersize=6, color=BLUE)
-        axes.plot(*rig.anchors[riding].T, linestyle="", marker="s", markersize=6, color=ORANGE)
+        on_body = np.array([module.frame in rig.frames for module in rig.modules])
+        axes.plot(*rig.anchors[~on_body].T, linestyle="", marker="s", markersize=6, color=BLUE)
+        axes.plot(*rig.anchors[on_body].T, linestyle="", marker="s", markersize=6, color=ORANGE)
         axes.plot(*([part] for part in rig.home), linestyle="", marker="o", markersize=6, color=RED)
         _label_anchors(axes, rig)
         figure.suptitle(rig.name, fontweight="bold")
         add_legend(figure, 4, [
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),
-            *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if riding.any() else []),
+            *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if on_body.any() else []),
             ("cable", {"color": GREY, "linewidth": 1.1}),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ])  # fmt: skip
+    return figure
 
 
 def _label_anchors(axes: Any, rig: Rig) -> None:
@@ -96,3 +93,62 @@ def _label_anchors(axes: Any, rig: Rig) -> None:
             ha="center" if abs(outward[0]) < 0.5 else "left" if outward[0] > 0 else "right",
             va="center" if abs(outward[1]) < 0.5 else "bottom" if outward[1] > 0 else "top",
         )  # fmt: skip
+
+
+def map_normals() -> Floats:
+    """Return the normals of walls (K, 3) that `plot_brake_maps` needs: all latitudes and longitudes around y."""
+    latitude, longitude = _grid()
+    components = [np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)]
+    return np.stack(components, axis=-1).reshape(-1, 3)
+
+
+def plot_brake_maps(maps: dict[str, BrakeMap], cables: Floats) -> Figure:
+    """Draw, for walls of all normals, which share of a push stays unresisted.
+
+    Parameters
+    ----------
+    maps : dict
+        By title, side by side: maps over `map_normals`, at one position each.
+    cables : (3, m) array
+        Structure matrix there: where the cables point.
+    """
+    latitude, longitude = _grid()
+    with new_figure((5.2 * len(maps), 3.6), dpi=110) as figure:
+        panels: Any = figure.subplots(1, len(maps), squeeze=False, subplot_kw={"projection": "mollweide"})
+        for axes, (title, found) in zip(panels[0], maps.items(), strict=True):
+            left = (found.chosen.unresisted / found.force).reshape(MAP_ROWS, MAP_COLUMNS)
+            shades = axes.pcolormesh(
+                longitude, latitude, left, vmin=0.0, vmax=1.0, cmap="cividis_r", rasterized=True
+            )
+            axes.contour(
+                longitude, latitude, np.degrees(found.off).reshape(MAP_ROWS, MAP_COLUMNS), [45.0], colors="black"
+            )
+            axes.plot(np.arctan2(cables[0], cables[2]), np.arcsin(cables[1].clip(-1.0, 1.0)), "o", color=RED)
+            axes.set_title(
+                f"{title}: {_mean(found.chosen.unresisted):.1f} of {found.force:g} N unresisted,\n"
+                f"{100 * _mean(found.off <= np.pi / 4):.0f} % of the walls met within 45°"
+            )
+            axes.set_xticklabels([])
+            axes.set_yticklabels([])
+            axes.grid(alpha=0.2)
+        figure.colorbar(shades, ax=panels, label="share of the push that stays unresisted", shrink=0.8)
+        add_legend(
+            figure,
+            2,
+            [
+                ("where a cable points", {"color": RED, "marker": "o", "linestyle": ""}),
+                ("force 45° off the normal", {"color": "black"}),
+            ],
+        )
+    return figure
+
+
+def _grid() -> tuple[Floats, Floats]:
+    latitude, longitude = np.linspace(-np.pi / 2, np.pi / 2, MAP_ROWS), np.linspace(-np.pi, np.pi, MAP_COLUMNS)
+    rows, columns = np.meshgrid(latitude, longitude, indexing="ij")
+    return rows, columns
+
+
+def _mean(values: Any) -> float:
+    """Return the mean over the sphere: the rows of the grid are shorter near the poles."""
+    return float(np.average(values, weights=np.cos(_grid()[0]).ravel()))

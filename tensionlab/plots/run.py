@@ -1,8 +1,7 @@
-"""A run: what was rendered, what the modules pulled with, what held them back, and how punctual it was."""
+"""Figure of a run: wrenches, tensions, status and limiters of the modules, and timing."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,70 +14,58 @@ from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from tensionlab.hardware.log.reader import Run
 
 BINS = 1500
-"""A longer run is drawn in so many stretches: lines by their least and largest value, ribbons and times
-by the worst."""
+"""A longer run is drawn in so many bins: lines by their minimum and maximum, the others by the worst."""
 COLOURS = (BLUE, ORANGE, GREEN)
 """Of the axes x, y and z."""
-HELD = [
+LIMITER_LOOKS = [
     ("free", "#EDEDED", {Limit.NONE}),
     ("taut minimum", "#B5D9F0", {Limit.LOWER}),
-    ("slew", "#F0E442", {Limit.SLEW}),
-    ("largest tension", ORANGE, {Limit.UPPER}),
+    ("slew rate", "#F0E442", {Limit.SLEW}),
+    ("max tension", ORANGE, {Limit.UPPER}),
     ("speed, length, brake", "#CC79A7", {Limit.SPEED, Limit.LENGTH, Limit.RELEASING}),
     ("heat", RED, {Limit.THERMAL}),
     ("idle or timed out", GREY, {Limit.TIMEOUT, Limit.IDLE}),
 ]
-"""What holds a module back, the worse the later."""
-GONE = ("fault, or lost", "#000000")
+"""Limiters of a module, the worse the later."""
+LOST = ("fault, or lost", "#000000")
 """Worse than all those."""
-NAMED = 8
+NAMED_EVENTS = 8
 """So many events are named; of more, the others are lines only."""
-FLOOR = 1e-2
+MIN_TIME_MS = 1e-2
 """Times below are drawn here, in ms."""
-LEAST = 0.05
+MIN_RANGE = 0.05
 """Forces and torques are drawn at least so far up and down, in N and N·m."""
-TIMES = ("late", "host's work", "oldest telemetry")
+TIMES = ("start delay", "compute time", "oldest telemetry")
 
 
-def plot_run(run: Run, path: str | Path) -> None:
-    """Draw a run, from above: wrench, tension of each module, proofs and limits, times.
-
-    Parameters
-    ----------
-    run : Run
-    path : path
-        The suffix chooses the format: png, pdf or svg.
-
-    Raises
-    ------
-    ShapeError
-        If the suffix is no such format.
-    """
+def plot_run(run: Run) -> Figure:
+    """Draw a run, from above: wrench, tension of each module, status and limiters, times."""
     d, m = run.rig.dimension, run.rig.m
     wrenches = [("force (N)", slice(0, d))]
     if run.rig.n > d:
         wrenches.append(("torque (N·m)", slice(d, run.rig.n)))
     heights = [1.7] * len(wrenches) + [0.8] * m + [0.35 + 0.17 * (m + 2), 1.5]
-    with new_figure(path, (13.0, 0.7 + 1.08 * sum(heights))) as figure:
+    with new_figure((13.0, 0.7 + 1.08 * sum(heights))) as figure:
         figure.suptitle(_title(run), fontweight="bold")
         panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
-        tensions, ribbons, times = panels[len(wrenches) : -2], panels[-2], panels[-1]
+        tensions, timeline, times = panels[len(wrenches) : -2], panels[-2], panels[-1]
         for axes, (label, part) in zip(panels, wrenches, strict=False):
             _draw_wrench(axes, run, part)
             axes.set_ylabel(label)
         top = _top(run)
         for index, axes in enumerate(tensions):
             _draw_tension(axes, run, index, top)
-        used = _draw_ribbons(ribbons, run)
+        used = _draw_timeline(timeline, run)
         _draw_times(times, run)
         times.set_xlabel("time (s)")
         for axes in panels:
             axes.margins(x=0.0)
-            if axes is not ribbons:
+            if axes is not timeline:
                 axes.grid()
         if len(run):
             times.set_xlim(0.0, run.time[-1] + 1.0 / run.setup.rate)
@@ -88,20 +75,21 @@ def plot_run(run: Run, path: str | Path) -> None:
         _draw_events(panels, run)
         legend_beside(panels[0], [
             *((axis, {"color": colour}) for axis, colour in zip("xyz"[:d], COLOURS, strict=False)),
-            ("asked for", {"color": GREY, "linewidth": 4, "alpha": 0.35}),
-            ("chosen", {"color": GREY, "linewidth": 1.2}),
-            ("told by the modules", {"color": GREY, "linewidth": 1.0, "linestyle": ":"}),
+            ("desired", {"color": GREY, "linewidth": 4, "alpha": 0.35}),
+            ("commanded", {"color": GREY, "linewidth": 1.2}),
+            ("measured", {"color": GREY, "linewidth": 1.0, "linestyle": ":"}),
         ])  # fmt: skip
         legend_beside(tensions[0], [
-            ("set-point", {"color": BLUE, "linewidth": 1.2}),
-            ("told by the module", {"color": ORANGE, "linewidth": 1.2}),
+            ("commanded", {"color": BLUE, "linewidth": 1.2}),
+            ("measured", {"color": ORANGE, "linewidth": 1.2}),
             ("limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
         ])  # fmt: skip
-        legend_beside(ribbons, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
+        legend_beside(timeline, [(word, {"color": colour, "linewidth": 6}) for word, colour in used])
         legend_beside(times, [
             *((word, {"color": colour}) for word, colour in zip(TIMES, (BLUE, GREEN, ORANGE), strict=True)),
             ("period", {"color": GREY, "linestyle": "--", "linewidth": 0.9}),
         ])  # fmt: skip
+    return figure
 
 
 def _title(run: Run) -> str:
@@ -111,16 +99,16 @@ def _title(run: Run) -> str:
     return f"{run.rig.name}, {run.setup.solver}{policy}: {length}{cut}"
 
 
-def stretches(count: int) -> NDArray[np.int64]:
-    """Where do the stretches begin in which so many cycles are drawn?"""
+def bins_of(count: int) -> NDArray[np.int64]:
+    """Return the first cycle of each bin in which so many cycles are drawn."""
     return np.linspace(0, count, min(count, BINS), endpoint=False).astype(np.int64)
 
 
 def thinned(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Which line looks like this one, with two points a stretch? NaN only where there is nothing else."""
+    """Return a line that looks the same with two points a bin; NaN only where there is nothing else."""
     if len(time) <= 2 * BINS:
         return time, values
-    begins = stretches(len(time))
+    begins = bins_of(len(time))
     extremes = np.stack([np.fmin.reduceat(values, begins), np.fmax.reduceat(values, begins)], axis=1)
     return np.repeat(time[begins], 2), extremes.ravel()
 
@@ -130,20 +118,20 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
 
 
 def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
-    asked, rendered = run.desired[:, part], run.rendered[:, part]
-    pulled = np.einsum("knm,km->kn", run.structure, run.measured)[:, part]
+    desired, commanded = run.desired[:, part], run.rendered[:, part]
+    measured = np.einsum("knm,km->kn", run.structure, run.measured)[:, part]
     # Where there is one torque only, it is that about z.
-    colours = COLOURS if asked.shape[1] > 1 else COLOURS[2:]
-    for index, colour in zip(range(asked.shape[1]), colours, strict=False):
-        _line(axes, run, asked[:, index], color=colour, linewidth=4, alpha=0.35)
-        _line(axes, run, rendered[:, index], color=colour, linewidth=1.2)
-        _line(axes, run, pulled[:, index], color=colour, linewidth=1.0, linestyle=":")
+    colours = COLOURS if desired.shape[1] > 1 else COLOURS[2:]
+    for index, colour in zip(range(desired.shape[1]), colours, strict=False):
+        _line(axes, run, desired[:, index], color=colour, linewidth=4, alpha=0.35)
+        _line(axes, run, commanded[:, index], color=colour, linewidth=1.2)
+        _line(axes, run, measured[:, index], color=colour, linewidth=1.0, linestyle=":")
     low, high = axes.get_ylim()
-    axes.set_ylim(min(low, -LEAST), max(high, LEAST))  # rounding errors are not worth a panel
+    axes.set_ylim(min(low, -MIN_RANGE), max(high, MIN_RANGE))  # rounding errors are not worth a panel
 
 
 def _top(run: Run) -> float:
-    """Up to which tension is drawn? The limit, unless the run stayed far below it."""
+    """Return the upper end of the axes of tensions: above the limit, unless the run stayed far below it."""
     upper = max(run.setup.upper)
     pulled = np.fmax.reduce(np.concatenate([run.commanded.ravel(), run.measured.ravel(), [0.0]]))
     return float(1.12 * upper if pulled > 0.3 * upper or pulled == 0.0 else 1.3 * pulled)
@@ -162,28 +150,28 @@ def _draw_tension(axes: Axes, run: Run, index: int, top: float) -> None:
 
 
 def severity(run: Run) -> NDArray[np.int64]:
-    """How badly was each module held back in each cycle? (K, m), an index of `HELD`; one more if it is gone."""
+    """Return what limited each module in each cycle, (K, m): index of `LIMITER_LOOKS`, one more if it is lost."""
     worst = np.zeros(run.limiters.shape, dtype=np.int64)
-    for level, (_, _, limits) in enumerate(HELD):
+    for level, (_, _, limits) in enumerate(LIMITER_LOOKS):
         worst[np.isin(run.limiters, [int(limit) for limit in limits])] = level
     broken = np.isin(run.states, [int(state) for state in LATCHED_STATES]) | (run.faults != 0) | ~run.active
-    worst[broken] = len(HELD)
+    worst[broken] = len(LIMITER_LOOKS)
     return worst
 
 
-def _draw_ribbons(axes: Axes, run: Run) -> list[tuple[str, str]]:
-    """Draw proofs and limits as ribbons; which of their words and colours were needed?"""
+def _draw_timeline(axes: Axes, run: Run) -> list[tuple[str, str]]:
+    """Draw status and limiters as rows of colours; return the words and colours that were needed."""
     from matplotlib.colors import ListedColormap
 
-    held = [(word, colour) for word, colour, _ in HELD] + [GONE]
-    names = ["proof", *(module.name for module in run.rig.modules)]
+    held = [(word, colour) for word, colour, _ in LIMITER_LOOKS] + [LOST]
+    names = ["status", *(module.name for module in run.rig.modules)]
     axes.set_yticks(np.arange(len(names)) + 0.5, names)
     axes.tick_params(axis="y", length=0, labelsize=8)
     axes.set_ylim(len(names), 0)
     axes.spines["left"].set_visible(False)
     if not len(run):
         return []
-    begins = stretches(len(run))
+    begins = bins_of(len(run))
     edges = np.append(run.time[begins], run.time[-1] + 1.0 / run.setup.rate)
     proofs = np.maximum.reduceat(run.status.astype(np.int64), begins)
     levels = np.maximum.reduceat(severity(run), begins)
@@ -199,22 +187,22 @@ def _draw_ribbons(axes: Axes, run: Run) -> list[tuple[str, str]]:
 
 def _draw_times(axes: Axes, run: Run) -> None:
     oldest = np.fmax.reduce(np.where(run.active, run.ages, np.nan), axis=1)
-    begins = stretches(len(run))
+    begins = bins_of(len(run))
     for seconds, colour in zip((run.start_delay, run.compute_time, oldest), (BLUE, GREEN, ORANGE), strict=True):
         worst = np.fmax.reduceat(seconds, begins) if len(run) else seconds
-        axes.plot(run.time[begins], np.fmax(1e3 * worst, FLOOR), color=colour, linewidth=0.9)
+        axes.plot(run.time[begins], np.fmax(1e3 * worst, MIN_TIME_MS), color=colour, linewidth=0.9)
     axes.axhline(1e3 / run.setup.rate, color=GREY, linestyle="--", linewidth=0.9)
     axes.set_yscale("log")
     axes.set_ylabel("ms")
 
 
 def _draw_events(panels: list[Axes], run: Run) -> None:
-    """Mark when something happened; what comes at the same time shares its name's place."""
+    """Mark the events, the first ones with their names."""
     during = [event for event in run.events if event.cycle >= 0]
     for number, event in enumerate(during):
         for axes in panels:
             axes.axvline(event.time, color=RED, linewidth=0.8, zorder=1)
-        if number < NAMED:
+        if number < NAMED_EVENTS:
             panels[0].annotate(
                 f"{event.kind} {event.module}".strip(), (event.time, 1.0), xycoords=("data", "axes fraction"),
                 xytext=(0, 2), textcoords="offset points", ha="center", va="bottom", color=RED, fontsize=8,

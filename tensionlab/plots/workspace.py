@@ -1,27 +1,24 @@
-"""Where, and how well, rigs can pull: slices, the volume within reach, and force against share of volume.
-
-All are drawn from what `tensionlab.sweep` returns over a grid.
-"""
+"""Figures of a sweep over a grid, from `tensionlab.sweep`: slices, and the share of volume above each value."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import ShapeError
-from tensionlab.plots.field import Field, read_field
 from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
-from tensionlab.plots.surface import level_surface
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
-NONE = "#E4E4E4"
+
+NONE_COLOUR = "#E4E4E4"
 """Where a value is zero or less."""
-PANEL = 3.3
+PANEL_WIDTH = 3.3
 """Width of a panel, in inches."""
 COLUMNS = 4
 """Panels in a row, at most."""
@@ -30,12 +27,12 @@ DASHES = ("-", "--", ":")
 SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [
     ("module", {"color": BLUE, "marker": "s", "ls": ""}),
     ("cable at home", {"color": GREY, "linewidth": 0.8}),
-    ("zero or less", {"color": NONE, "marker": "s", "markersize": 9, "ls": ""}),
+    ("zero or less", {"color": NONE_COLOUR, "marker": "s", "markersize": 9, "ls": ""}),
 ]
 
 
-def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = None) -> None:
-    """Draw a measure over a slice of space for each rig, with the rig in it.
+def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
+    """Draw a metric over a slice of space for each rig, with the rig in it.
 
     In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
     the middle.
@@ -44,21 +41,19 @@ def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = N
     ----------
     swept : Dataset
         From `tensionlab.sweep` over a grid.
-    path : path
-        The suffix chooses the format: png, pdf or svg.
-    measure : str or None
+    metric : str or None
         Name of the variable; None for the first.
 
     Raises
     ------
     ShapeError
-        If there is no such variable or no grid, or the suffix is no such format.
+        If there is no such variable or no grid.
     """
-    field = read_field(swept, measure)
+    field = read_field(swept, metric)
     columns = min(COLUMNS, len(field.names))
     rows = -(-len(field.names) // columns)
     levels = shade_levels([field])
-    with new_figure(path, (1.6 + PANEL * columns, 1.0 + _height(field) * rows)) as figure:
+    with new_figure((1.6 + PANEL_WIDTH * columns, 1.0 + _height(field) * rows)) as figure:
         grid: Any = figure.subplots(rows, columns, squeeze=False)
         for axes in grid.flat[len(field.names) :]:
             axes.set_axis_off()
@@ -68,16 +63,17 @@ def plot_slices(swept: xarray.Dataset, path: str | Path, measure: str | None = N
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND)
+    return figure
 
 
-def plot_measures(swept: xarray.Dataset, path: str | Path) -> None:
-    """Draw every measure of a sweep, a row each, over a slice of space for each rig, a column each.
+def plot_metrics(swept: xarray.Dataset) -> Figure:
+    """Draw every metric of a sweep, a row each, over a slice of space for each rig, a column each.
 
     Parameters and errors as in `plot_slices`.
     """
     fields = [read_field(swept, str(name)) for name in swept.data_vars]
     rigs = len(fields[0].names)
-    with new_figure(path, (1.6 + PANEL * rigs, 1.0 + (_height(fields[0]) - 0.3) * len(fields))) as figure:
+    with new_figure((1.6 + PANEL_WIDTH * rigs, 1.0 + (_height(fields[0]) - 0.3) * len(fields))) as figure:
         grid: Any = figure.subplots(len(fields), rigs, squeeze=False, sharex=True, sharey=True)
         for row, field in zip(grid, fields, strict=True):
             levels = shade_levels([field])
@@ -88,10 +84,11 @@ def plot_measures(swept: xarray.Dataset, path: str | Path) -> None:
         if title := cut_title(fields[0]):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND)
+    return figure
 
 
 def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
-    """Draw a measure over the slice of one rig, and the rig. Returns the shades, for the colour bar."""
+    """Draw a metric over the slice of one rig, and the rig; return the shades, for the colour bar."""
     names, middle = list(field.axes), _middle(field)
     across, along, cut = _plane(field)
     picture = field.values[number]
@@ -101,7 +98,7 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
         raise ShapeError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
-    axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE, linewidth=0)
+    axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE_COLOUR, linewidth=0)
     shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
     if (picture > 0).any():
         axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)
@@ -117,13 +114,13 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
 
 
 def cut_title(field: Field) -> str:
-    """Where the slices cut; nothing in the plane."""
+    """Return where the slices cut, such as "z = 0 m"; nothing for a planar rig."""
     cut = _plane(field)[2]
     return "" if cut is None else f"{cut} = {np.round(field.axes[cut][_middle(field)[cut]], 9) + 0.0:.4g} m"
 
 
 def shade_levels(fields: list[Field]) -> Floats:
-    """Round steps from nothing to the largest value of all."""
+    """Return round steps from nothing to the largest value of all."""
     from matplotlib.ticker import MaxNLocator
 
     top = max(float(np.nanmax(field.values, initial=0.0)) for field in fields) or 1.0
@@ -131,65 +128,21 @@ def shade_levels(fields: list[Field]) -> Floats:
     return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
-def plot_volume(swept: xarray.Dataset, path: str | Path, level: float = 0.0, measure: str | None = None) -> None:
-    """Draw, for each rig, the volume in which a measure is above a level.
-
-    Parameters and errors as in `plot_slices`; also a `ShapeError` for a sweep that is not over a grid in space.
-    """
-    field = read_field(swept, measure)
-    columns = min(3, len(field.names))
-    rows = -(-len(field.names) // columns)
-    with new_figure(path, (4.6 * columns, 0.8 + 4.2 * rows)) as figure:
-        for number, name in enumerate(field.names):
-            axes: Any = figure.add_subplot(rows, columns, number + 1, projection="3d")
-            draw_volume(axes, field, number, level)
-            part = share_above(field.values[number], np.array([level]))[0]
-            axes.set_title(f"{name}: {100 * part:.0f} % of the box", fontsize="medium")
-        figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
-        add_legend(figure, 2, SLICE_LEGEND[:2])
-
-
-def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
-    """Draw the rig of this number, and the volume in which the measure is above a level, in axes in space."""
-    from matplotlib.ticker import MaxNLocator
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
-
-    if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
-        raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
-    anchors = field.anchors[number]
-    ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
-    low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))
-    axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
-    axes.set_box_aspect(high - low, zoom=0.9)
-    for letter, a, b in zip("xyz", low, high, strict=True):
-        axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
-    shares = (high - low) / (high - low).max()
-    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
-        axis.set_pane_color("white")
-        axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
-    triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
-    if len(triangles):
-        colours = _shaded(triangles, "xyz".index(field.up))
-        axes.add_collection3d(Poly3DCollection(triangles, facecolors=colours, alpha=0.55))
-    for anchor, end in zip(anchors, field.ends[number], strict=True):
-        axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
-    axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
-
-
-def plot_shares(swept: xarray.Dataset, path: str | Path, measure: str | None = None) -> None:
-    """Draw, for each rig, in which share of the volume a measure is at least so large.
+def plot_shares(swept: xarray.Dataset, metric: str | None = None) -> Figure:
+    """Draw, for each rig, in which share of the volume a metric is at least so large.
 
     Parameters and errors as in `plot_slices`. A pose without a value counts as one where nothing can be done.
     """
-    field = read_field(swept, measure)
-    with new_figure(path, (7.5, 5.0)) as figure:
+    field = read_field(swept, metric)
+    with new_figure((7.5, 5.0)) as figure:
         axes: Any = figure.add_subplot()
         draw_shares(axes, field)
         axes.legend(title="rig", loc="upper right")
+    return figure
 
 
 def draw_shares(axes: Any, field: Field) -> None:
-    """Draw one curve for each rig: the share of its poses against the least value there."""
+    """Draw one curve for each rig: the share of its poses against the minimum value there."""
     top = float(np.nanmax(field.values, initial=0.0))
     levels = np.linspace(0.0, top if top > 0 else 1.0, 400)
     for number, name in enumerate(field.names):
@@ -202,24 +155,24 @@ def draw_shares(axes: Any, field: Field) -> None:
 
 
 def share_above(values: Floats, levels: Floats) -> Floats:
-    """In which share of all poses is the value at least each level, and above zero?"""
+    """Return the share of all poses with a value of at least each level, and above zero."""
     known = np.sort(np.where(np.isfinite(values) & (values > 0), values, -np.inf).ravel())
     return np.asarray(1.0 - np.searchsorted(known, np.maximum(levels, 1e-300), side="left") / known.size)
 
 
 def _middle(field: Field) -> dict[str, int]:
-    """Index of the middle of each axis."""
+    """Return the index of the middle of each axis."""
     return {name: len(axis) // 2 for name, axis in field.axes.items()}
 
 
 def _height(field: Field) -> float:
-    """How high is the panel of a slice, in inches?"""
+    """Return the height of the panel of a slice, in inches."""
     width, height = (float(np.ptp(field.axes[name])) for name in _plane(field)[:2])
-    return min(max(PANEL * height / width if width > 0 else PANEL, 1.8), 5.5) + 0.7
+    return min(max(PANEL_WIDTH * height / width if width > 0 else PANEL_WIDTH, 1.8), 5.5) + 0.7
 
 
 def _plane(field: Field) -> tuple[str, str, str | None]:
-    """The two axes of the pictures, and the one they cut."""
+    """Return the two axes of the slices, and the one they cut."""
     names = list(field.axes)
     if len(names) == 2:
         return names[0], names[1], None
@@ -229,9 +182,114 @@ def _plane(field: Field) -> tuple[str, str, str | None]:
     return (second, first, cut) if first == field.up else (first, second, cut)
 
 
-def _shaded(triangles: Floats, up: int) -> Floats:
-    """Colours of triangles, lighter where they face up."""
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    light = 0.55 + 0.45 * np.abs(normal[:, up]) / np.where(length > 0, length, 1.0)
-    return np.clip(np.array([0.0, 0.62, 0.45]) * light[:, None] + 0.25 * light[:, None] ** 3, 0.0, 1.0)
+@dataclass(frozen=True)
+class Field:
+    """One metric over a grid, for each of several rigs.
+
+    Attributes
+    ----------
+    values : (rigs, *grid) array
+        NaN where a cable has no length.
+    axes : mapping of name to array
+        Coordinates along each axis of the grid, in m.
+    names : list of str
+        Of the rigs.
+    anchors, ends : lists of (m, d) arrays
+        Of the cables, with the platform at home, in m.
+    label : str
+        Of the metric, with its unit.
+    up : str
+        Name of the axis that points up.
+    """
+
+    values: Floats
+    axes: dict[str, Floats]
+    names: list[str]
+    anchors: list[Floats]
+    ends: list[Floats]
+    label: str
+    up: str
+
+
+def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
+    """Return a metric of a sweep, the first if none is named, with the rigs.
+
+    Raises
+    ------
+    ShapeError
+        If the sweep has no such metric, or is not over a grid of positions alone.
+    """
+    if metric is None:
+        metric = str(next(iter(swept.data_vars)))
+    if metric not in swept.data_vars:
+        known = ", ".join(str(name) for name in swept.data_vars)
+        raise ShapeError(f'the sweep has no metric "{metric}"; it has {known}')
+    values = swept[metric]
+    axes = {name: swept[name].to_numpy() for name in "xyz" if name in values.dims}
+    configurations = swept["kind"].dims
+    other = [str(name) for name in values.dims if name not in axes and name not in configurations]
+    if other or len(axes) < 2:
+        raise ShapeError(f"figures need a sweep over a grid of positions; this one has the axes {values.dims}")
+    anchors, ends = (
+        each.transpose(*configurations, "module", "axis").to_numpy().reshape(-1, *each.shape[-2:])
+        for each in (swept["anchor"], swept["attachment"] + swept["home"])
+    )
+    there = ~np.isnan(anchors).any(axis=-1)
+    ups = {str(up) for up in np.atleast_1d(swept["up"].to_numpy()).ravel()}
+    attributes = values.attrs
+    unit = "" if attributes["units"] == "1" else f" ({attributes['units']})"
+    return Field(
+        values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
+        axes=axes,
+        names=_names(swept, [str(dim) for dim in configurations]),
+        anchors=[each[own] for each, own in zip(anchors, there, strict=True)],
+        ends=[each[own] for each, own in zip(ends, there, strict=True)],
+        label=f"{attributes['long_name']}{unit}",
+        up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
+    )
+
+
+def _names(swept: xarray.Dataset, dims: list[str]) -> list[str]:
+    """Return the name of each configuration: its rig, or the parameters that tell it from the others."""
+    if dims == ["rig"]:
+        return [str(name) for name in swept["rig"].to_numpy()]
+    several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
+    labels = {dim: swept[dim].to_numpy() for dim in dims}
+    index = np.ndindex(*(swept.sizes[dim] for dim in dims))
+    return [
+        ", ".join(f"{dim} {labels[dim][i]}" for dim, i in zip(dims, where, strict=True) if dim in several)
+        for where in index
+    ]
+
+
+def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> Figure:
+    """Draw slices of published rigs and of rigs in one room, and the force that each share of the room allows.
+
+    Parameters
+    ----------
+    published : list of Dataset
+        From `tensionlab.sweep`, one rig in each, with the same metric.
+    room : Dataset
+        Several rigs over the same grid.
+    """
+    singles, many = [read_field(swept) for swept in published], read_field(room)
+    levels = shade_levels([*singles, many])
+    with new_figure((15.0, 9.4), dpi=105) as figure:
+        parts: Any = figure.subfigures(3, 1, height_ratios=(1.15, 0.65, 0.9))
+        top, middle, bottom = parts
+        panels: Any = top.subplots(1, len(singles))
+        top.suptitle(f"Published rigs, {cut_title(singles[0])}", fontsize="medium", fontweight="bold")
+        for axes, field in zip(panels, singles, strict=True):
+            shades = draw_slice(axes, field, 0, levels)
+        top.colorbar(shades, ax=panels, label=many.label)
+        rooms: Any = middle.subplots(1, len(many.names), sharey=True)
+        middle.suptitle(f"One room, {cut_title(many)}", fontsize="medium", fontweight="bold")
+        for number, axes in enumerate(rooms):
+            draw_slice(axes, many, number, levels)
+            axes.label_outer()
+        middle.colorbar(shades, ax=rooms, label=many.label)
+        curves: Any = bottom.subplots()
+        draw_shares(curves, many)
+        curves.legend(title="modules in the room")
+        add_legend(figure, 3, SLICE_LEGEND)
+    return figure

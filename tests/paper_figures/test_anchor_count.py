@@ -2,8 +2,9 @@ import re
 
 import numpy as np
 
-from paper_figures.anchor_count import MEASURE, ROOM, room_rigs, sweep_published, sweep_room
+from paper_figures.anchor_count import METRIC, ROOM, room_rigs, sweep_published, sweep_room
 from tensionlab.plots import plot_anchor_count
+from tensionlab.plots.style import save_figure
 
 
 def test_three_to_eight_modules_stand_on_the_walls_of_the_room():
@@ -20,11 +21,11 @@ def test_three_to_eight_modules_stand_on_the_walls_of_the_room():
 
 def test_the_figure_shows_all_rigs_and_what_more_modules_buy(tmp_path):
     room, published = sweep_room(13), sweep_published(9)
-    shares = [float((room[MEASURE].isel(rig=i) > 1.0).mean()) for i in range(6)]
+    shares = [float((room[METRIC].isel(rig=i) > 1.0).mean()) for i in range(6)]
     assert shares[0] == 0.0  # three modules on the floor pull nothing up
     assert shares == sorted(shares)
     assert shares[-1] > 0.4
-    plot_anchor_count(published, room, tmp_path / "a.svg")
+    save_figure(plot_anchor_count(published, room), tmp_path / "a.svg")
     words = re.findall(r"<!-- (.*?) -->", (tmp_path / "a.svg").read_text(encoding="utf-8"))
     for name in ("bartels2026-validation", "cube-8", "spidar-big, 4 wires", "spidar-big, 8 wires"):
         assert name in words

@@ -1,5 +1,4 @@
 import dataclasses
-import re
 
 import numpy as np
 import pytest
@@ -9,12 +8,10 @@ from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import Limit, State
 from tensionlab.plots import plot_run
-from tensionlab.plots.run import BINS, HELD, severity, stretches, thinned
+from tensionlab.plots.run import BINS, LIMITER_LOOKS, bins_of, severity, thinned
+from tensionlab.plots.style import save_figure
 from tests.support import runs
-
-
-def words_of(path):
-    return re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
+from tests.support.figures import words_of
 
 
 @pytest.fixture(scope="module")
@@ -25,10 +22,19 @@ def lossy(tmp_path_factory):
 
 
 def test_a_picture_names_what_is_in_it(tmp_path, lossy):
-    plot_run(lossy, tmp_path / "run.svg")
+    save_figure(plot_run(lossy), tmp_path / "run.svg")
     words = words_of(tmp_path / "run.svg")
     names = [module.name for module in lossy.rig.modules]
-    for word in ("force (N)", "time (s)", "ms", "proof", "exact", "proved out of reach", "fault, or lost", *names):
+    for word in (
+        "force (N)",
+        "time (s)",
+        "ms",
+        "proof",
+        "exact",
+        "certified infeasible",
+        "fault, or lost",
+        *names,
+    ):
         assert word in words, word
     assert "torque (N·m)" not in words
     assert f"lost {names[2]}" in words
@@ -37,19 +43,19 @@ def test_a_picture_names_what_is_in_it(tmp_path, lossy):
 
 
 def test_a_log_that_was_cut_off_says_so(tmp_path, lossy):
-    plot_run(dataclasses.replace(lossy, complete=False), tmp_path / "run.svg")
+    save_figure(plot_run(dataclasses.replace(lossy, complete=False)), tmp_path / "run.svg")
     assert any("the log was cut off" in word for word in words_of(tmp_path / "run.svg"))
 
 
 def test_a_run_without_a_cycle_is_an_empty_picture(tmp_path):
     runs.logged(tmp_path / "run.mcap", runs.four(), 0)
-    plot_run(read_run(tmp_path / "run.mcap"), tmp_path / "run.svg")
+    save_figure(plot_run(read_run(tmp_path / "run.mcap")), tmp_path / "run.svg")
     assert "no cycle in the log" in words_of(tmp_path / "run.svg")
 
 
 def test_torques_have_a_panel_of_their_own(tmp_path):
     runs.logged(tmp_path / "run.mcap", tl.load_rig(runs.RIGS / "cogiro.toml"), 30)
-    plot_run(read_run(tmp_path / "run.mcap"), tmp_path / "run.svg")
+    save_figure(plot_run(read_run(tmp_path / "run.mcap")), tmp_path / "run.svg")
     assert "torque (N·m)" in words_of(tmp_path / "run.svg")
 
 
@@ -63,7 +69,7 @@ def test_in_a_long_run_nothing_is_overlooked(tmp_path, lossy):
     assert (line.max(), line.min()) == (7.0, -3.0)
     assert at[line.argmax()] == pytest.approx(123.45, abs=0.3)
     assert np.isfinite(line).all()
-    assert len(stretches(count)) == BINS
+    assert len(bins_of(count)) == BINS
 
 
 def test_one_bad_cycle_of_thousands_is_seen(tmp_path):
@@ -71,22 +77,22 @@ def test_one_bad_cycle_of_thousands_is_seen(tmp_path):
     short = read_run(tmp_path / "run.mcap")
     many = {name: np.concatenate([getattr(short, name)] * 100) for name in COLUMNS}
     long = dataclasses.replace(short, **{**many, "time": np.arange(5000) / 50.0})
-    plot_run(long, tmp_path / "good.svg")
+    save_figure(plot_run(long), tmp_path / "good.svg")
     assert "fault, or lost" not in words_of(tmp_path / "good.svg")
     long.faults[3335, 1] = 1
-    plot_run(long, tmp_path / "bad.svg")
+    save_figure(plot_run(long), tmp_path / "bad.svg")
     assert "fault, or lost" in words_of(tmp_path / "bad.svg")
 
 
 def test_the_worst_comes_first():
-    order = [limits for _, _, limits in HELD]
+    order = [limits for _, _, limits in LIMITER_LOOKS]
     assert set().union(*order) == set(Limit)
     assert sum(len(limits) for limits in order) == len(Limit)
 
 
 def test_what_held_a_module_back(lossy):
     levels = severity(lossy)
-    free, taut, gone = 0, 1, len(HELD)
+    free, taut, gone = 0, 1, len(LIMITER_LOOKS)
     assert set(np.unique(levels)) == {free, taut, gone}
     assert (levels[50:, 2] == gone).all()
     assert (levels[:50, 2] != gone).all()
@@ -95,6 +101,6 @@ def test_what_held_a_module_back(lossy):
 
 
 def test_the_same_run_makes_the_same_file(tmp_path, lossy):
-    plot_run(lossy, tmp_path / "one.png")
-    plot_run(lossy, tmp_path / "two.png")
+    save_figure(plot_run(lossy), tmp_path / "one.png")
+    save_figure(plot_run(lossy), tmp_path / "two.png")
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()

@@ -1,21 +1,16 @@
-import re
-
 import numpy as np
 import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.plots import plot_layouts, plot_measures, plot_shares, plot_slices, plot_volume
-from tensionlab.plots.field import read_field
-from tensionlab.plots.workspace import share_above
+from tensionlab.plots import plot_layouts, plot_metrics, plot_shares, plot_slices, plot_volume
+from tensionlab.plots.style import save_figure
+from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.configurations import vary
+from tests.support.figures import words_of
 
 AXIS = np.linspace(-0.45, 0.45, 7)
-
-
-def words_of(path):
-    return re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
@@ -24,17 +19,17 @@ def swept():
     return tl.sweep(rigs, Grid(AXIS, AXIS, AXIS), ["capacity-margin", "condition-number"], progress=False)
 
 
-def test_slices_name_the_rigs_the_measure_and_where_they_cut(tmp_path, swept):
-    plot_slices(swept, tmp_path / "s.svg")
+def test_slices_name_the_rigs_the_metric_and_where_they_cut(tmp_path, swept):
+    save_figure(plot_slices(swept), tmp_path / "s.svg")
     words = words_of(tmp_path / "s.svg")
     for word in ("box-corners", "alternate-corners", "capacity margin (N)", "z = 0 m", "x (m)", "y (m)", "module"):
         assert word in words, word
-    plot_slices(swept, tmp_path / "c.svg", "condition-number")
+    save_figure(plot_slices(swept, "condition-number"), tmp_path / "c.svg")
     assert "condition number of the structure matrix" in words_of(tmp_path / "c.svg")
 
 
-def test_measures_are_rows_and_rigs_columns(tmp_path, swept):
-    plot_measures(swept, tmp_path / "m.svg")
+def test_metrics_are_rows_and_rigs_columns(tmp_path, swept):
+    save_figure(plot_metrics(swept), tmp_path / "m.svg")
     words = words_of(tmp_path / "m.svg")
     assert words.count("box-corners") == words.count("alternate-corners") == 2
     assert words.count("capacity margin (N)") == words.count("condition number of the structure matrix") == 1
@@ -51,12 +46,14 @@ def test_a_slice_shows_the_values_of_its_plane(swept):
 
 def test_where_one_axis_has_one_point_that_is_the_slice(tmp_path):
     rig = tl.box_corners((1, 1, 1))
-    plot_slices(tl.sweep(rig, Grid(AXIS, [0.1], AXIS), "capacity-margin", progress=False), tmp_path / "s.svg")
+    save_figure(
+        plot_slices(tl.sweep(rig, Grid(AXIS, [0.1], AXIS), "capacity-margin", progress=False)), tmp_path / "s.svg"
+    )
     assert "y = 0.1 m" in words_of(tmp_path / "s.svg")
 
 
 def test_volumes_say_which_share_of_the_box_they_are(tmp_path, swept):
-    plot_volume(swept, tmp_path / "v.svg")
+    save_figure(plot_volume(swept), tmp_path / "v.svg")
     words = words_of(tmp_path / "v.svg")
     share = float((swept["capacity-margin"].isel(rig=0) > 0).mean())
     assert f"box-corners: {100 * share:.0f} % of the box" in words
@@ -71,7 +68,7 @@ def test_shares_fall_from_all_that_is_above_zero_to_nothing():
 def test_curves_are_called_by_what_tells_the_rigs_apart(tmp_path):
     rigs = vary(tl.ring_plus_top, side=1.0, count=[3, 4])
     found = tl.sweep(rigs, Grid(AXIS, AXIS + 0.6, AXIS), "capacity-margin", progress=False)
-    plot_shares(found, tmp_path / "c.svg")
+    save_figure(plot_shares(found), tmp_path / "c.svg")
     words = words_of(tmp_path / "c.svg")
     assert "count 3" in words
     assert "count 4" in words
@@ -81,29 +78,29 @@ def test_pictures_of_a_planar_rig(tmp_path):
     modules = tuple(tl.Module(f"{x} {y}", np.array([x, y]), 0.5, 6.0) for x in (-1, 1) for y in (-1, 1))
     rig = tl.Rig("square", "planar-point", modules, np.zeros(2))
     found = tl.sweep(rig, Grid(AXIS, AXIS), "capacity-margin", progress=False)
-    plot_slices(found, tmp_path / "s.svg")
+    save_figure(plot_slices(found), tmp_path / "s.svg")
     with pytest.raises(ShapeError, match="several x, y and z"):
-        plot_volume(found, tmp_path / "v.svg")
+        save_figure(plot_volume(found), tmp_path / "v.svg")
 
 
 def test_what_cannot_be_drawn_is_refused(tmp_path, swept):
-    with pytest.raises(ShapeError, match='no measure "margin"; it has capacity-margin, condition-number'):
-        plot_slices(swept, tmp_path / "s.svg", "margin")
+    with pytest.raises(ShapeError, match='no metric "margin"; it has capacity-margin, condition-number'):
+        save_figure(plot_slices(swept, "margin"), tmp_path / "s.svg")
     along = tl.sweep(tl.box_corners((1, 1, 1)), np.zeros((3, 3)), "capacity-margin", progress=False)
     with pytest.raises(ShapeError, match="grid"):
-        plot_shares(along, tmp_path / "c.svg")
+        save_figure(plot_shares(along), tmp_path / "c.svg")
 
 
 def test_a_grid_too_coarse_to_draw_is_refused(tmp_path):
     coarse = tl.sweep(tl.box_corners((1, 1, 1)), Grid([0.0], [0.1], [0.2]), "capacity-margin", progress=False)
     with pytest.raises(ShapeError, match=r"needs two positions or more along .*; give a smaller step"):
-        plot_slices(coarse, tmp_path / "s.svg")
+        save_figure(plot_slices(coarse), tmp_path / "s.svg")
 
 
 def test_the_same_sweep_makes_the_same_file(tmp_path, swept):
     for draw in (plot_slices, plot_volume, plot_shares):
-        draw(swept, tmp_path / "one.png")
-        draw(swept, tmp_path / "two.png")
+        save_figure(draw(swept), tmp_path / "one.png")
+        save_figure(draw(swept), tmp_path / "two.png")
         assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
 
 
@@ -111,7 +108,7 @@ def test_before_and_after_a_search(tmp_path, swept):
     near = np.linspace(-0.1, 0.1, 5)
     rigs = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
     target = tl.sweep(rigs, Grid(near, near, near), "capacity-margin", progress=False)
-    plot_layouts(swept, target, tmp_path / "l.svg", level=1.0)
+    save_figure(plot_layouts(swept, target, level=1.0), tmp_path / "l.svg")
     words = words_of(tmp_path / "l.svg")
     for word in ("box-corners", "alternate-corners", "target", "share of the target (%)"):
         assert word in words, word

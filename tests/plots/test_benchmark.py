@@ -1,6 +1,5 @@
 """The pictures of a benchmark name what they show, and are the same from the same results."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +9,8 @@ from tensionlab.benchmark.results import EVIDENCE
 from tensionlab.errors import ShapeError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
 from tensionlab.plots.labels import _cost, _distance, _places
+from tensionlab.plots.style import save_figure
+from tests.support.figures import words_of
 
 DRAW = {
     "profile": plot_profile,
@@ -21,17 +22,12 @@ DRAW = {
 each = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 
 
-def words_of(path):
-    """Every word in an SVG, which matplotlib keeps as comments beside the outlines."""
-    return re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
-
-
 @each
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
 def test_the_same_results_make_the_same_file(tmp_path, bench_results, draw, suffix):
     one, two = tmp_path / f"one.{suffix}", tmp_path / f"two.{suffix}"
-    draw(bench_results, one)
-    draw(bench_results, two)
+    save_figure(draw(bench_results), one)
+    save_figure(draw(bench_results), two)
     assert one.read_bytes() == two.read_bytes()
     assert one.stat().st_size > 10_000
 
@@ -39,16 +35,16 @@ def test_the_same_results_make_the_same_file(tmp_path, bench_results, draw, suff
 @pytest.mark.parametrize(
     ("draw", "words"),
     [
-        (plot_profile, ["newton", "closed-form", "osqp", "share of problems", "peer, tight settings"]),
-        (plot_accuracy, ["newton", "daqp", "cvxpy", "median time of a call (µs)", "peer, default settings"]),
-        (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "tensionlab, others"]),
-        (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "out of reach"]),
-        (plot_summary, ["newton", "daqp", "typical time of a call (µs)", "largest error of all answers (N)"]),
+        (plot_profile, ["newton", "closed-form", "osqp", "share of problems", "baseline, tight settings"]),
+        (plot_accuracy, ["newton", "daqp", "cvxpy", "median time of a call (µs)", "baseline, default settings"]),
+        (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "built-in, others"]),
+        (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "infeasible"]),
+        (plot_summary, ["newton", "daqp", "typical time of a call (µs)", "max error of all answers (N)"]),
     ],
     ids=DRAW,
 )
 def test_what_is_shown_is_named(tmp_path, bench_results, draw, words):
-    draw(bench_results, tmp_path / "p.svg")
+    save_figure(draw(bench_results), tmp_path / "p.svg")
     shown = words_of(tmp_path / "p.svg")
     for word in words:
         assert word in shown, word
@@ -59,21 +55,21 @@ def test_who_answered_nothing_is_left_out(tmp_path, bench_results, draw):
     nothing = {"call_s": [], "errors": [], "violations": [], "gaps": [], "path_mm": []}
     nothing |= {"sgm_s": np.nan, "median_s": np.nan}
     absent = [replace(row, solver="absent", **nothing) for row in bench_results.rows if row.label == "newton"]
-    draw(replace(bench_results, rows=(*bench_results.rows, *absent)), tmp_path / "p.svg")
+    save_figure(draw(replace(bench_results, rows=(*bench_results.rows, *absent))), tmp_path / "p.svg")
     assert not any("absent" in word for word in words_of(tmp_path / "p.svg"))
 
 
 def test_the_summary_needs_no_evidence(tmp_path, bench_results):
     plain = tuple(replace(row, **{name: [] for name in EVIDENCE}) for row in bench_results.rows)
-    plot_summary(bench_results, tmp_path / "one.svg")
-    plot_summary(replace(bench_results, rows=plain), tmp_path / "two.svg")
+    save_figure(plot_summary(bench_results), tmp_path / "one.svg")
+    save_figure(plot_summary(replace(bench_results, rows=plain)), tmp_path / "two.svg")
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
 
 
 def test_without_a_trajectory_there_is_no_picture_of_one(tmp_path, bench_results):
     rows = tuple(bench_results.of_set("point"))
     with pytest.raises(ShapeError, match="no trajectory"):
-        plot_continuity(replace(bench_results, rows=rows), tmp_path / "p.png")
+        save_figure(plot_continuity(replace(bench_results, rows=rows)), tmp_path / "p.png")
 
 
 def test_a_name_avoids_what_is_there_and_stays_inside():

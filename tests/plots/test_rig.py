@@ -2,7 +2,8 @@ import numpy as np
 
 import tensionlab as tl
 from tensionlab.haptics.brakes.map import brake_map
-from tensionlab.plots.brakes import map_normals, plot_brake_maps
+from tensionlab.plots.rig import map_normals, plot_brake_maps
+from tensionlab.plots.style import save_figure
 
 
 def test_the_map_of_brakeable_directions(tmp_path):
@@ -14,5 +15,5 @@ def test_the_map_of_brakeable_directions(tmp_path):
         "Motors and brakes": brake_map(U, normals, 50.0, rig.limits, np.full(3, 186.0)),
     }
     for name in ("one.png", "two.png"):
-        plot_brake_maps(maps, U, tmp_path / name)
+        save_figure(plot_brake_maps(maps, U), tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.plots.surface import level_surface
+from tensionlab.plots.volume import level_surface
 
 AXIS = np.linspace(-1.2, 1.2, 31)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tensionlab.plots.scale import two_scales
+from tensionlab.plots.style import two_scales
 
 
 def test_one_scale_is_enough_for_what_motors_pull():

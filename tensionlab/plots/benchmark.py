@@ -1,0 +1,297 @@
+"""Figures of a benchmark: performance profile, time against accuracy, worst case, and continuity of tensions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from tensionlab.benchmark.entries import WRAPPERS
+from tensionlab.benchmark.report import newton as force
+from tensionlab.benchmark.statistics import jumps, maximum, profile, quantile
+from tensionlab.errors import ShapeError
+from tensionlab.plots.labels import label_points
+from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from tensionlab.arrays import Floats
+    from tensionlab.benchmark.results import Results, Row
+
+
+EXACT_N = 1e-6
+"""An answer with an error up to this is exact, as the interface verifies."""
+MIN_ERROR_N = 1e-16
+"""Errors below are drawn here: rounding."""
+NO_ANSWER_N = 1e3
+"""Where an entry is drawn whose errors are larger, or that gave too few answers."""
+SIZE = (8.0, 6.2)
+"""Of a figure of time against accuracy, in inches."""
+LOOKS = {
+    "newton": ("newton", BLUE, "o"),
+    "built-in": ("built-in, others", GREEN, "s"),
+    "default": ("baseline, default settings", ORANGE, "o"),
+    "tight": ("baseline, tight settings", RED, "D"),
+}
+"""Name, colour and marker of each kind of entry."""
+
+
+class Dot(NamedTuple):
+    """One entry: its name, its kind in `LOOKS`, its time in s and its error in N (infinite: no answer)."""
+
+    name: str
+    kind: str
+    time: float
+    error: float
+
+
+def plot_summary(results: Results) -> Figure:
+    """Draw the time and the worst error of each entry in the feasible sets.
+
+    Needs no evidence for single problems. Across: the median call, as the geometric mean over the sets. Up: the
+    largest error of all, of the wrench or the limits. Those that did not answer all problems are at the top.
+    """
+    sets = [name for name, about in results.sets.items() if about["reachable"] == "all"]
+    rows: dict[str, dict[str, Row]] = {}
+    for row in results.rows:
+        if row.problem_set in sets and np.isfinite(row.median_s):
+            rows.setdefault(row.label, {}).setdefault(row.problem_set, row)
+    dots = []
+    for label, each in rows.items():
+        if len(each) < len(sets):
+            continue
+        answered = all(row.refused + row.failed == 0 for row in each.values())
+        error = max(max(row.error_max, row.violation_max) for row in each.values())
+        time = float(np.exp(np.mean([np.log(row.median_s) for row in each.values()])))
+        first = next(iter(each.values()))
+        name = short_name(label).partition(",")[0]
+        dots.append(Dot(name, kind(first), time, error if answered else np.inf))
+    with new_figure(SIZE) as figure:
+        draw_dots(figure, dots, "typical time of a call (µs)", "max error of all answers (N)")
+    return figure
+
+
+def draw_dots(figure: Any, dots: Sequence[Dot], across: str, up: str) -> None:
+    """Draw entries as dots with names; a line leads from a baseline's default settings to its tight ones."""
+    axes = figure.add_subplot()
+    points: dict[str, list[tuple[float, float]]] = {}
+    for name, look, time, error in dots:
+        place = (1e6 * time, NO_ANSWER_N if not error <= NO_ANSWER_N else max(error, MIN_ERROR_N))
+        _, colour, marker = LOOKS[look]
+        axes.plot(*place, marker=marker, color=colour, linestyle="", markersize=6.5, zorder=3)
+        points.setdefault(name, []).append(place)
+    for ends in points.values():
+        axes.plot(*zip(*ends, strict=True), color="#BBBBBB", linewidth=1.0, zorder=2)
+    axes.axhline(EXACT_N, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
+    axes.annotate("exact from here on down", (0, EXACT_N), xycoords=("axes fraction", "data"), xytext=(3, -3),
+                  textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
+    axes.set(xscale="log", yscale="log", xlabel=across, ylim=(MIN_ERROR_N, 10 * NO_ANSWER_N), ylabel=up)
+    ticks = 10.0 ** np.arange(-15, 1, 3)
+    powers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
+    axes.set_yticks([*ticks, NO_ANSWER_N], [*powers, "over $10^3$,\nor none"], parse_math=True)
+    axes.minorticks_off()
+    axes.grid()
+    times = [time for ends in points.values() for time, _ in ends]
+    axes.set_xlim(min(times) / 1.6, 1.6 * max(times))
+    ticks = np.outer(10.0 ** np.arange(-1, 7), [1, 2, 5]).ravel()
+    ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    add_kind_legend(figure, [dot.kind for dot in dots])
+    label_points(figure, axes, points)
+
+
+def add_kind_legend(figure: Any, kinds: Sequence[str], marked: bool = True) -> None:
+    """Put a legend of the kinds of entries below the panels."""
+    shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
+    add_legend(figure, len(shown), [
+        (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
+        for name, colour, marker in shown
+    ])  # fmt: skip
+
+
+def kind(row: Row) -> str:
+    """Return the kind of an entry, a key of `LOOKS`."""
+    return row.setting if row.setting != "proved" else "newton" if row.solver == "newton" else "built-in"
+
+
+def short_name(label: str) -> str:
+    """Return the name of an entry in figures: without qpsolvers, but for the baseline that is there twice."""
+    short = label.removeprefix("qpsolvers:")
+    return short.replace("daqp", "daqp (qpsolvers)") if short != label else short
+
+
+MAX_RATIO = 1e4
+"""Ratios above are not drawn."""
+COLUMNS = 4
+"""Panels beside each other."""
+
+
+def plot_profile(results: Results) -> Figure:
+    """Draw for which share of the problems each entry is within so many times the fastest.
+
+    Dolan and Moré's performance profile, over all feasible sets, of answers to 1e-6 N. One panel for
+    each solver, with newton and, in grey, all the others.
+    """
+    lines = _pooled(results)
+    labels = list(lines)
+    seconds = np.column_stack([lines[label].seconds for label in labels])
+    solved = np.column_stack([lines[label].error <= EXACT_N for label in labels])
+    ratios = dict(zip(labels, profile(seconds, solved, np.isfinite(seconds)), strict=True))
+    panels = list(dict.fromkeys(lines[label].name for label in labels))
+
+    def draw(axes: Axes, name: str) -> None:
+        for label, own in ratios.items():
+            if not own.size:
+                continue
+            mine, newton = lines[label].name == name, lines[label].kind == "newton"
+            colour = LOOKS[lines[label].kind][1] if mine or newton else "#D8D8D8"
+            width, front = (1.8, 3) if mine else (1.1, 2 if newton else 1)
+            reached = own[np.isfinite(own)]
+            x = np.concatenate([[1.0], reached, [MAX_RATIO]])
+            y = np.append(np.arange(len(reached) + 1), len(reached)) / len(own)
+            axes.step(x, y, where="post", color=colour, linewidth=width, zorder=front)
+        axes.set(xscale="log", xlim=(1, MAX_RATIO), ylim=(0, 1.03), title=name)
+
+    with new_figure((9.0, 0.9 + 1.75 * -(-len(panels) // COLUMNS))) as figure:
+        _grid(figure, panels, draw, "time / fastest time", "share of problems")
+        add_kind_legend(figure, [lines[label].kind for label in labels], marked=False)
+    return figure
+
+
+def plot_accuracy(results: Results) -> Figure:
+    """Draw the time and the accuracy of each entry, over all feasible sets.
+
+    Across: the median call. Up: the error that 99 % of its answers do not exceed, of the wrench and the limits.
+    A line leads from a baseline's default settings to its tight ones.
+    """
+    dots = []
+    for line in _pooled(results).values():
+        error = quantile(np.where(np.isfinite(line.seconds), line.error, np.nan), 0.99)
+        time = quantile(line.seconds, 0.5)
+        dots.append(Dot(line.name, line.kind, time, error if line.missing <= 0.01 else np.inf))
+    words = "median time of a call (µs)", "error that 99 % of the answers do not exceed (N)"
+    with new_figure(SIZE) as figure:
+        draw_dots(figure, dots, *words)
+    return figure
+
+
+def plot_worst(results: Results) -> Figure:
+    """Draw the median, the 99.9 % quantile and the worst time of each entry, over all feasible sets."""
+    lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
+    with new_figure((7.5, 1.3 + 0.22 * len(lines))) as figure:
+        axes = figure.add_subplot()
+        for place, line in enumerate(lines):
+            median, slow = (1e6 * quantile(line.seconds, share) for share in (0.5, 0.999))
+            worst = 1e6 * float(np.nanmax(line.seconds))
+            _, colour, marker = LOOKS[line.kind]
+            axes.plot([median, worst], [place, place], color=colour, linewidth=0.9)
+            axes.plot(
+                [median, slow], [place, place], color=colour, linewidth=4.5, solid_capstyle="butt", alpha=0.45
+            )
+            axes.plot(median, place, marker=marker, color=colour, markersize=5.5)
+            axes.plot(worst, place, marker="|", color=colour, markersize=8, markeredgewidth=1.6)
+        axes.set_yticks(range(len(lines)), [line.label for line in lines])
+        axes.set_ylim(len(lines) - 0.4, -0.6)
+        axes.set(xscale="log", xlabel="time of a call (µs): median, 99.9 % (bar), worst (tick)")
+        axes.tick_params(axis="y", length=0)
+        axes.spines["left"].set_visible(False)
+        axes.grid(axis="x")
+        add_kind_legend(figure, [line.kind for line in lines])
+    return figure
+
+
+def plot_continuity(results: Results) -> Figure:
+    """Draw the tensions of all cables along the first trajectory of the results, one panel for each solver.
+
+    Baselines are drawn at their defaults. A gap is where there is no answer.
+
+    Raises
+    ------
+    ShapeError
+        If there is no trajectory in the results.
+    """
+    rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]
+    if not rows:
+        raise ShapeError("no trajectory in these results; measure the set `trajectory`")
+    alone = [row.nearest is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
+    names = [
+        short_name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
+        for row, single in zip(rows, alone, strict=True)
+    ]
+    panels = dict(zip(names, rows, strict=True))
+    highest = max(float(np.nanmax(row.path_tensions)) for row in rows)
+
+    def draw(axes: Axes, name: str) -> None:
+        row = panels[name]
+        way, reachable = np.array(row.path_mm), np.array(row.path_reachable)
+        tensions = np.array(row.path_tensions).reshape(len(way), -1)
+        axes.fill_between(way, 0, 2 * highest, where=~reachable, color="#EEEEEE", linewidth=0, step="mid")
+        axes.plot(way, tensions, linewidth=1.0)
+        axes.set(xlim=(way[0], way[-1]), ylim=(0, 1.05 * highest))
+        axes.set_title(name, fontsize=8.5, pad=14)
+        jump = f"max jump {force(maximum(jumps(tensions, way)))} N/mm"
+        axes.text(0.0, 1.04, jump, transform=axes.transAxes, fontsize=8, color="#555555")
+
+    with new_figure((9.5, 0.7 + 1.6 * -(-len(panels) // COLUMNS))) as figure:
+        _grid(figure, list(panels), draw, "path (mm)", "tension (N)")
+        add_legend(figure, 2, [
+            ("one cable each", {"color": BLUE, "linewidth": 1.0}),
+            ("infeasible", {"color": "#EEEEEE", "linewidth": 8}),
+        ])  # fmt: skip
+    return figure
+
+
+def _drawable(row: Row) -> bool:
+    """Return whether there are tensions along the trajectory that no other panel shows."""
+    alone = row.solver.partition(":")[0] not in WRAPPERS or row.setting != "proved"
+    return alone and bool(np.isfinite(row.path_tensions).any())
+
+
+class _Line:
+    """One entry over the problems of all feasible sets: times, errors, how often it had no answer."""
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        first = rows[0]
+        self.label = short_name(first.label)
+        self.name = self.label.partition(",")[0]
+        self.kind = kind(first)
+        self.seconds: Floats = np.concatenate([np.array(row.call_s) for row in rows])
+        errors = [np.maximum(row.errors, row.violations) for row in rows]
+        self.error: Floats = np.concatenate(errors)
+        tried = sum(row.tried for row in rows)
+        self.missing = sum(row.refused + row.failed for row in rows) / max(1, tried)
+
+
+def _pooled(results: Results) -> dict[str, _Line]:
+    """Return the entries that answered anything in the feasible sets or, without any such set, in all."""
+    names = [name for name, about in results.sets.items() if about["reachable"] == "all"] or list(results.sets)
+    rows: dict[str, dict[str, Row]] = {}
+    for row in results.rows:
+        if row.problem_set in names and row.call_s:
+            rows.setdefault(short_name(row.label), {}).setdefault(row.problem_set, row)
+    there = {label: list(each.values()) for label, each in rows.items() if len(each) == len(names)}
+    lines = {label: _Line(each) for label, each in there.items()}
+    drawn = {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
+    if not drawn:
+        raise ShapeError("no answers in these results that could be drawn")
+    return drawn
+
+
+def _grid(figure: Any, names: Sequence[str], draw: Callable[[Axes, str], None], across: str, up: str) -> None:
+    """Draw panels of one scale, the axes named once."""
+    count = -(-len(names) // COLUMNS)
+    grid = figure.subplots(count, COLUMNS, sharex=True, sharey=True, squeeze=False)
+    for place, axes in enumerate(grid.flat):
+        if place >= len(names):
+            axes.set_visible(False)
+            continue
+        draw(axes, names[place])
+        axes.grid()
+        if place + COLUMNS >= len(names):
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(across)
+        if place % COLUMNS == 0:
+            axes.set_ylabel(up)

@@ -1,0 +1,157 @@
+"""Figures of volumes: where a metric of a sweep is above a level, before and after a search for a layout."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import ShapeError
+from tensionlab.plots.style import BLUE, GREY, ORANGE, add_legend, new_figure
+from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, share_above
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+
+def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: float) -> Floats:
+    """Return triangles (k, 3, 3), in m, around all that is above the level.
+
+    Each cell of the grid is cut into six tetrahedra, and each of those by a plane where its corners lie on
+    different sides of the level. The grid is taken to be below the level outside its borders, so that the
+    surface is closed.
+
+    Source: Doi and Koide, "An efficient method of triangulating equi-valued surfaces by using tetrahedral
+    cells", 1991.
+
+    Parameters
+    ----------
+    values : (a, b, c) array
+        On the grid; NaN counts as below the level.
+    axes : arrays of length a, b and c
+        Coordinates, in m.
+    level : float
+    """
+    low = level - 1e-3 * (np.nanmax(values, initial=level) - level) - 1e-12
+    padded = np.pad(np.where(np.isfinite(values), values, low), 1, constant_values=low) - level
+    # Just outside the border, so that the surface closes there.
+    coordinates = [np.concatenate([axis[:1], axis, axis[-1:]]) for axis in axes]
+    steps = np.array([[(np.arange(3) < k)[list(order)] for k in range(4)] for order in permutations(range(3))])
+    cells = np.stack(np.meshgrid(*(np.arange(n - 1) for n in padded.shape), indexing="ij"), axis=-1).reshape(-1, 3)
+    tetrahedra = (cells[:, None, None, :] + steps.astype(int)).reshape(-1, 4, 3)
+    above = padded[tuple(np.moveaxis(tetrahedra, -1, 0))]
+    inside = (above > 0).sum(axis=1)
+    found = []
+    for count, ring in (
+        (1, [(0, 1), (0, 2), (0, 3)]),
+        (2, [(0, 2), (0, 3), (1, 3), (1, 2)]),
+        (3, [(0, 3), (1, 3), (2, 3)]),
+    ):
+        chosen = inside == count
+        order = np.argsort(-above[chosen], axis=1)
+        height = np.take_along_axis(above[chosen], order, axis=1)
+        index = np.take_along_axis(tetrahedra[chosen], order[..., None], axis=1)
+        points = np.stack([axis[index[..., i]] for i, axis in enumerate(coordinates)], axis=-1)
+        share = {(i, j): height[:, i] / (height[:, i] - height[:, j]) for i, j in ring}
+        corners = [points[:, i] + share[i, j][:, None] * (points[:, j] - points[:, i]) for i, j in ring]
+        found.append(np.stack(corners[:3], axis=1))
+        if count == 2:
+            found.append(np.stack([corners[0], corners[2], corners[3]], axis=1))
+    return np.concatenate(found)
+
+
+def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None) -> Figure:
+    """Draw, for each rig, the volume in which a metric is above a level.
+
+    Parameters and errors as in `plot_slices`; also a `ShapeError` for a sweep that is not over a grid in space.
+    """
+    field = read_field(swept, metric)
+    columns = min(3, len(field.names))
+    rows = -(-len(field.names) // columns)
+    with new_figure((4.6 * columns, 0.8 + 4.2 * rows)) as figure:
+        for number, name in enumerate(field.names):
+            axes: Any = figure.add_subplot(rows, columns, number + 1, projection="3d")
+            draw_volume(axes, field, number, level)
+            part = share_above(field.values[number], np.array([level]))[0]
+            axes.set_title(f"{name}: {100 * part:.0f} % of the box", fontsize="medium")
+        figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
+        add_legend(figure, 2, SLICE_LEGEND[:2])
+    return figure
+
+
+def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
+    """Draw the rig of this number, and the volume in which the metric is above a level, in axes in space."""
+    from matplotlib.ticker import MaxNLocator
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
+        raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
+    anchors = field.anchors[number]
+    ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
+    low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))
+    axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
+    axes.set_box_aspect(high - low, zoom=0.9)
+    for letter, a, b in zip("xyz", low, high, strict=True):
+        axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
+    shares = (high - low) / (high - low).max()
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
+        axis.set_pane_color("white")
+        axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
+    triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
+    if len(triangles):
+        colours = _shaded(triangles, "xyz".index(field.up))
+        axes.add_collection3d(Poly3DCollection(triangles, facecolors=colours, alpha=0.55))
+    for anchor, end in zip(anchors, field.ends[number], strict=True):
+        axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=0.8)
+    axes.plot(*anchors.T, linestyle="", marker="s", markersize=5, color=BLUE)
+
+
+def _shaded(triangles: Floats, up: int) -> Floats:
+    """Return colours of triangles, lighter where they face up."""
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    light = 0.55 + 0.45 * np.abs(normal[:, up]) / np.where(length > 0, length, 1.0)
+    return np.clip(np.array([0.0, 0.62, 0.45]) * light[:, None] + 0.25 * light[:, None] ** 3, 0.0, 1.0)
+
+
+def plot_layouts(around: xarray.Dataset, target: xarray.Dataset, level: float) -> Figure:
+    """Draw rigs side by side: the volume above a level around a target, and the curves for the target itself.
+
+    Parameters
+    ----------
+    around, target : Dataset
+        The same rigs and the same metric, from `tensionlab.sweep`: over a grid of all that is drawn, and over one
+        of the target alone.
+    level : float
+        The volume above it is drawn.
+    """
+    wide, narrow = read_field(around), read_field(target)
+    count = len(wide.names)
+    with new_figure((4.4 * count + 4.8, 4.9)) as figure:
+        widths = [1.0] * count + [0.95]
+        grid: Any = figure.add_gridspec(1, count + 1, width_ratios=widths)
+        for number, name in enumerate(wide.names):
+            axes: Any = figure.add_subplot(grid[number], projection="3d")
+            draw_volume(axes, wide, number, level)
+            _draw_box(axes, narrow)
+            axes.set_title(name, fontsize="medium")
+        curves: Any = figure.add_subplot(grid[count])
+        draw_shares(curves, narrow)
+        curves.set_ylabel("share of the target (%)")
+        curves.legend()
+        figure.suptitle(f"{wide.label} above {level:g}, and in the target", fontsize="medium")
+        target_look: tuple[str, dict[str, Any]] = ("target", {"color": ORANGE, "linewidth": 1.4})
+        add_legend(figure, 3, [*SLICE_LEGEND[:2], target_look])
+    return figure
+
+
+def _draw_box(axes: Any, field: Field) -> None:
+    """Draw the twelve edges of the grid's box."""
+    ends = [(axis[0], axis[-1]) for axis in field.axes.values()]
+    corners = np.array(list(product(*ends)))
+    for a, b in product(range(8), repeat=2):
+        if a < b and np.count_nonzero(corners[a] != corners[b]) == 1:
+            axes.plot(*zip(corners[a], corners[b], strict=True), color=ORANGE, linewidth=1.4)

@@ -1,0 +1,174 @@
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tensionlab.errors import InputError
+from tensionlab.plots.scenario import moment_of, plot_scenario, plot_scenario_layouts, script_path
+from tensionlab.plots.scenario_panels import (
+    draw_force,
+    draw_tension,
+    draw_timeline,
+    force_distance,
+    pawls_engaged,
+    timeline,
+)
+from tensionlab.plots.scene import origin_of, scripted_moment, view_of
+from tensionlab.plots.style import save_figure
+from tensionlab.scenarios import load_scenario
+from tensionlab.scenarios.expected_values import Check, rendered_force
+from tensionlab.scenarios.play import play, simulate_modules
+from tests.support.figures import words_of
+
+ROWS = (
+    Check("a thing that is right", "N", 1.0, 2.0, 1.5),
+    Check("a thing that is not", "J", 1.0, 2.0, float("nan")),
+)
+
+
+@pytest.fixture(scope="module")
+def bow():
+    scenario = load_scenario("bow")
+    return play(scenario, simulate_modules(scenario), seconds=3.6)
+
+
+def test_a_picture_names_what_is_in_it(tmp_path, bow):
+    save_figure(plot_scenario(bow, ROWS), tmp_path / "bow.svg")
+    words = words_of(tmp_path / "bow.svg")
+    for word in (
+        *(phase.name for phase in bow.scenario.phases),
+        *("Force on the draw hand", "along x", "desired", "rendered (simulated)", "coarse scale"),
+        *("Tension of bow-hand", "cable, simulated", "motor limits", "time (s)"),
+        *("bow-hand, brake", "brake commanded", "pawl holds the cable", "bow-hand, local impedance"),
+        *("module on the body", "where brakes hold", "draw hand", "bow-hand"),
+        *("Force against distance", "from bow hand to draw hand (m)"),
+        *(
+            "a thing that is right",
+            "a thing that is not",
+            "1 of 2 not as expected",
+            "\N{CHECK MARK}",
+            "\N{BALLOT X}",
+        ),
+    ):
+        assert word in words, word
+    assert "module in the room" not in words
+    assert "along y" not in words  # the force there is nothing beside that along x
+
+
+def test_without_rows_and_without_who_felt_it(tmp_path, bow):
+    real = replace(bow, person=None)
+    save_figure(plot_scenario(real, ()), tmp_path / "bow.svg")
+    words = words_of(tmp_path / "bow.svg")
+    assert "measured by the modules" in words
+    for word in ("rendered (simulated)", "cable, simulated", "pawl holds the cable", "Expected and measured"):
+        assert word not in words, word
+    assert not pawls_engaged(real).any()
+
+
+def test_lines_are_the_desired_and_the_rendered_force(bow):
+    axes = Figure().subplots()
+    draw_force(axes, bow)
+    desired, rendered, _ = axes.get_lines()  # and zero
+    np.testing.assert_array_equal(desired.get_xydata(), np.column_stack([bow.run.time, bow.run.desired[:, 0]]))
+    np.testing.assert_array_equal(
+        rendered.get_xydata(), np.column_stack([bow.person.time, bow.person.force[:, 0]])
+    )
+
+
+def test_lines_are_the_commanded_measured_and_simulated_tension(bow):
+    axes = Figure().subplots()
+    draw_tension(axes, bow, 0)
+    lower, upper, commanded, measured, actual = (line.get_ydata() for line in axes.get_lines())
+    assert (lower[0], upper[0]) == (0.5, 6.0)
+    np.testing.assert_array_equal(commanded, bow.run.commanded[:, 0])
+    np.testing.assert_array_equal(measured, bow.run.measured[:, 0])
+    np.testing.assert_array_equal(actual, bow.person.tensions[:, 0])
+    assert axes.get_ylim()[1] > actual.max()
+
+
+def test_a_bar_lasts_as_long_as_the_brake_was_commanded(bow):
+    axes = Figure().subplots()
+    draw_timeline(axes, bow, timeline(bow))
+    (commanded, *_) = [each for each in axes.collections if len(each.get_paths()) == 1]
+    begin, end = commanded.get_paths()[0].get_extents().intervalx
+    assert end - begin == pytest.approx(bow.run.commanded_brakes.sum() / bow.run.setup.rate)
+    assert begin == bow.run.time[bow.run.commanded_brakes[:, 0]][0]
+
+
+def test_a_pawl_is_in_where_the_cable_pulls_harder_than_the_motor_could(bow):
+    carried = pawls_engaged(bow)
+    assert not carried[bow.run.time < bow.run.time[bow.run.commanded_brakes[:, 0]][0]].any()
+    really = np.interp(bow.run.time, bow.person.time, bow.person.tensions[:, 0])
+    assert carried[really > 8.0].all()
+    assert not carried[really < bow.run.measured[:, 0] + 0.5].any()
+    assert (really > 8.0).sum() > 50
+    assert [each.kind for each in timeline(bow)["bow-hand, brake"]] == ["brake", "pawl"]
+
+
+def test_where_things_are_is_read_off_the_cables(bow):
+    then = moment_of(bow, 2.0)
+    script = bow.scenario.person.bodies["bow"]
+    np.testing.assert_allclose(then.bodies["bow"], script.position(2.0), atol=0.01)
+    np.testing.assert_allclose(then.anchors[0], then.bodies["bow"] + bow.run.rig.anchors[0])
+
+
+def test_force_against_distance_is_the_pull_of_the_string(bow):
+    (draw,) = [each for each in force_distance(bow) if each.title == "draw"]
+    string = bow.scenario.phases[0].effects["string"]
+    drawn = slice(0, int(np.argmax(draw.desired.distance > 0.7)))
+    wanted = string.pull(draw.desired.distance[drawn] - string.brace)
+    np.testing.assert_allclose(draw.desired.force[drawn], wanted, atol=0.1)
+    assert draw.rendered.force.max() == pytest.approx(
+        rendered_force(bow).force[:, 0].max(), rel=1e-3
+    )  # the brake's
+
+
+def test_a_suffix_without_a_format_is_refused(tmp_path, bow):
+    with pytest.raises(InputError, match="figures end in"):
+        save_figure(plot_scenario(bow, ROWS), tmp_path / "bow.jpeg")
+
+
+def test_the_same_play_makes_the_same_file(tmp_path, bow):
+    for name in ("one.png", "two.png"):
+        save_figure(plot_scenario(bow, ROWS), tmp_path / name)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_all_are_drawn_with_their_modules(tmp_path):
+    scenarios = [load_scenario(name) for name in ("materials", "weight", "bow")]
+    save_figure(plot_scenario_layouts(scenarios, "A note."), tmp_path / "layouts.svg")
+    words = re.findall(r"<!-- (.*?) -->", (tmp_path / "layouts.svg").read_text(encoding="utf-8"))
+    for scenario in scenarios:
+        assert scenario.title in words
+        for module in scenario.rig.modules:
+            assert module.name in words, module.name
+    for word in ("module in the room", "module on the body", "where brakes hold", "virtual surface", "water"):
+        assert word in words, word
+    assert any(word.startswith("A note.") for word in words)
+
+
+def test_the_same_layouts_make_the_same_file(tmp_path):
+    for name in ("one.pdf", "two.pdf"):
+        save_figure(plot_scenario_layouts([load_scenario("recoil")], ""), tmp_path / name)
+    assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
+
+
+def test_nobody_is_drawn_beyond_a_brake():
+    bow = load_scenario("bow")
+    _, moment = script_path(bow)
+    reach = np.linalg.norm(moment.held - origin_of(bow, moment))
+    np.testing.assert_allclose(reach, bow.phases[1].hold.reach)
+    weight = load_scenario("weight")
+    path, moment = script_path(weight)
+    assert moment.held[2] == weight.phases[1].hold.plane.point[2]
+    assert path[:, 2].max() > 1.1  # what is not heavy may be lifted
+
+
+def test_what_lies_across_the_view_is_to_scale():
+    scenario = load_scenario("recoil")
+    view, moment = view_of(scenario.rig), scripted_moment(scenario, 1.0)
+    step = np.array([0.3, 0.0, -0.4])
+    np.testing.assert_allclose(np.linalg.norm(view(moment.held + step) - view(moment.held)), 0.5)
+    assert (view(np.array([0.0, 1.0, 0.0])) > 0.0).all()
