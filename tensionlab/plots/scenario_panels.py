@@ -85,16 +85,16 @@ def draw_phases(axes: Axes, lanes: list[list[Phase]], last: float) -> None:
 
 def draw_force(axes: Axes, played: ScenarioResult) -> None:
     """Draw the desired force, wide and pale, and the rendered or measured one, along each axis that matters."""
-    run, person = played.run, rendered_force(played)
-    sizes = np.abs(person.force).max(axis=0)
+    run, rendered = played.run, rendered_force(played)
+    sizes = np.abs(rendered.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MIN_FORCE_SHARE * sizes.max(), 1e-9)]
     for axis in shown:
         axes.plot(run.time, run.desired[:, axis], color=COLOURS[axis], **WIDE)
-        axes.plot(person.time, person.force[:, axis], color=COLOURS[axis], **THIN)
+        axes.plot(rendered.time, rendered.force[:, axis], color=COLOURS[axis], **THIN)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
     axes.set_title(f"Force on the {held_name(played.scenario)}" if shown else "Force")
-    two = two_scales(axes, person.force[:, shown], knee_of(played))
+    two = two_scales(axes, rendered.force[:, shown], knee_of(played))
     axes.grid()
     up = run.rig.vertical
     source = "rendered (simulated)" if played.person is not None else "measured by the modules"
