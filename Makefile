@@ -5,14 +5,21 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
+.PHONY: demo test test-fast check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
 	@$(BIN)/tensionlab compare $(RIG) --plot out/compare.png
 
+# What needs the wall clock runs after the others, so that they do not starve it.
 test: .venv/dev.stamp
-	@$(BIN)/pytest -n auto
+	@status=0; \
+	$(BIN)/pytest -n auto -m "not realtime" --durations 10 || status=1; \
+	$(BIN)/pytest -n 2 -m realtime --durations 10 || status=1; \
+	exit $$status
+
+test-fast: .venv/dev.stamp
+	@$(BIN)/pytest -n auto -m "not realtime"
 
 check: .venv/dev.stamp
 	@$(BIN)/ruff check .

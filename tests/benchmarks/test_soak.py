@@ -9,6 +9,8 @@ from benchmarks.soak import LARGEST_ERROR, ON_THE_WAY, TTL, kills, soak
 from benchmarks.soak_checks import examine
 from tensionlab.hardware.log.reader import read_run
 
+pytestmark = pytest.mark.realtime  # seven modules and hosts in processes
+
 
 @pytest.mark.slow
 def test_seven_modules_behind_bad_links(tmp_path):

@@ -14,6 +14,8 @@ from tensionlab.cli.common import output
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, RigError
 from tensionlab.model.files import load_rig, rig_to_toml
 
+pytestmark = pytest.mark.realtime  # signals to processes
+
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 AWKWARD = "[/x] $_$ :x:"
 

@@ -17,6 +17,8 @@ from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient
 
+pytestmark = pytest.mark.realtime  # modules in another process, over TCP
+
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 
 

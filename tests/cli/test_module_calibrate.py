@@ -16,6 +16,8 @@ from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.model.files import load_rig
 
+pytestmark = pytest.mark.realtime  # modules in another process, over TCP
+
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 
 

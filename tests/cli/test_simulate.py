@@ -36,6 +36,8 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.files import load_rig
 from tests.support.wire import Client, connected
 
+pytestmark = pytest.mark.realtime  # modules in another process, over TCP and pseudo-terminals
+
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
 LINKS = [[]] if sys.platform == "win32" else [[], ["--pty"]]

@@ -73,6 +73,7 @@ def test_bad_input_is_refused_before_anything_pulls(run, tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.realtime  # modules and a sensor in another process
 def test_over_tcp_the_statistics_are_the_same(tmp_path):
     """Modules and sensor of another process, in real time, against those of this one in lockstep."""
     rig = load_rig(RIG)

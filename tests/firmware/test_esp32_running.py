@@ -33,7 +33,10 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
+pytestmark = [
+    pytest.mark.realtime,  # threads of the firmware's tasks
+    pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX"),
+]
 ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 

@@ -19,6 +19,8 @@ from tensionlab.scenarios.direction import check_directions
 from tensionlab.scenarios.expected import check_magnet, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, needs_tracker, play
 
+pytestmark = pytest.mark.realtime  # modules and host in two processes, over TCP
+
 PARTS = {"materials": (3.0, check_magnet), "recoil": (3.2, check_scenario), "weight": (3.6, check_scenario)}
 """How much is played, in s, and who judges it, where that is not all and by `check_scenario`."""
 BEHIND_S, GAP_S = 0.1, 0.05

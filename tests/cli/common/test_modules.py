@@ -12,6 +12,8 @@ from tensionlab.demand import Pose
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import load_rig
 
+pytestmark = pytest.mark.realtime  # modules in another process
+
 PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
 RIG = load_rig(PATH)
 NAMES = [module.name for module in RIG.modules]

@@ -29,6 +29,8 @@ from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, Stop, Welcome
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import load_scenario
 
+pytestmark = pytest.mark.realtime  # a server in another process, real clients and a real browser
+
 ROOT = Path(__file__).parents[3]
 RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
 FLOOR = {

@@ -39,7 +39,10 @@ while True:
         client.set_tension(2.0)
     time.sleep(0.05)
 """
-pytestmark = pytest.mark.usefixtures("locks_folder")
+pytestmark = [
+    pytest.mark.realtime,  # signals to processes that hold modules
+    pytest.mark.usefixtures("locks_folder"),
+]
 
 
 @pytest.fixture(scope="module")

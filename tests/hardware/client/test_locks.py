@@ -17,7 +17,10 @@ from tensionlab.hardware.client.locks import LinkLock, holder, normalised
 from tests.support.scripts import running
 
 HOLD = "import sys, time; from tensionlab.hardware.client.links import *; {}; print(flush=True); time.sleep(60)"
-pytestmark = pytest.mark.usefixtures("locks_folder")
+pytestmark = [
+    pytest.mark.realtime,  # locks between processes
+    pytest.mark.usefixtures("locks_folder"),
+]
 
 
 def another_process(statement):

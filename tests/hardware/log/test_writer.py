@@ -16,6 +16,8 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.log.writer import FLUSH
 from tests.support import runs
 
+pytestmark = pytest.mark.realtime  # processes that are killed while they write
+
 ROOT = Path(__file__).parents[3]
 WRITER = """
 import sys, time

@@ -12,6 +12,8 @@ import pytest
 
 from benchmarks.processes import command, process, simulated
 
+pytestmark = pytest.mark.realtime  # hosts that are killed
+
 RIG = "datasets/rigs/bartels2026-validation.toml"
 TTL, CYCLE = 0.25, 0.02
 TAUT = 0.5

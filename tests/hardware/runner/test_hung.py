@@ -74,7 +74,10 @@ group.close()
 print(runner.statistics.ended, flush=True)
 sys.exit(3)
 """
-pytestmark = [pytest.mark.usefixtures("locks_folder")]
+pytestmark = [
+    pytest.mark.realtime,  # processes that hang
+    pytest.mark.usefixtures("locks_folder"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,8 @@ from tensionlab.hardware.simulation.faulty import FaultyLink
 from tensionlab.hardware.simulation.simulated_link import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
+pytestmark = pytest.mark.realtime  # threads of a link that loses what it carries
+
 
 def lockstep(conditions=None, seed=0):
     module = SimulatedModule()

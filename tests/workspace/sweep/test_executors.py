@@ -21,6 +21,8 @@ from tensionlab.workspace.sweep import executors
 from tensionlab.workspace.sweep.store import LEDGER
 from tests.support.tallied import Tallied, read
 
+pytestmark = pytest.mark.realtime  # a Dask scheduler and workers, killed
+
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 POSES = Grid(np.linspace(-0.9, 0.9, 40), np.linspace(-0.4, 0.4, 5), np.linspace(-1.0, 1.0, 3))
 COUNT, CHUNK = 40, 15

@@ -21,6 +21,8 @@ from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.store import LEDGER, LOCK, ZarrStore
 from tests.support.tallied import Tallied, read
 
+pytestmark = pytest.mark.realtime  # sweeps that are killed
+
 RIGS = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4])
 POSES = Grid(np.linspace(-1, 1, 5), np.linspace(0, 1, 4), np.linspace(-1, 1, 3))
 CHUNK = 9  # 2 x 2 x 5 x 2 chunks of 3 x 3 poses or less
