@@ -79,12 +79,10 @@ class Row(Score):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Rows of every solver on one rig, at one position, with one set of wrenches.
+    """Rows of every solver on one rig, with body frames at rest.
 
     Attributes
     ----------
-    rig : Rig
-        With body frames at rest.
     position : (d,) array
         In m.
     structure : (n, m) array
@@ -92,11 +90,9 @@ class Comparison:
     wrenches : (K, n) array
         Desired wrenches in N (and N·m).
     rows : tuple of Row
-        One per solver and policy.
-    allocations : tuple of Allocation
-        The answers of each row, for K wrenches.
+        One per solver and policy; ``allocations`` has the K answers of each.
     missing : dict of str to str
-        Solvers left out, and why.
+        Reasons, by the names of solvers left out.
     """
 
     rig: Rig
@@ -121,8 +117,7 @@ def compare(
     """Compare solvers on a rig, on the same forces and with the same verification.
 
     Every answer comes from an `Allocator`. The optimum that `gap_max` refers to is newton's answer for the same
-    policy. The solvers are timed in turns of a few calls, so that a
-    slow moment of the machine hits all of them.
+    policy. The solvers are timed in turns of a few calls, so that a slow moment of the machine hits all of them.
 
     Parameters
     ----------
@@ -184,13 +179,12 @@ def compare(
         for policy in {policy or POLICIES[0] for _, policy in runs}
     }
     rows = []
-    for column, (name, policy) in enumerate(runs):
-        found = allocations[column]
+    for column, ((name, policy), found) in enumerate(zip(runs, allocations, strict=True)):
         optimum = optima[policy or POLICIES[0]]
-        comparable = optimum.status == Status.EXACT if policy is None else np.full(len(wrenches), True)
+        gaps = abs(found.tensions - optimum.tensions)
         row = Row(
             **vars(score(name, policy, wrenches, found, rig.dimension)),
-            gap_max=finite(np.max, abs(found.tensions - optimum.tensions)[comparable]),
+            gap_max=finite(np.max, gaps[optimum.status == Status.EXACT] if policy is None else gaps),
             call_median_s=float(np.median(calls[:, column])),
             call_p99_s=float(np.quantile(calls[:, column], 0.99)),
             batch_s=batch[column],
@@ -202,13 +196,14 @@ def compare(
 def score(solver: str, nearest: Nearest | None, wrenches: Floats, found: Allocation, dimension: int) -> Score:
     """Return the score of K answers to desired wrenches (K, n), whose first components are the force."""
     angle = angles(wrenches[:, :dimension], found.wrench[:, :dimension])
+    counts = found.counts()
     return Score(
         solver=solver,
         nearest=nearest,
-        exact=int(np.sum(found.status == Status.EXACT)),
-        nearest_count=int(np.sum(found.status == Status.NEAREST)),
-        iteration_limit=int(np.sum(found.status == Status.ITERATION_LIMIT)),
-        failed=int(np.sum(found.status == Status.FAILED)),
+        exact=counts[Status.EXACT],
+        nearest_count=counts[Status.NEAREST],
+        iteration_limit=counts[Status.ITERATION_LIMIT],
+        failed=counts[Status.FAILED],
         residual_mean=finite(np.mean, found.residual),
         residual_max=finite(np.max, found.residual),
         angle_mean_deg=finite(np.mean, angle),

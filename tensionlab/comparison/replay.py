@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.compare import Score, finite, score
@@ -55,7 +54,7 @@ class Replay:
     rows : tuple of ReplayRow
         The run's own first, as it was; then each solver with its own policy.
     missing : dict of str to str
-        Solvers left out, and why.
+        Reasons, by the names of solvers left out.
     """
 
     cycles: int
@@ -88,54 +87,31 @@ def replay(
     own: dict[str, Nearest | None] = {}
     for name, policy in runs:  # a solver's own policy is its first
         own.setdefault(name, policy)
-    desired = np.asarray(np.isfinite(run.desired).all(axis=1))
-    part = _part(run)[desired]
-    limits = np.where(part, run.setup.lower, 0.0), np.where(part, run.setup.upper, 0.0)
-    recorded = run.allocation
-    kept = Allocation(
-        tensions=recorded.tensions[desired],
-        wrench=recorded.wrench[desired],
-        residual=recorded.residual[desired],
-        status=recorded.status[desired],
-        scale=recorded.scale[desired],
-        iterations=recorded.iterations[desired],
-        separation=recorded.separation[desired],
-    )
-    rows = [_row(run, desired, run.setup.solver, run.setup.nearest, kept, int(run.fallback_used[desired].sum()))]
+    kept = np.isfinite(run.desired).all(axis=1)
+    wrenches, structure = run.solver_wrench[kept], run.structure[kept]
+    rendering = (run.active & np.isnan(run.impedances[:, :, 0]))[kept]  # not those that were lost, nor springs
+    consecutive = (np.diff(run.cycle[kept]) == 1) & (rendering[1:] == rendering[:-1]).all(axis=1)
+    dimension = run.rig.dimension
+
+    def row(solver: str, nearest: Nearest | None, found: Allocation, fallback_used: int) -> ReplayRow:
+        norms = [np.linalg.norm(each[:, :dimension], axis=1) for each in (found.wrench, wrenches)]
+        return ReplayRow(
+            **vars(score(solver, nearest, wrenches, found, dimension)),
+            fallback_used=fallback_used,
+            magnitude_mean=finite(np.mean, abs(norms[0] - norms[1])),
+            magnitude_max=finite(np.max, abs(norms[0] - norms[1])),
+            tension_max=finite(np.max, found.tensions),
+            jump_max=finite(np.max, abs(np.diff(found.tensions, axis=0))[consecutive]),
+            iterations_mean=finite(np.mean, found.iterations),
+            iterations_max=finite(np.max, found.iterations),
+        )
+
+    arrays = {name: values[kept] for name, values in vars(run.allocation).items() if name != "failures"}
+    rows = [row(run.setup.solver, run.setup.nearest, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
+    limits = np.where(rendering, run.setup.lower, 0.0), np.where(rendering, run.setup.upper, 0.0)
     for done, (name, policy) in enumerate(own.items(), start=1):
-        allocator = Allocator(limits, make(name), nearest=policy)
-        found = allocator(run.structure[desired], run.solver_wrench[desired])
-        rows.append(_row(run, desired, name, policy, found, 0))
+        found = Allocator(limits, make(name), nearest=policy)(structure, wrenches)
+        rows.append(row(name, policy, found, 0))
         if progress:
             progress(done / len(own))
-    return Replay(int(desired.sum()), tuple(rows), missing)
-
-
-def _part(run: Run) -> NDArray[np.bool_]:
-    """Return which modules rendered the wrench in each cycle: not those that were lost, nor springs."""
-    return np.asarray(run.active & np.isnan(run.impedances[:, :, 0]))
-
-
-def _row(
-    run: Run,
-    desired: NDArray[np.bool_],
-    solver: str,
-    nearest: Nearest | None,
-    found: Allocation,
-    fallback_used: int,
-) -> ReplayRow:
-    dimension = run.rig.dimension
-    wrenches, part, cycle = run.solver_wrench[desired], _part(run)[desired], run.cycle[desired]
-    forces, rendered = wrenches[:, :dimension], found.wrench[:, :dimension]
-    magnitude = abs(np.linalg.norm(rendered, axis=1) - np.linalg.norm(forces, axis=1))
-    neighbours = (np.diff(cycle) == 1) & (part[1:] == part[:-1]).all(axis=1)
-    return ReplayRow(
-        **vars(score(solver, nearest, wrenches, found, dimension)),
-        fallback_used=fallback_used,
-        magnitude_mean=finite(np.mean, magnitude),
-        magnitude_max=finite(np.max, magnitude),
-        tension_max=finite(np.max, found.tensions),
-        jump_max=finite(np.max, abs(np.diff(found.tensions, axis=0))[neighbours]),
-        iterations_mean=finite(np.mean, found.iterations),
-        iterations_max=finite(np.max, found.iterations),
-    )
+    return Replay(int(kept.sum()), tuple(rows), missing)

@@ -18,9 +18,7 @@ from tensionlab.model.rig import Rig
 
 
 class Capsule(NamedTuple):
-    """Body: all points within a radius of a segment.
-
-    A torso or a forearm is a capsule; a head is a sphere, which is a capsule without ``end``.
+    """Body: all points within a radius of a segment; a sphere, such as a head, has no ``end``.
 
     Attributes
     ----------
@@ -63,16 +61,7 @@ def cable_distance(
     and Otis, "Geometric determination of the interference-free constant-orientation workspace of parallel
     cable-driven mechanisms", 2010.
 
-    Parameters
-    ----------
-    rig : Rig
-    position, rotation, frames
-        Poses, as in `Rig.structure_matrix`; leading axes broadcast.
-
-    Raises
-    ------
-    ShapeError, RigError
-        As `Rig.structure_matrix`.
+    Poses and errors are as in `Rig.structure_matrix`; leading axes broadcast.
     """
     return _closest(_cables(rig, position, rotation, frames), cable_pairs(rig), np.zeros(rig.m))
 
@@ -104,17 +93,8 @@ def body_distance(
     Every cable against every body, along the whole cable. What the cables hold is close to them by design: end
     the forearm of a user short of the attachments. Source: as `cable_distance`.
 
-    Parameters
-    ----------
-    rig : Rig
-    bodies : sequence of Capsule
-    position, rotation, frames
-        Poses, as in `Rig.structure_matrix`; leading axes broadcast.
-
-    Returns
-    -------
-    Clearance
-        With the indices of a module and of a body.
+    Poses are as in `Rig.structure_matrix`; leading axes broadcast. The pair are the indices of a module and of a
+    body.
 
     Raises
     ------
@@ -173,7 +153,8 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:
     """Return the anchor and attachment of every cable in the world, (..., m, 2, d)."""
-    vectors = rig.lengths(position, rotation, frames)[..., None] * rig.directions(position, rotation, frames)
+    cables = rig.cables(position, rotation, frames)
+    vectors = cables.lengths[..., None] * cables.directions
     anchors = np.broadcast_to(pose.place_anchors(rig.modules, rig.anchors, frames), vectors.shape)
     return np.stack([anchors, anchors - vectors], axis=-2)
 

@@ -28,15 +28,10 @@ class MarginGradient(NamedTuple):
 
 
 class RigMarginGradient(NamedTuple):
-    """Capacity margin, and its derivatives with respect to the positions of the platform and the anchors.
+    """Capacity margin (...), and its derivatives with respect to the positions of the platform and the anchors.
 
-    Attributes
-    ----------
-    margin : (...) array
-    position : (..., d) array
-        Per m that the reference point moves, without rotation.
-    anchors : (..., m, d) array
-        Per m that each anchor moves, in the axes of its own frame, as in `Rig.anchors`.
+    (..., d) per m that the reference point moves, without rotation, and (..., m, d) per m that each anchor
+    moves, in the axes of its own frame, as in `Rig.anchors`.
     """
 
     margin: Floats
@@ -114,18 +109,7 @@ def rig_margin_gradient(
 ) -> RigMarginGradient:
     """Return the capacity margin of a rig and its derivatives with respect to position and anchors.
 
-    Parameters
-    ----------
-    rig : Rig
-    position, rotation, frames
-        Poses, as in `Rig.structure_matrix`; leading axes broadcast.
-    required
-        As in `capacity_margin`; it stays the same in world axes.
-
-    Raises
-    ------
-    ShapeError, RigError
-        As `Rig.structure_matrix` and `capacity_margin`.
+    Poses, required wrenches (in world axes) and errors are as in `Rig.structure_matrix` and `capacity_margin`.
     """
     cables = rig.cables(position, rotation, frames)
     W = kinematics.structure_matrix(cables.directions, cables.arms)

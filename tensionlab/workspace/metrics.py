@@ -22,19 +22,9 @@ from tensionlab.workspace import interference, margin, structure_metrics
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """B poses of one rig at which no cable has length zero.
+    """B poses of one rig at which no cable has length zero, and their structure matrices (B, n, m).
 
-    Attributes
-    ----------
-    rig : Rig
-    position : (B, d) array
-        In m.
-    rotation : (B, 3, 3) array, (B,) array or None
-        As in `Rig.structure_matrix`.
-    frames : mapping
-        Poses of the rig's body frames.
-    structure : (B, n, m) array
-        Structure matrices W.
+    Position (B, d), in m, rotation and frames are as in `Rig.structure_matrix`.
     """
 
     rig: Rig
@@ -45,15 +35,7 @@ class Batch:
 
 
 class Metric(Protocol):
-    """Number for each pose of a batch.
-
-    Attributes
-    ----------
-    title, unit : str
-        Name and unit of a value.
-    above_zero : str
-        What holds where a value is above zero; empty where that says nothing.
-    """
+    """Number for each pose of a batch; ``above_zero`` says what holds where it is above zero, if anything."""
 
     title: ClassVar[str]
     unit: ClassVar[str]

@@ -185,8 +185,7 @@ class PoseList:
 
     def coordinates(self) -> list[Coordinate]:
         """Return the labels of the list."""
-        number = np.arange(len(self.position))
-        found = [Coordinate("pose", ("pose",), number, "1", "number of the pose")]
+        found = [Coordinate("pose", ("pose",), np.arange(len(self.position)), "1", "number of the pose")]
         found += [_length(name, ("pose",), self.position[:, i]) for i, name in enumerate("xyz"[: self.dimension])]
         if self.distance is not None:
             found.append(Coordinate("distance", ("pose",), self.distance, "m", "distance along the path"))
@@ -281,22 +280,29 @@ def read_poses(path: str | Path) -> PoseList:
     optional = ["z", *ROTATION_COLUMNS, "angle"]
     try:
         if suffix == ".npz":
-            return _within_reach(_from_arrays(read_npz(path, what, DataError)))
-        if suffix == ".csv":
-            return _from_columns(read_table(path, ["x", "y"], optional, error=DataError, what=what))
-        table = read_parquet(path, what, DataError)
-        check_columns(table.columns.column_names, ["x", "y"], optional, str(path), DataError)
-        return _from_columns({name: table.numbers(name, DataError) for name in table.columns.column_names})
+            arrays = read_npz(path, what, DataError)
+            if "position" not in arrays or set(arrays) - {"position", "rotation"}:
+                raise DataError(
+                    f"its arrays are {', '.join(arrays) or 'none':.100}; give position, and rotation or not"
+                )
+            poses = PoseList(**arrays)
+        elif suffix == ".csv":
+            poses = _from_columns(read_table(path, ["x", "y"], optional, error=DataError, what=what))
+        else:
+            table = read_parquet(path, what, DataError)
+            check_columns(table.columns.column_names, ["x", "y"], optional, str(path), DataError)
+            poses = _from_columns({name: table.numbers(name, DataError) for name in table.columns.column_names})
+        _require_below(MAX_LENGTH, poses.position, "is", f"m, within {MAX_LENGTH:g}")
     except (DataError, ShapeError) as error:
         raise DataError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
-
-
-def _within_reach(poses: PoseList) -> PoseList:
-    """Refuse positions that no rig reaches, as of a file in other units."""
-    if (far := np.abs(poses.position).max(axis=1) > MAX_LENGTH).any():
-        row = int(np.flatnonzero(far)[0])
-        raise DataError(f"pose {row + 1} is {brief(poses.position[row].tolist())}; give m, within {MAX_LENGTH:g}")
     return poses
+
+
+def _require_below(most: float, rows: Floats, what: str, expected: str) -> None:
+    """Refuse numbers that are too large to be meant, as of a file in other units."""
+    if (far := np.abs(rows).max(axis=1) > most).any():
+        row = int(np.flatnonzero(far)[0])
+        raise DataError(f"pose {row + 1} {what} {brief(rows[row].tolist())}; give {expected}")
 
 
 def _from_columns(columns: dict[str, Floats]) -> PoseList:
@@ -309,19 +315,10 @@ def _from_columns(columns: dict[str, Floats]) -> PoseList:
         raise DataError(f"unknown column {unknown[0]}; give x, y, z, rx, ry, rz, or x, y, angle in the plane")
     position = np.stack([columns[name] for name in places], axis=-1)
     if len(needed) == len(places):
-        return _within_reach(PoseList(position))
+        return PoseList(position)
     angles = np.stack([columns[name] for name in turns], axis=-1)
-    if (far := np.abs(angles).max(axis=1) > MAX_ANGLE_RAD).any():
-        row = int(np.flatnonzero(far)[0])
-        raise DataError(f"pose {row + 1} is turned by {brief(angles[row].tolist())}; give angles in rad")
-    return _within_reach(PoseList(position, kinematics.exponential(angles) if spatial else columns["angle"]))
-
-
-def _from_arrays(arrays: dict[str, Floats]) -> PoseList:
-    if "position" not in arrays or set(arrays) - {"position", "rotation"}:
-        there = ", ".join(arrays) or "none"
-        raise DataError(f"its arrays are {there:.100}; give position, and rotation or not")
-    return PoseList(**arrays)
+    _require_below(MAX_ANGLE_RAD, angles, "is turned by", "angles in rad")
+    return PoseList(position, kinematics.exponential(angles) if spatial else columns["angle"])
 
 
 def _axis(name: str, ends: ArrayLike, step: float) -> Floats:

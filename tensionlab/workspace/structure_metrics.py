@@ -22,21 +22,14 @@ ALLOCATIONS_PER_CALL = 1 << 16
 
 
 def tension_factor(structure: ArrayLike) -> Floats:
-    """Return the maximum ratio of minimum to maximum tension with ``W t = 0``.
+    """Return the maximum ratio (...) of minimum to maximum tension with ``W t = 0``.
+
+    From 0 to 1, for structure matrices (..., n, m); 0 where there is no wrench closure, so also where W has a rank
+    below n.
 
     Source: Pham, Yeo, Yang and Chen, "Workspace analysis of fully restrained cable-driven manipulators", 2009.
     Instead of their linear program, the facets of the wrench set for tensions between 1 and tau: it holds zero
     for all tau from 1/factor on.
-
-    Parameters
-    ----------
-    structure : (..., n, m) array
-        Structure matrices.
-
-    Returns
-    -------
-    (...) array
-        From 0 to 1; 0 where there is no wrench closure, so also where W has a rank below n.
 
     Raises
     ------
@@ -66,10 +59,8 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
 
     Parameters
     ----------
-    structure : (..., n, m) array
-        Structure matrices.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each (..., m) or a number.
+    structure, limits
+        As in `capacity_margin`.
     dimension : int or None
         How many of the n components are forces; the others are torques, and stay zero. None: the first three, or
         all where n is less. A planar platform, which has n = 3, needs 2: give ``rig.dimension``.
@@ -132,10 +123,8 @@ def reachable_share(structure: ArrayLike, limits: TensionRange, directions: Arra
 
     Parameters
     ----------
-    structure : (..., n, m) array
-        Structure matrices.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each (..., m) or a number.
+    structure, limits
+        As in `capacity_margin`.
     directions : (..., k, d) array
         Vectors of any length but zero, k for each pose or for all. Where d is less than n they are forces, and
         all other components are zero: no torque.

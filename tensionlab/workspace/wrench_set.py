@@ -99,10 +99,8 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
 
     Parameters
     ----------
-    structure : (n, m) array
-        One structure matrix.
-    limits : object with ``lower`` and ``upper``, or a pair
-        Tension limits in N, each (m,) or a number.
+    structure, limits
+        As in `capacity_margin`, without leading axes.
 
     Returns
     -------

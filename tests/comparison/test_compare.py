@@ -48,7 +48,7 @@ def test_on_the_published_rig_the_complete_solvers_render_all_182_and_agree(publ
     assert len([solver for solver, _ in rows if solver == "newton"]) == 3
 
 
-def test_on_the_narrow_rig_29_are_out_of_reach_with_the_published_errors(narrow):
+def test_on_the_narrow_rig_29_are_infeasible_with_the_published_errors(narrow):
     rows = rows_of(narrow)
     for solver in ("newton", "qp:clarabel"):
         for policy, angle, residual in (
@@ -63,7 +63,7 @@ def test_on_the_narrow_rig_29_are_out_of_reach_with_the_published_errors(narrow)
             assert row.gap_max < 1e-5
 
 
-def test_without_a_policy_the_gap_counts_only_what_is_within_reach(narrow):
+def test_without_a_policy_the_gap_counts_only_what_is_feasible(narrow):
     reachable = narrow.allocations[0].status == tl.Status.EXACT
     column = [row.solver for row in narrow.rows].index("closed-form")
     difference = np.abs(narrow.allocations[column].tensions - narrow.allocations[0].tensions)
@@ -73,7 +73,7 @@ def test_without_a_policy_the_gap_counts_only_what_is_within_reach(narrow):
     assert row.gap_max == difference[reachable].max()
 
 
-def test_where_nothing_is_within_reach_there_is_no_gap():
+def test_where_nothing_is_feasible_there_is_no_gap():
     rig = tl.load_rig(RIGS / "floor-3.toml")
     result = compare(rig, directions=[[0.0, 1.0, 0.0]], solvers=["closed-form"])
     assert result.rows[0].exact == 0

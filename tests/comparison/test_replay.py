@@ -23,7 +23,7 @@ def test_the_runs_own_solver_scores_as_the_run_did(lossy):
     assert run == again
     assert (run.solver, run.nearest) == ("dykstra", "tension")
     assert (other.solver, other.nearest) == ("newton", "force")
-    assert found.cycles == 196  # in four of them, no wrench was asked for
+    assert found.cycles == 196  # in four of them, no wrench was desired
     assert run.exact + run.nearest_count == 196
     assert other.residual_max < run.residual_max  # nearest in force is what newton promises
 
@@ -72,7 +72,7 @@ def test_modules_that_took_no_part_take_none_in_the_replay(lossy, monkeypatch):
     assert (lower[-90:, [0, 1, 3, 4, 5, 6]] == 0.5).all()
 
 
-def test_all_solvers_that_serve_the_rig_are_asked(lossy):
+def test_all_solvers_that_serve_the_rig_are_in_the_replay(lossy):
     found = replay(dataclasses.replace(lossy, desired=np.where(lossy.cycle[:, None] < 5, lossy.desired, np.nan)))
     names = [row.solver for row in found.rows[1:]]
     assert found.cycles == 5
@@ -86,7 +86,7 @@ def test_a_solver_that_does_not_serve_the_rig_is_refused(lossy):
         replay(lossy, ["polygon"])
 
 
-def test_nothing_asked_for_is_nothing_scored(tmp_path):
+def test_without_demands_nothing_is_scored(tmp_path):
     runs.logged(tmp_path / "run.mcap", runs.four(), 0)
     found = replay(read_run(tmp_path / "run.mcap"), ["newton", "dykstra"])
     assert found.cycles == 0

@@ -1,4 +1,4 @@
-"""A measure that keeps a tally of what was evaluated where, so that a test can count it.
+"""Metric that keeps a tally of what was evaluated where, so that a test can count it.
 
 It is a module of its own because other processes import it: a sweep that is killed, and the workers of a cluster.
 """
@@ -18,7 +18,7 @@ from tensionlab.workspace.metrics import Batch
 
 @dataclass(frozen=True)
 class Tallied:
-    """How far from the origin is the pose?"""
+    """Distance of the pose from the origin."""
 
     file: str = ""
     seconds: float = 0.0
@@ -28,7 +28,7 @@ class Tallied:
     above_zero: ClassVar[str] = ""
 
     def evaluate(self, batch: Batch) -> np.ndarray:
-        """Find the value at every pose, and write down the process and the first pose."""
+        """Return the value at every pose, and write down the process and the first pose."""
         if len(batch.position):
             time.sleep(self.seconds)
             line = f"{os.getpid()} {' '.join(map(str, batch.position[0]))}\n"
@@ -38,6 +38,6 @@ class Tallied:
 
 
 def read(file: Path) -> list[tuple[int, tuple[float, ...]]]:
-    """Which process evaluated which chunk, known by its first pose?"""
+    """Return which process evaluated which chunk, known by its first pose."""
     rows = [line.split() for line in file.read_text().splitlines()] if file.exists() else []
     return [(int(process), tuple(map(float, pose))) for process, *pose in rows]

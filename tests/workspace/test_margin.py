@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 
 import tensionlab as tl
-from tests.support.judges import hull_margin, renders
 from tests.support.problems import cases, random_structure
+from tests.support.reference_metrics import hull_margin, renders
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
@@ -69,7 +69,7 @@ def test_qhull_agrees(n, m):
 
 
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8)])
-def test_its_sign_is_the_verdict_of_a_linear_program(n, m):
+def test_its_sign_is_that_of_a_linear_program(n, m):
     rng, W, lower, upper = poses(n, n, m, 500)
     wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 2.0, (500, 1))
     found = margin(W, (lower, upper), wrench[:, None, :])
@@ -81,7 +81,7 @@ def test_its_sign_is_the_verdict_of_a_linear_program(n, m):
 
 
 @given(cases())
-def test_whatever_the_rank_its_sign_is_the_verdict(case):
+def test_whatever_the_rank_its_sign_is_that_of_a_linear_program(case):
     found = margin(case.structure, case.limits, case.wrench)
     loose = case.upper > case.lower
     if np.linalg.matrix_rank(case.structure[:, loose], tol=1e-8) < len(case.wrench):

@@ -5,8 +5,8 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.workspace import effort, reachable_share
-from tests.support.judges import evenness, renders
 from tests.support.problems import random_structure
+from tests.support.reference_metrics import evenness, renders
 
 RIGS = Path(__file__).parents[2] / "datasets/rigs"
 factor, closure = tl.workspace.tension_factor, tl.workspace.wrench_closure
@@ -208,7 +208,7 @@ def test_effort_of_a_cross():
     assert diagonal.worst == pytest.approx(4.0)
 
 
-def test_effort_is_no_number_where_a_direction_is_out_of_reach():
+def test_effort_is_no_number_where_a_direction_is_infeasible():
     far = effort(np.stack([CROSS, 3 * CROSS]), (0.0, 2.0), AROUND, 2.5)
     np.testing.assert_array_equal(np.isnan(far.mean), [True, False])
     np.testing.assert_array_equal(np.isnan(far.worst), [True, False])

@@ -93,13 +93,7 @@ class Objective:
 def target_margins(anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
     """Return the capacity margins of layouts about no force, (..., P), in N, at each point of the target.
 
-    Parameters
-    ----------
-    anchors : (..., m, d) array
-        In the world, in m.
-    limits : TensionLimits
-    target : (P, d) array
-        In m.
+    ``anchors`` are (..., m, d) in the world, ``target`` is (P, d), both in m.
     """
     flat = anchors.reshape(-1, *anchors.shape[-2:])
     found = np.empty((len(flat), len(target)))

@@ -38,22 +38,8 @@ def polish(
     Burke, Lewis and Overton, "A robust gradient sampling algorithm for nonsmooth, nonconvex optimization", 2005,
     for the cloud.
 
-    Parameters
-    ----------
-    space : Space
-    target : (P, d) array
-        In m.
-    objective : Objective
-    places : Places
-        Of one layout.
-    limits : TensionLimits
-        Of all modules, the fixed ones last.
-
-    Returns
-    -------
-    places : Places
-    margins : (P,) array
-        In N; their merit is never below that of the given places.
+    ``target`` is (P, d), in m; ``limits`` are those of all modules, the fixed ones last. Returned are the places
+    and their margins (P,), in N, whose merit is never below that of the given places.
     """
     cloud, own = _cloud(target), len(target)
     margins, gradient = target_slopes(space, places, limits, cloud)

@@ -107,10 +107,8 @@ def search_layout(
         The surfaces, and how many modules to put on them.
     target : Grid, as made by `box`, or (P, d) array
         Positions of the hand, in m.
-    objective : Objective
     name : str
         Rigs are named after it and their number of modules.
-    seed : int
     generations : int
         Of the differential evolution.
     starts : int

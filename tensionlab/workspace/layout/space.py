@@ -73,16 +73,8 @@ class Surface:
 def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[Surface, ...]:
     """Return the surfaces of a room: floor, ceiling and four walls; Y is up.
 
-    Parameters
-    ----------
-    size : (3,) width along X, height along Y and depth along Z, in m
-    centre : (3,) optional
-        Of the room; left out, the middle of its floor is the origin.
-
-    Raises
-    ------
-    RigError
-        If the size is not three positive numbers.
+    Its ``size`` is width along X, height along Y and depth along Z, in m. Without ``centre``, the middle of its
+    floor is the origin. RigError if the size is not three positive numbers.
     """
     extent = vector(size, "room", "size")
     if extent.shape != (3,) or (extent <= 0).any():
@@ -98,16 +90,10 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
 
 class Placed(NamedTuple):
-    """Surfaces and fixed modules in world axes.
+    """Surfaces and fixed modules in world axes, in m.
 
-    Attributes
-    ----------
-    corners : (s, d) array
-        Of the surfaces, in m.
-    edges : (s, d, d) array
-        Vectors from the corner of each surface, in m; zeros where it has fewer than d.
-    fixed : (f, d) array
-        Anchors of the fixed modules, in m.
+    Corners of the surfaces (s, d); vectors from each corner along the edges (s, d, d), zeros where there are
+    fewer than d; anchors of the fixed modules (f, d).
     """
 
     corners: Floats
@@ -116,14 +102,9 @@ class Placed(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Surfaces on which modules stand, and places on them.
+    """Places of k modules: indices of their surfaces (..., k), and shares of the surface's edges (..., k, d).
 
-    Attributes
-    ----------
-    surfaces : (..., k) array
-        Indices of surfaces.
-    along : (..., k, d) array
-        Shares of the surface's edges, from 0 to 1; without effect where it has fewer than d.
+    Shares are from 0 to 1, and without effect where a surface has fewer than d edges.
     """
 
     surfaces: Integers

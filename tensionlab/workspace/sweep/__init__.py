@@ -22,7 +22,7 @@ from tensionlab.workspace.sweep.configurations import Configurations, vary
 from tensionlab.workspace.sweep.dataset import empty_dataset
 from tensionlab.workspace.sweep.executors import evaluate_on_cluster, evaluate_on_threads, progress_bar
 from tensionlab.workspace.sweep.plan import Plan
-from tensionlab.workspace.sweep.store import MemoryStore, SweepStore, ZarrStore
+from tensionlab.workspace.sweep.store import MemoryStore, ZarrStore
 
 if TYPE_CHECKING:
     import xarray
@@ -94,7 +94,7 @@ def sweep(
         chunk=chunk,
     )
     empty = empty_dataset(plan)
-    store: SweepStore = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
+    store = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
     with contextlib.closing(store):
         missing = [number for number in range(math.prod(plan.tiles)) if number not in store.finished]
         if missing:

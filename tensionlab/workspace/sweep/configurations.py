@@ -61,7 +61,9 @@ def vary(
 ) -> Configurations:
     """Return the rigs of every combination of these values.
 
-    ``vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 5, 6, 8], limits=[(0.5, 6), (0.5, 12)])`` are 20 rigs.
+    The axes are "rig" or one for each listed parameter, "anchor_NAME" for each module (spaces become _), and
+    "limits". ``vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 5, 6, 8], limits=[(0.5, 6), (0.5, 12)])``
+    are 20 rigs.
 
     Parameters
     ----------
@@ -73,12 +75,6 @@ def vary(
         Tension limits to try, the same for all modules, in N.
     **parameters
         Of the layout: a list of the values to try, or one value that stays.
-
-    Returns
-    -------
-    Configurations
-        With the axes "rig" or one for each listed parameter, "anchor_NAME" for each module (spaces become _), and
-        "limits".
 
     Raises
     ------
@@ -143,9 +139,8 @@ def _layout(what: Callable[..., Rig], parameters: Mapping[str, Any]) -> tuple[li
         listed = list(values)
         if not listed:
             raise SweepError(f"vary: {name} holds no values; give at least one")
-        unit = layouts.UNITS.get(
-            name, "1" if all(isinstance(value, (int, np.integer)) for value in listed) else "SI"
-        )
+        counts = all(isinstance(value, (int, np.integer)) for value in listed)
+        unit = layouts.UNITS.get(name, "1" if counts else "SI")
         axes.append(_axis(name, listed, unit, f"{name} of {title}"))
     names = [axis.name for axis in axes]
     return axes, lambda *values: what(**fixed, **dict(zip(names, values, strict=True)))
@@ -186,7 +181,5 @@ def _move(rig: Rig, name: str, anchor: Any) -> Rig:
     if name not in (module.name for module in rig.modules):
         names = ", ".join(module.name for module in rig.modules)
         raise RigError(f'rig "{rig.name}" has no module "{name}" to move; it has {names}')
-    return replace(
-        rig,
-        modules=tuple(replace(each, anchor=anchor) if each.name == name else each for each in rig.modules),
-    )
+    modules = tuple(replace(each, anchor=anchor) if each.name == name else each for each in rig.modules)
+    return replace(rig, modules=modules)

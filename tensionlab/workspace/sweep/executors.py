@@ -131,17 +131,8 @@ def _processors() -> int:
 def progress_bar(total: int, done: int, shown: bool) -> Iterator[Callable[[int], None]]:
     """Show a bar on stderr while the work lasts, if that is a terminal; it vanishes when done.
 
-    Parameters
-    ----------
-    total, done : int
-        Poses of all the work, and those that were finished before.
-    shown : bool
-        False for no bar at all.
-
-    Yields
-    ------
-    callable
-        To be called with the number of further finished poses.
+    ``total`` poses are all the work, ``done`` were finished before. What it yields is to be called with the
+    number of further finished poses.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn

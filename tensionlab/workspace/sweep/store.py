@@ -19,7 +19,7 @@ import shutil
 import uuid
 from collections.abc import Container, Mapping, Set
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,23 +44,8 @@ Checksums = Mapping[str, str | None]
 """By path in the store; None for a chunk without a file, which Zarr leaves out where all values are NaN."""
 
 
-class SweepStore(Protocol):
-    """Store of values; ``finished`` holds the numbers of the chunks that it has already."""
-
-    finished: Container[int]
-
-    def write(self, task: Task, values: Floats) -> None:
-        """Keep the values of one chunk, (metrics, *shape of its block)."""
-
-    def dataset(self) -> xarray.Dataset:
-        """Return the whole, once every chunk is written."""
-
-    def close(self) -> None:
-        """Release what is held while values are written."""
-
-
 class MemoryStore:
-    """Sweep in memory; SweepError if it is too large for that."""
+    """Sweep in memory, with the interface of `ZarrStore`; SweepError if it is too large for that."""
 
     def __init__(self, plan: Plan, empty: xarray.Dataset) -> None:
         size = 8 * len(plan.metrics) * math.prod(plan.shape)
@@ -74,11 +59,11 @@ class MemoryStore:
         self._values = np.full((len(plan.metrics), *plan.shape), np.nan)
 
     def write(self, task: Task, values: Floats) -> None:
-        """Keep the values of one chunk."""
+        """Keep the values of one chunk, (metrics, *shape of its block)."""
         self._values[(slice(None), *task.block)] = values
 
     def dataset(self) -> xarray.Dataset:
-        """Return the whole."""
+        """Return the whole, once every chunk is written."""
         return self._empty.assign(
             {
                 name: (self._plan.dims, values, attributes(metric))
@@ -93,12 +78,7 @@ class MemoryStore:
 class ZarrStore:
     """Zarr store that a sweep is written to, goes on with, or is opened from. One process at a time writes.
 
-    Parameters
-    ----------
-    path : path
-    plan : Plan
-    empty : Dataset
-        Coordinates and attributes of the sweep.
+    ``finished`` holds the numbers of the chunks that it has, ``empty`` the coordinates and attributes.
 
     Raises
     ------
@@ -249,14 +229,9 @@ def _clear(path: Path) -> None:
 
 
 class Ledger:
-    """Ledger of a store: what it holds, and what is complete.
+    """Ledger of a store: what it holds, and whether it is complete.
 
-    Attributes
-    ----------
-    sweep : mapping or None
-        What tells the sweep from every other; None if there is no ledger that can be read.
-    complete : bool
-        Whether the sweep was finished.
+    ``sweep`` tells the sweep from every other; it is None if there is no ledger that can be read.
     """
 
     def __init__(self, store: Path) -> None:

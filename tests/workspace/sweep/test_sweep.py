@@ -214,7 +214,7 @@ def test_odd_sweeps_are_refused_before_any_work(call, error, words, monkeypatch)
         call()
 
 
-def test_a_body_frame_that_is_not_given_is_asked_for():
+def test_a_body_frame_that_is_not_given_is_named():
     rig = tl.Rig("worn", "point", (tl.Module("worn", [0, 0, 0], 0.5, 6.0, frame="hip"),), np.zeros(3))
     with pytest.raises(RigError, match='rides on the frame "hip", which is missing'):
         tl.sweep(rig, [[1, 0, 0]], "effort")
@@ -229,7 +229,7 @@ def test_a_library_that_is_missing_is_named_with_its_extra(missing, monkeypatch,
         tl.sweep(CUBE, [[0, 0, 0]], "effort", out=tmp_path / "a.zarr")
 
 
-def test_the_limit_of_memory_counts_all_measures(monkeypatch):
+def test_the_limit_of_memory_counts_all_metrics(monkeypatch):
     monkeypatch.setattr(store, "MAX_MEMORY_BYTES", 8 * 2 * 3)
     assert tl.sweep(CUBE, np.zeros((3, 3)), ["effort", "wrench-closure"]).sizes["pose"] == 3
     with pytest.raises(SweepError, match="give out"):

@@ -1,4 +1,4 @@
-"""Independent judges of the workspace measures: a simplex code, and Qhull on all corners of the box."""
+"""Reference metrics of the workspace: by a simplex code, and by Qhull on all corners of the box."""
 
 from __future__ import annotations
 
