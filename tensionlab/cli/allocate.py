@@ -101,7 +101,7 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
             at = "at its lower limit"
         elif tension >= module.upper - LIMIT_TOLERANCE_N:
             at = "at its upper limit"
-        rows.append((module.name, f"{tension:.4f}", f"{module.lower:g}", f"{module.upper:g}", at))
+        rows.append((module.name, f"{tension:.4f}", module.lower, module.upper, at))
     output.print_table(
         f"{rig.name} at {output.vector(position)} m", ("<module", "tension N", "lower N", "upper N", "<"), rows
     )

@@ -207,7 +207,7 @@ def show(
         return
     output.console().print(f"{found.name}: {found.title}\n", soft_wrap=True)
     rows = (
-        (label, *map(str, numbers), output.short(condition), output.short(wrench))
+        (label, *numbers, output.short(condition), output.short(wrench))
         for label, *numbers, condition, wrench in (row.values() for row in groups)
     )
     headings = ("problems", "components", "cables", "feasible", "condition\nmedian", "wrench\nmedian N")

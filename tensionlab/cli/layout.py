@@ -96,7 +96,7 @@ def _print(found: LayoutSearch, name: str) -> None:
             "",
             ("modules", "score", "worst\nmargin N", "<better than\nwith fewer"),
             (
-                (str(each.rig.m), f"{each.score:.4g}", f"{each.worst:.4g}", "yes" if each in found.front else "no")
+                (each.rig.m, f"{each.score:.4g}", f"{each.worst:.4g}", each in found.front)
                 for each in found.layouts
             ),
         )
@@ -107,7 +107,7 @@ def _print(found: LayoutSearch, name: str) -> None:
         "",
         ("<module", "<frame", "anchor\nm", "score lost\nwithout it"),
         (
-            (module.name, module.frame, output.vector(module.anchor.round(4) + 0.0), f"{lost:.4g}")
+            (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
             for module, lost in zip(best.rig.modules, best.contributions, strict=True)
         ),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tensionlab.cli.common import output
-from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links
+from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, json_rows
 from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_config import config
@@ -42,6 +42,7 @@ def discover(
     found.
     """
     from tensionlab.hardware.client.discovery import find_all, ports
+    from tensionlab.hardware.client.parameter_file import firmware
 
     urls = ports(everything=everything) if not links and modules is None else None
     if urls is None:
@@ -69,7 +70,7 @@ def discover(
                 rows.append((each.url, each.about, "", "", each.problem))
             else:
                 state = each.info.state.name.lower() + ("" if each.info.calibrated else ", not calibrated")
-                rows.append((each.url, each.about, _serial(each.info), _firmware(each.info), state))
+                rows.append((each.url, each.about, f"{each.info.serial_number:08x}", firmware(each.info), state))
         output.print_table("", ("<link", "<port", "<serial\nnumber", "<firm-\nware", "<state"), rows)
     if not any(each.info or each.in_use for each in found):
         raise typer.Exit(1)
@@ -79,28 +80,24 @@ def discover(
 def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show versions, state, limits and calibration of modules."""
     from tensionlab.hardware.client.module import ModuleClient
+    from tensionlab.hardware.client.parameter_file import firmware
 
     urls = find_links(links, modules)
     answers, failed = call_all(urls, ModuleClient.hello)
     if json:
-        output.print_json(
-            [
-                {"module": name, "url": url, "info": _plain(answers[name]) if name in answers else None}
-                | ({"error": str(failed[name])} if name in failed else {})
-                for name, url in urls.items()
-            ]
-        )
+        found = {name: _plain(each) for name, each in answers.items()}
+        output.print_json(json_rows(urls, failed, lambda name: {"info": found.get(name)}))
     elif answers:
         rows = (
             (
                 name,
-                _serial(each),
-                _firmware(each),
+                f"{each.serial_number:08x}",
+                firmware(each),
                 each.state.name.lower(),
-                "yes" if each.calibrated else "no",
-                "yes" if each.length_known else "no",
+                each.calibrated,
+                each.length_known,
                 each.reset_reason.name.lower(),
-                str(each.ttl_ms),
+                each.ttl_ms,
                 f"{each.tension_lower:g} to {each.tension_upper:g}",
                 f"{each.newton_per_ampere:.3g}",
                 f"{1e3 * each.spool_radius:.3g}",
@@ -174,17 +171,9 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
 
     states, failed = call_all(urls, send)
     if json:
+        names = {name: None if state is None else state.name for name, state in states.items()}
         output.print_json(
-            [
-                {
-                    "module": name,
-                    "url": url,
-                    "confirmed": name in states,
-                    "state": getattr(states.get(name), "name", None),
-                    "error": str(failed[name]) if name in failed else None,
-                }
-                for name, url in urls.items()
-            ]
+            json_rows(urls, failed, lambda name: {"confirmed": name in names, "state": names.get(name)})
         )
     else:
         for name, state in states.items():
@@ -233,19 +222,10 @@ def estop_all(links: Links = None, modules: ModulesFile = None, json: Json = Fal
 
 def _plain(info: Info) -> dict[str, Any]:
     """Return what a module reports of itself as JSON has it: codes by their names."""
-    names = {"state": info.state.name, "reset_reason": info.reset_reason.name, "firmware": _firmware(info)}
-    return {**asdict(info), **names}
-
-
-def _serial(info: Info) -> str:
-    """Return the serial number as in the module's Bluetooth name."""
-    return f"{info.serial_number:08x}"
-
-
-def _firmware(info: Info) -> str:
     from tensionlab.hardware.client.parameter_file import firmware
 
-    return firmware(info)
+    names = {"state": info.state.name, "reset_reason": info.reset_reason.name, "firmware": firmware(info)}
+    return {**asdict(info), **names}
 
 
 module.command()(ping)

@@ -67,6 +67,7 @@ def gain(
     result is too uncertain to be written.
     """
     from tensionlab.hardware.calibration.gain import gain_from_sensor, gain_from_weights
+    from tensionlab.hardware.protocol.codes import Calibration
 
     if (mass is None) == (sensor is None):
         raise typer.BadParameter("give either --mass, once or repeatedly, or --sensor with --staircase")
@@ -84,7 +85,8 @@ def gain(
             found = gain_from_sensor(measured, before)
         certain = found.gain.half_width <= LARGEST_UNCERTAINTY * found.gain.value
         if write and certain:
-            _write_gain(client, found.gain.value)
+            client.calibrate(Calibration.NEWTON_PER_AMPERE, found.gain.value)
+            client.save()
     if json:
         output.print_json(_gain_json(url, found, written=write and certain))
     else:
@@ -168,13 +170,6 @@ def _sensor_balances(sensor: Path, staircase: Path, ahead: float | None) -> list
     taken = load_staircase(staircase)
     time, force = load_sensor(sensor)
     return balances(taken, time, force, lag(taken, time, force) if ahead is None else ahead)
-
-
-def _write_gain(client: ModuleClient, value: float) -> None:
-    from tensionlab.hardware.protocol.codes import Calibration
-
-    client.calibrate(Calibration.NEWTON_PER_AMPERE, value)
-    client.save()
 
 
 def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, object]:

@@ -214,8 +214,8 @@ def ping(
             rows.append(
                 (
                     name,
-                    str(len(each.times) + each.lost),
-                    str(each.lost),
+                    len(each.times) + each.lost,
+                    each.lost,
                     *(output.short(1e3 * each.percentile(share)) for share in PERCENTILES),
                     f"{1e3 * ttls[name]:.0f}",
                     "none" if rate is None else f"{rate[0]:.0f} to {rate[1]:.0f}",

@@ -62,16 +62,16 @@ def _print(loaded: Rig, lengths: Floats) -> None:
         SHOWN,
         (
             (
-                module.name,
-                module.frame,
-                output.vector(module.anchor),
-                output.vector(module.attachment),
+                each.name,
+                each.frame,
+                each.anchor,
+                each.attachment,
                 f"{length:.3f}",
-                f"{module.lower:g}",
-                f"{module.upper:g}",
-                "–" if module.brake is None else f"{module.brake:g}",
+                each.lower,
+                each.upper,
+                each.brake,
             )
-            for module, length in zip(loaded.modules, lengths, strict=True)
+            for each, length in zip(loaded.modules, lengths, strict=True)
         ),
     )
 

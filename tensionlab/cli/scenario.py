@@ -62,6 +62,7 @@ def scenario(
     from tensionlab.scenarios import load_scenario
     from tensionlab.scenarios.direction import check_directions
     from tensionlab.scenarios.expected import check_scenario
+    from tensionlab.scenarios.expected_values import loop_delay
     from tensionlab.scenarios.play import play
 
     if name == LIST:
@@ -88,7 +89,17 @@ def scenario(
     with output.Keeper(quiet=json) as keeper:
         keeper.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
         if json:
-            output.print_json(_json(played, rows, found, picture))
+            output.print_json(
+                {
+                    "scenario": loaded.name,
+                    "checks": [{**row._asdict(), "met": row.met} for row in rows],
+                    "directions": {"cycles": found.cycles, "within": found.within, **found.reasons},
+                    "delay": loop_delay(played),
+                    "run": statistics.summary(),
+                    "events": [vars(event) for event in played.run.events],
+                    "picture": str(picture),
+                }
+            )
         else:
             _print(played, rows, found)
             if not complete:
@@ -148,7 +159,7 @@ def _list(json: bool) -> None:
     rows = []
     for each in loaded:
         worn = sum(module.frame in each.rig.frames for module in each.rig.modules)
-        rows.append((each.name, each.about, str(each.rig.m - worn), str(worn), f"{each.seconds:g}"))
+        rows.append((each.name, each.about, each.rig.m - worn, worn, each.seconds))
     title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
     headings = ("<name", "<what", "modules\nin the room", "modules\non a body", "duration\ns")
     output.print_table(title, headings, rows)
@@ -156,6 +167,8 @@ def _list(json: bool) -> None:
 
 def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
     """Print measured values beside expected ones, and where forces pointed."""
+    from tensionlab.scenarios.expected_values import loop_delay
+
     console = output.console()
     if rows:
         output.print_table(
@@ -179,22 +192,4 @@ def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -
         f"Forces above 0.5 N in {found.cycles} of {len(played.run)} cycles: "
         f"{found.within} within 45 degrees of the desired ones{elsewhere}."
     )
-    console.print(f"Loop latency {1e3 * _latency(played):.0f} ms.")
-
-
-def _latency(played: ScenarioResult) -> float:
-    from tensionlab.scenarios.expected_values import loop_delay
-
-    return loop_delay(played)
-
-
-def _json(played: ScenarioResult, rows: tuple[Check, ...], found: Directions, picture: Path) -> dict[str, object]:
-    return {
-        "scenario": played.scenario.name,
-        "checks": [{**row._asdict(), "met": row.met} for row in rows],
-        "directions": {"cycles": found.cycles, "within": found.within, **found.reasons},
-        "delay": _latency(played),
-        "run": played.statistics.summary(),
-        "events": [vars(event) for event in played.run.events],
-        "picture": str(picture),
-    }
+    console.print(f"Loop latency {1e3 * loop_delay(played):.0f} ms.")

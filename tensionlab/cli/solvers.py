@@ -47,12 +47,7 @@ def solvers(json: Json = False) -> None:
             "<minimises, among tensions that render the wrench",
         ),
         (
-            (
-                entry["solver"],
-                "yes" if entry["installed"] else "no",
-                ", ".join(entry["nearest"]) or "–",
-                entry["objective"],
-            )
+            (entry["solver"], entry["installed"], ", ".join(entry["nearest"]) or "–", entry["objective"])
             for entry in entries
         ),
     )

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import typer
 
@@ -91,6 +91,16 @@ def call_all(
     return {name: answers[name] for name in links if name in answers}, {
         name: failed[name] for name in links if name in failed
     }
+
+
+def json_rows(
+    urls: Mapping[str, str], failed: Mapping[str, HardwareError], row: Callable[[str], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Return what JSON says of each module: its name, its URL, a row of its own, and its error, or None."""
+    return [
+        {"module": name, "url": url, **row(name), "error": str(failed[name]) if name in failed else None}
+        for name, url in urls.items()
+    ]
 
 
 def exit_if_failed(failed: Mapping[str, HardwareError]) -> None:

@@ -16,7 +16,7 @@ from tensionlab.errors import MAX_MESSAGE_CHARACTERS, WriteError
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import Console
     from rich.table import Table
 
     from tensionlab.model.rig import Rig
@@ -148,9 +148,7 @@ def console(*, stderr: bool = False) -> Console:
     return Screen(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
 
 
-def table(
-    title: str, headings: Sequence[str], rows: Iterable[Sequence[RenderableType]] = (), *, gap: int = 2
-) -> Table:
+def table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = 2) -> Table:
     """Return a table in the style of all verbs.
 
     Parameters
@@ -161,6 +159,7 @@ def table(
         One for each column. Columns are for numbers, to the right and on one line; those whose heading begins
         with ``<`` are for text, to the left and on several lines where there is no room.
     rows : iterable of sequences
+        Texts are printed as they are, numbers without trailing zeros, vectors in brackets, None as a dash.
     gap : int
         Spaces between columns.
     """
@@ -182,13 +181,22 @@ def table(
             heading.removeprefix("<"), justify="left" if text else "right", overflow="fold", no_wrap=not text
         )
     for row in rows:
-        grid.add_row(*row)
+        grid.add_row(*map(_cell, row))
     return grid
 
 
-def print_table(
-    title: str, headings: Sequence[str], rows: Iterable[Sequence[RenderableType]], *, gap: int = 2
-) -> None:
+def _cell(value: Any) -> Any:
+    """Return what a table shows for a value."""
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "–"}[value]
+    if getattr(value, "ndim", 0):
+        return vector(value)
+    return (
+        f"{value:g}" if isinstance(value, float) else value if hasattr(value, "__rich_console__") else str(value)
+    )
+
+
+def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *, gap: int = 2) -> None:
     """Print a table; parameters as `table`."""
     console().print(table(title, headings, rows, gap=gap))
 
