@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Nearest, RigFile, Solver
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-
-if TYPE_CHECKING:
-    from tensionlab.allocation import Allocation
-    from tensionlab.solvers.base import Status
+from tensionlab.solvers.base import Status
 
 STATUS_TEXTS = {
     "EXACT": "exact: all limits kept, the wrench rendered",
@@ -46,9 +44,6 @@ def allocate(
 
     Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab.allocation import Allocator
-    from tensionlab.solvers.base import Status
-
     loaded = load_rig(rig)
     options.check_solvers(loaded, [solver], nearest)
     desired = options.parse_numbers(wrench)

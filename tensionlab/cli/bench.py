@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from tensionlab.allocation import allocate
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.errors import ShapeError, WriteError
 from tensionlab.files.writing import make_folder, write_text
+from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     from tensionlab.benchmark.results import Results
@@ -159,8 +162,6 @@ def _print(results: Results, out: Path, json: bool) -> None:
 @problems.command("list")
 def list_sets(json: Json = False) -> None:
     """List the sets: which of their wrenches are feasible by construction, and what each set tests."""
-    from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
-
     found = [problem_set(name, 1) for name in PROBLEM_SETS]
     if json:
         output.print_json(
@@ -180,10 +181,6 @@ def show(
 ) -> None:
     """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
     import numpy as np
-
-    from tensionlab.allocation import allocate
-    from tensionlab.benchmark.problem_sets import problem_set
-    from tensionlab.solvers.base import Status
 
     found = problem_set(name, count, seed)
     groups = []
@@ -223,7 +220,6 @@ def export(
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
     from tensionlab import records
-    from tensionlab.benchmark.problem_sets import problem_set, qp_rows
 
     found = problem_set(name, count, seed)
     rows = qp_rows(found)

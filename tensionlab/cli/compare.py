@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import Annotated, TypeVar
 
 import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
+from tensionlab.comparison.compare import Row, Score
+from tensionlab.model import directions as direction_sets
 from tensionlab.model.files import load_rig
-
-if TYPE_CHECKING:
-    from tensionlab.comparison.compare import Row, Score
 
 RowType = TypeVar("RowType", bound="Score")
 Column = tuple[str, Callable[[RowType], str], bool]
@@ -84,7 +83,6 @@ def compare(
     """
     from tensionlab import records
     from tensionlab.comparison import compare as comparison
-    from tensionlab.model import directions as direction_sets
 
     loaded = load_rig(rig)
     names = None if solvers is None else options.parse_names([solvers])

@@ -12,6 +12,8 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links
 from tensionlab.cli.common.options import Json, Links, ModulesFile
+from tensionlab.errors import HardwareError
+from tensionlab.files.reading import read_text
 from tensionlab.files.writing import make_folder, write_text
 
 if TYPE_CHECKING:
@@ -131,8 +133,6 @@ def restore(
     What the file does not name stays as it is. All values are checked before the first is changed. One file
     serves several modules; in a folder, each has its NAME.toml.
     """
-    from tensionlab.errors import HardwareError
-    from tensionlab.files.reading import read_text
     from tensionlab.hardware.client.parameter_file import change, file_of, parse
 
     urls = find_links(links, modules)

@@ -14,11 +14,11 @@ import typer
 from tensionlab.cli.common import output
 from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, until_interrupted
 from tensionlab.cli.common.options import Json, Links, ModulesFile
+from tensionlab.errors import HardwareError, LinkError, ModuleFault
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from tensionlab.errors import HardwareError
     from tensionlab.hardware.client.latency import RoundTrips
     from tensionlab.hardware.client.module import ModuleClient
 
@@ -71,7 +71,6 @@ def _connect(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleC
     """Open all modules and have them report; they are closed with the stack."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from tensionlab.errors import HardwareError
     from tensionlab.hardware.client.module import ModuleClient
 
     failed: dict[str, HardwareError] = {}
@@ -95,8 +94,6 @@ def _connect(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleC
 
 def _check(name: str, client: ModuleClient, failed: dict[str, HardwareError]) -> None:
     """Take note of a link that broke; whether the module has released its cable is in the table."""
-    from tensionlab.errors import LinkError, ModuleFault
-
     try:
         client.check()
     except LinkError as error:

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot, RigFile
 from tensionlab.files import writing
-from tensionlab.model.files import load_rig
+from tensionlab.model.files import load_rig, rig_to_toml, save_rig
+from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
-    from tensionlab.arrays import Floats
     from tensionlab.validation.rig_check import Finding
 
 rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
@@ -129,7 +130,6 @@ def import_(
     It has one body that moves in a plane or in space.
     """
     from tensionlab.model.caspr import load_caspr
-    from tensionlab.model.files import rig_to_toml, save_rig
 
     imported = load_caspr(*caspr, cable_set)
     if out is None:
@@ -150,8 +150,6 @@ def export(
 
     It has a spatial tendon for each cable, with a motor that can only pull.
     """
-    from tensionlab.model.mjcf import rig_to_mjcf
-
     loaded = load_rig(path)
     writing.write_text(mjcf, rig_to_mjcf(loaded))
     output.console().print(f"model: {mjcf}, {loaded.m} tendons", soft_wrap=True)

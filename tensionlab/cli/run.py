@@ -9,18 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigFile, Solver
+from tensionlab.demand import Demand, DemandSource, Pose
+from tensionlab.errors import HardwareError
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from tensionlab.arrays import Floats
-    from tensionlab.demand import DemandSource
     from tensionlab.hardware.runner.runner import Runner, Tracker
     from tensionlab.hardware.runner.statistics import Statistics
 
@@ -73,7 +75,6 @@ def run(
     """
     from rich.live import Live
 
-    from tensionlab.errors import HardwareError
     from tensionlab.hardware.runner.runner import Runner
     from tensionlab.hardware.runner.settings import RunSettings
 
@@ -118,7 +119,6 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     """Return what is to be rendered."""
     import numpy as np
 
-    from tensionlab.demand import Demand
     from tensionlab.hardware.runner.program import load_program
 
     if force is not None and program is not None:
@@ -139,8 +139,6 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
 def _tracker(rig: Rig, at: str | None) -> Tracker | None:
     """Return where the point is at each time; None if the cable lengths are to show it."""
     import numpy as np
-
-    from tensionlab.demand import Pose
 
     if at is None:
         return None
@@ -223,8 +221,6 @@ def _components(wrench: Floats) -> str:
 
 def _counts(statistics: Statistics) -> str:
     """Return how many answers have which status."""
-    from tensionlab.solvers.base import Status
-
     counts = [f"{statistics.statuses[status]} {status.name}" for status in Status if statistics.statuses[status]]
     if statistics.fallback_used:
         counts.append(f"{statistics.fallback_used} by newton, as fallback of the solver")

@@ -12,6 +12,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
 from tensionlab.cli.common.options import Duration, Json, Log, Modules, Solver
+from tensionlab.errors import HardwareError
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -57,7 +58,6 @@ def scenario(
     simulated person acts, as fast as this computer can. Exit status 1 where a measured value is not as expected,
     or something went wrong with a module.
     """
-    from tensionlab.errors import HardwareError
     from tensionlab.plots import plot_scenario, save_figure
     from tensionlab.scenarios import load_scenario
     from tensionlab.scenarios.direction import check_directions

@@ -8,6 +8,7 @@ from typing import Any
 
 from tensionlab.cli.common import output
 from tensionlab.cli.common.options import Json
+from tensionlab.solvers import every_solver, find_plugins, make
 
 # How the docstrings of solvers name their publications: "Source: ...", or a section "References".
 SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.DOTALL)
@@ -15,8 +16,6 @@ SOURCE = re.compile(r"(?:Sources?:\s|References\n-+\n)(.+?)(?:\n\s*\n|\Z)", re.D
 
 def solvers(json: Json = False) -> None:
     """List the solvers, with what each minimises, its policies for infeasible wrenches, and its source."""
-    from tensionlab.solvers import every_solver, find_plugins, make
-
     broken = {name: str(found) for name, found in find_plugins().items() if not isinstance(found, type)}
     entries: list[dict[str, Any]] = []
     for name, installed in every_solver().items():

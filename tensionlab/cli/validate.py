@@ -12,6 +12,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
 from tensionlab.cli.common.options import Modules, Solver
+from tensionlab.errors import HardwareError, LogError
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
 
@@ -70,7 +71,6 @@ def validate(
     Renders 182 forces one after another, and measures them. The same command continues a validation that was
     interrupted. Exit status 1 where it is not complete, or something went wrong with a module or the sensor.
     """
-    from tensionlab.errors import HardwareError, LogError
     from tensionlab.validation.report import HEADINGS, remarks, rows
     from tensionlab.validation.results import result_of
     from tensionlab.validation.session import validate as measure

@@ -7,7 +7,7 @@ import json as json_text
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -17,10 +17,10 @@ from tensionlab.cli.common.options import Json
 from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-
-if TYPE_CHECKING:
-    from tensionlab.workspace.poses import Grid, PoseList
-    from tensionlab.workspace.sweep.dataset import Summary
+from tensionlab.workspace.poses import Grid, PoseList, read_poses
+from tensionlab.workspace.poses import box as box_of_poses
+from tensionlab.workspace.sweep import sweep
+from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, Summary, summarise
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 DRAWN_METRIC = "capacity-margin"
@@ -96,10 +96,6 @@ def workspace(
     At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box. Body
     frames stay at rest, at the origin of the world.
     """
-    from tensionlab.workspace.poses import read_poses
-    from tensionlab.workspace.sweep import sweep
-    from tensionlab.workspace.sweep.dataset import summarise
-
     loaded = [load_rig(path) for path in rigs]
     if poses is not None and (box is not None or step is not None):
         raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
@@ -141,8 +137,6 @@ def workspace(
 
 def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
     """Return the positions of the sweep."""
-    from tensionlab.workspace.poses import box as box_of_poses
-
     dimension = rigs[0].dimension
     if box is None:
         points = np.concatenate([[rig.home, *rig.anchors] for rig in rigs if rig.dimension == dimension])
@@ -162,7 +156,6 @@ def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
 def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
     from tensionlab.workspace.metrics import description, make
-    from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE
 
     metrics = {name: make(name) for _, name, _ in found}
     rows = []

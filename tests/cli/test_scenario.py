@@ -13,7 +13,7 @@ from tensionlab.scenarios.scenario import FOLDER
 def test_list_shows_all(run):
     status, out, _err = run("scenario", "list")
     assert status == 0
-    rows = out.splitlines()[3:]
+    rows = out.splitlines()[4:]
     assert [line.split()[0] for line in rows if not line.startswith(" ")] == list(SCENARIOS)
     assert "proposals" in out
     assert [each["name"] for each in json.loads(run("scenario", "list", "--json")[1])] == list(SCENARIOS)
