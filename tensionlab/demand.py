@@ -1,7 +1,7 @@
-"""What is asked of a rig, and how the rig is: where those who ask and those who pull meet.
+"""State of a rig and demands on it: where `tensionlab.haptics` and `tensionlab.hardware` meet.
 
-The runner (`tensionlab.hardware`) asks a demand source once a cycle, and knows nothing of what it renders; effects
-and scenarios (`tensionlab.haptics`) are such sources, and know nothing of modules.
+The runner calls a demand source once a cycle and knows nothing of effects; effects and scenarios are such sources
+and know nothing of modules.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tensionlab.model.pose import Frames
 
 
 class Pose(NamedTuple):
-    """Where is what the cables hold? Fields as the arguments of `Rig.structure_matrix`."""
+    """Pose of the point or the platform; fields as the arguments of `Rig.structure_matrix`."""
 
     position: Floats
     rotation: Floats | None = None
@@ -27,9 +27,9 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RigState:
-    """How is the rig now, as far as the host can tell?
+    """State of the rig in a cycle, as far as the host knows it.
 
-    Arrays over cables have the rig's order; NaN where a module has not yet said it.
+    Arrays over cables have the rig's order; NaN where a module has not yet reported.
 
     Attributes
     ----------
@@ -38,7 +38,6 @@ class RigState:
     time : float
         Of the cycle, in s since the run began.
     pose : Pose
-        Where the point or the platform is.
     twist : (n,) array
         Velocity that fits the cables' speeds best: m/s, and rad/s where the platform turns.
     structure : (n, m) array
@@ -46,7 +45,7 @@ class RigState:
     lengths, speeds : (m,) arrays
         Of the cables, in m; of paying out, in m/s.
     tensions : (m,) array
-        What the modules said they pull with, in N.
+        As measured by the modules, in N.
     ages : (m,) array
         Time since the latest telemetry came, in s; infinite before the first.
     active : (m,) array of bool
@@ -54,12 +53,11 @@ class RigState:
     states, faults, limiters : (m,) arrays of int
         `codes.State`, `codes.Fault` and `codes.Limit`, which holds its tension back, of each module.
     brakes : (m,) array of int
-        What each brake is doing, `codes.BrakeState`; -1 before the first telemetry.
+        `codes.BrakeState` as measured; -1 before the first telemetry.
     last_sequence : (m,) array of int
         Sequence number of the set-point that each module followed last; -1 before the first telemetry.
     delays : (m,) array
-        How long ago that set-point was sent, in s: so late does what the host asks for show in what it hears. NaN
-        before the first.
+        How long ago that set-point was sent, in s: the latency of the loop. NaN before the first.
     thermal : (m,) array
         Share of each winding's budget that is spent.
     upper_now : (m,) array
@@ -88,7 +86,7 @@ class RigState:
 
 @dataclass(frozen=True)
 class Impedance:
-    """What a module renders at its own rate, instead of a tension: see `protocol.SetImpedance`. SI units."""
+    """Impedance that a module renders at its own rate, instead of a tension: `protocol.SetImpedance`. SI units."""
 
     rest: float
     stiffness: float = 0.0
@@ -98,33 +96,25 @@ class Impedance:
     frequency: float = 0.0
 
     def tension(self, length: float, speed: float) -> float:
-        """How hard does the cable pull with it, vibration aside, in N?
-
-        Parameters
-        ----------
-        length, speed : float
-            Of the cable, in m; of paying out, in m/s.
-        """
+        """Return the tension in N, vibration aside, at a length in m and a speed of paying out in m/s."""
         spring = self.stiffness * max(length - self.rest, 0.0)
         return self.feed_forward + spring + self.damping * max(speed, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """What is the rig to render until the next cycle?
+    """What the rig is to render until the next cycle.
 
     Attributes
     ----------
     wrench : (n,) array or None
-        To be exerted on the platform by all modules together, in N and N·m. None: each cable is held at its lower
-        limit.
+        Desired, of all modules together, in N and N·m. None: each cable is held at its lower limit.
     impedances : mapping of str to Impedance
-        Modules, by name, that render a spring by themselves. What of the wrench they do not pull is left to the
-        others.
+        Modules, by name, with a module-local impedance. The others render the rest of the wrench.
     brakes : set of str
-        Modules whose brake is to be on. What it holds comes on top of the wrench.
+        Modules whose brake is commanded on. What it holds comes on top of the wrench.
     stop : bool
-        End the run: all modules let go.
+        End the run: all modules release.
     """
 
     wrench: Floats | None = None
@@ -134,4 +124,4 @@ class Demand:
 
 
 DemandSource = Callable[[RigState], Demand]
-"""What is to be rendered, given how the rig is? Asked once a cycle."""
+"""Function that returns the demand for a state; called once a cycle."""

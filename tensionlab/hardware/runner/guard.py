@@ -8,24 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status
+from tensionlab.allocation import Allocation, Allocator, Nearest, Solver, Status, resolve_solver
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit, State
 from tensionlab.model.module import TensionLimits
 
-PROVED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
+CERTIFIED = frozenset((int(Status.EXACT), int(Status.NEAREST)))
 MAX_PREPARED = 256
-"""So many sets of limits are kept prepared: windings warm and cool step by step."""
+"""Sets of limits that are kept prepared: windings warm and cool step by step."""
 EXACT_SOLVER = "newton"
-"""Answers where the chosen solver leaves it unproved."""
+"""Fallback where the chosen solver leaves its answer unproven."""
 
 
 class GuardedAllocator:
-    """Which tensions, of the modules that take part, render a wrench?
+    """Allocator whose answers are certified: the solver's, or else that of the exact solver.
 
-    The solver's answer, if it is proved; else that of the exact solver. A module that does not take part has a
-    tension of zero.
+    A module that does not take part has a tension of zero.
 
     Parameters
     ----------
@@ -34,21 +33,18 @@ class GuardedAllocator:
     solver : str or Solver
         As in `tensionlab.allocate`.
     nearest : str or None
-        What to render out of reach; None: the solver's own.
+        Policy for an infeasible wrench; None: the solver's own.
     """
 
     def __init__(self, limits: TensionLimits, solver: str | Solver, nearest: Nearest | None = None) -> None:
         self._limits = limits
-        self._solver: str | Solver = solver
-        self._nearest = nearest
+        self._solver, self._nearest = resolve_solver(solver, nearest)
         self._prepared: dict[bytes, tuple[Allocator, Allocator]] = {}
-        everyone = np.ones(np.size(limits.lower), dtype=bool)
-        self._solver = self.solver = self._for(everyone, limits)[0].solver
 
     def __call__(
         self, structure: Floats, wrench: Floats, part: NDArray[np.bool_], limits: TensionLimits | None = None
     ) -> tuple[Allocation, bool]:
-        """Allocate, and tell whether the exact solver had to.
+        """Return an allocation, and whether the exact solver made it.
 
         Parameters
         ----------
@@ -57,11 +53,11 @@ class GuardedAllocator:
         part : (m,) array of bool
             Modules that take part.
         limits : TensionLimits, optional
-            In place of those from the beginning.
+            In place of those given at first.
         """
         chosen, exact = self._for(part, self._limits if limits is None else limits)
         allocation = chosen(structure, wrench)
-        if int(allocation.status) in PROVED:
+        if int(allocation.status) in CERTIFIED:
             return allocation, False
         return exact(structure, wrench), True
 
@@ -93,38 +89,38 @@ def require_within(tensions: Floats, limits: TensionLimits, part: NDArray[np.boo
         )
 
 
-def approach(before: Floats, wanted: Floats, most: float) -> Floats:
-    """Which tensions are next, if none may change by more than ``most`` N?
+def limit_slew(before: Floats, wanted: Floats, max_change: float) -> Floats:
+    """Return the next tensions, none of which changes by more than ``max_change`` N.
 
-    All go the same share of their way, so that on the way the wrench goes straight from the old to the new one.
+    All go the same share of their way, so that the wrench goes straight from the old to the new one.
     """
     change = wanted - before
     largest = float(np.abs(change).max(initial=0.0))
-    return wanted if largest <= most else before + change * (most / largest)
+    return wanted if largest <= max_change else before + change * (max_change / largest)
 
 
-MARGIN = 0.98
-"""Share of what the winding stands that the host uses: currents are measured with some noise."""
-HASTE = 8.0
-"""How much of what is left of the winding's budget adds to the square of the current that the host asks for. The
-firmware stops at 10 (`firmware/core/thermal.hpp`); with less, the host is before it, late telemetry or not."""
+CONTINUOUS_SHARE = 0.98
+"""Share of a winding's continuous tension that the host uses: currents are measured with some noise."""
+DERATING_GAIN = 8.0
+"""Gain from what is left of the winding's budget to the square of the current that the host commands. The firmware
+stops at 10 (`firmware/core/thermal.hpp`); with less, the host is before it, late telemetry or not."""
 STEP_N = 0.05
-"""Limits change by whole steps, in N, which nobody feels; solvers are prepared for each set of limits."""
-WORTH_NOTING_N = 0.5
-"""A limit that changes by so much is an event, in N."""
+"""Limits change by whole steps, too small to be noticed; solvers are prepared for each set of limits."""
+EVENT_STEP_N = 0.5
+"""A limit that changes by so much is an event."""
 
 
 class Derating:
     """Upper tension limits of all modules, by the spent share of each winding's budget.
 
-    From cold to spent a limit sinks from the rig's own to what the winding stands for ever, without a jump.
+    From cold to spent a limit falls from the rig's own to the winding's continuous tension, without a jump.
 
     Parameters
     ----------
     limits : TensionLimits
         Of all m modules, in N.
     continuous : (m,) array
-        Tension that each winding stands for ever, in N.
+        Tension that each winding can hold without end, in N.
     names : list of str
         Of the modules.
 
@@ -140,8 +136,8 @@ class Derating:
         self._own, self._continuous, self._names = limits, np.asarray(continuous, dtype=np.float64), names
         self._noted = limits.upper.copy()
         self._thermal = np.zeros(len(names))
-        # Spent shares from which on limits are lower; infinite: modules have not told yet.
-        self._warm = 1.0 - ((limits.upper / (MARGIN * self._continuous)) ** 2 - 1.0) / HASTE
+        # Spent shares from which on limits are lower; infinite: modules have not reported yet.
+        self._warm = 1.0 - ((limits.upper / (CONTINUOUS_SHARE * self._continuous)) ** 2 - 1.0) / DERATING_GAIN
         self.limits = limits
         self.lowest: dict[str, float] = {}
 
@@ -151,13 +147,13 @@ class Derating:
         Returns
         -------
         list of (int, str)
-            Modules whose limit has changed by as much as is worth noting, and what to say of each.
+            Modules whose limit has changed by `EVENT_STEP_N`, and the text of each event.
         """
         if self.limits is self._own and not (thermal >= self._warm).any():
             return []
         self._thermal = np.where(np.isnan(thermal), self._thermal, np.clip(thermal, 0.0, 1.0))
         left = 1.0 - self._thermal
-        stands = MARGIN * self._continuous * np.sqrt(1.0 + HASTE * left)
+        stands = CONTINUOUS_SHARE * self._continuous * np.sqrt(1.0 + DERATING_GAIN * left)
         upper = np.minimum(STEP_N * np.floor(stands / STEP_N), self._own.upper)
         upper = np.maximum(upper, self._own.lower)
         if (upper == self.limits.upper).all():
@@ -168,13 +164,13 @@ class Derating:
             name = self._names[index]
             self.lowest[name] = min(float(upper[index]), self.lowest.get(name, np.inf))
         whole = (upper == self._own.upper) & (self._noted < self._own.upper)
-        for index in np.flatnonzero((np.abs(upper - self._noted) >= WORTH_NOTING_N) | whole):
+        for index in np.flatnonzero((np.abs(upper - self._noted) >= EVENT_STEP_N) | whole):
             self._noted[index] = upper[index]
-            changed.append((int(index), derated(upper[index], self._own.upper[index])))
+            changed.append((int(index), derating_text(upper[index], self._own.upper[index])))
         return changed
 
     def require_taut(self, index: int, thermal: float) -> None:
-        """Refuse, by a `ModuleFault`, a module whose hot winding does not stand even its lower limit for ever."""
+        """Refuse, by a `ModuleFault`, a module whose hot winding cannot hold even its lower limit without end."""
         stands, lower = float(self._continuous[index]), float(self._own.lower[index])
         if thermal >= 1.0 and stands < lower:
             raise ModuleFault(
@@ -185,31 +181,31 @@ class Derating:
             )
 
 
-def derated(upper: float, own: float) -> str:
-    """Say what a limit is now, in N."""
+def derating_text(upper: float, own: float) -> str:
+    """Return what a limit is now, in N, as a sentence."""
     if upper >= own:
         return f"pulls with up to {own:g} N again: its winding has cooled"
     return f"pulls with up to {upper:.2f} N in place of {own:g} N, to keep its winding from getting too hot"
 
 
-RELAX_S = 2.0
-"""A module that timed out keeps its cable taut for so long, in s, before it lets it go."""
+TAUT_AFTER_TIMEOUT_S = 2.0
+"""A module that timed out keeps its cable taut for so long before it releases it."""
 
 
 @dataclass(frozen=True)
 class Release:
-    """How a module lets go.
+    """Course of a module's tension as it releases its cable.
 
     Attributes
     ----------
     tension : float
-        What it pulls with until it begins to, in N.
+        Until it begins, in N.
     begin : float
-        When it begins to, in s.
+        When it begins, in s.
     slew : float
-        How fast its tension sinks, in N/s.
+        How fast the tension falls, in N/s.
     taut : float
-        Where it stays for `RELAX_S`, in N; 0: nowhere.
+        Where it stays for `TAUT_AFTER_TIMEOUT_S`, in N; 0: nowhere.
     """
 
     tension: float
@@ -218,30 +214,30 @@ class Release:
     taut: float = 0.0
 
     def pull(self, now: float) -> float:
-        """Return what it pulls with at a time in s, in N."""
+        """Return the tension in N at a time in s."""
         passed = now - self.begin
         if passed <= 0.0:
             return self.tension
         taut = min(self.taut, self.tension)
-        if passed > RELAX_S:
-            return max(taut - self.slew * (passed - RELAX_S), 0.0)
+        if passed > TAUT_AFTER_TIMEOUT_S:
+            return max(taut - self.slew * (passed - TAUT_AFTER_TIMEOUT_S), 0.0)
         return max(self.tension - self.slew * passed, taut)
 
 
-NOTHING = Release(0.0, 0.0, 1.0)
+RELEASED = Release(0.0, 0.0, 1.0)
 
 
 class ReleasedModules:
-    """Modules that dropped out, and how each lets go.
+    """Lost modules, and what each still pulls with as far as is known: no cable goes slack at once.
 
     Parameters
     ----------
     lower : (m,) array
         Of the tension limits, in N.
     slews : sequence of float
-        How fast each module lets its tension change, in N/s.
+        Of the modules, in N/s.
     ttl : float
-        Of set-points, in s.
+        Time to live of set-points, in s.
     """
 
     def __init__(self, lower: Floats, slews: Sequence[float], ttl: float) -> None:
@@ -251,7 +247,7 @@ class ReleasedModules:
     def add(
         self, index: int, tension: float, heard: float, now: float, state: State | None, error: HardwareError
     ) -> None:
-        """Note a module that dropped out.
+        """Add a lost module.
 
         Parameters
         ----------
@@ -259,15 +255,15 @@ class ReleasedModules:
         tension : float
             Of its last set-point, in N.
         heard, now : float
-            When it was heard last, and what time it is, in s.
+            When it was heard last, and the time, in s.
         state : State or None
-            As it said last.
+            As reported last.
         error : HardwareError
-            Why it dropped out.
+            Why it was lost.
         """
         slew, taut = self._slews[index], float(self._lower[index])
         if state in LATCHED_STATES:
-            release = NOTHING  # its driver is off
+            release = RELEASED  # its driver is off
         elif isinstance(error, LinkTimeout) and now - heard > self._ttl:
             # Nobody knows what still reaches it. What it follows lives on from then, and then it times out.
             release = Release(tension, heard + self._ttl, slew, taut)
@@ -278,7 +274,7 @@ class ReleasedModules:
         self._releases[index] = release
 
     def pulls(self, now: float) -> Floats:
-        """Return what each pulls with at a time in s, (m,) in N; zero for those that take part."""
+        """Return the tensions of lost modules at a time in s, (m,) in N; zero for the others."""
         pulls = np.zeros(len(self._lower))
         for index, release in self._releases.items():
             pulls[index] = release.pull(now)

@@ -29,31 +29,31 @@ TELEMETRY_UNITS = {
     "supply": "V",
     "thermal": "of the budget",
 }
-"""Numbers of a telemetry that must be finite, and their units."""
-JUMP_M = 0.05
-"""A length may differ by so much, in m, from where the cable's speeds take it."""
-MAX_ACCELERATION = 100.0
-"""Of a cable, in m/s²: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
-STALL = 0.75
-"""A run whose next cycle is longer in coming than this share of the time to live has stalled."""
+"""Quantities of a telemetry that must be finite, and their units."""
+MAX_LENGTH_JUMP_M = 0.05
+"""A length may differ by so much from where the cable's speeds take it."""
+MAX_ACCELERATION_M_S2 = 100.0
+"""Of a cable: a hand makes 30, and a spool by itself, with 6 N on 0.03 kg, not more than twice this."""
+STALL_SHARE = 0.75
+"""A run whose next cycle takes longer to come than this share of the time to live has stalled."""
 
 
-class Roll:
-    """Who takes part, who is looked after each cycle, and who is sent set-points.
+class ModuleMonitor:
+    """Monitor of the modules: checks each in every cycle, and sends set-points to those that take part.
 
     Parameters
     ----------
     group : ModuleGroup
     ttl : float
-        Time to live of set-points, in s: a module that has said nothing for so long has dropped out.
+        Time to live of set-points, in s: a module that is silent for so long is lost.
     on_loss : {"stop", "continue"}
     on_lost : callable
-        Hears the index and the error of each module that drops out.
+        Called with the index and the error of each module that is lost.
 
     Attributes
     ----------
     active : (m,) array of bool
-        Modules that take part. One that dropped out does not come back.
+        Modules that take part. One that is lost does not come back.
     """
 
     def __init__(
@@ -62,11 +62,11 @@ class Roll:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
         self._clients, self._ttl, self._on_loss, self._on_lost = group.clients, ttl, on_loss, on_lost
         self._heard: list[Received[Telemetry] | None] = [None] * len(group.clients)
-        self._loops = LoopChecks([client.name for client in group.clients], ttl)
+        self._loops = LatencyCheck([client.name for client in group.clients], ttl)
         self._stall = Stall(ttl)
 
-    def call(self, seen: Observation, delays: Floats, derating: Derating, now: float) -> None:
-        """Look whether all are well, by what they said last and how long ago.
+    def check(self, seen: Observation, delays: Floats, derating: Derating, now: float) -> None:
+        """Check all modules by their latest telemetry and its age.
 
         Parameters
         ----------
@@ -75,24 +75,24 @@ class Roll:
             How old the newest set-points are that modules report to follow, in s.
         derating : Derating
         now : float
-            Time, in s.
+            In s.
 
         Raises
         ------
         HardwareError
-            One is not, and the run is to stop; or none is left.
+            A module is lost and the run is to stop, or none is left.
         """
         self._stall.update(now)
         self._loops.update(delays, now)
         for index, client in enumerate(self._clients):
             if self.active[index]:
                 try:
-                    self._require_well(index, client, float(seen.ages[index]))
+                    self._require_healthy(index, client, float(seen.ages[index]))
                     derating.require_taut(index, float(seen.thermal[index]))
                 except HardwareError as error:
                     self._lose(index, error)
 
-    def _require_well(self, index: int, client: ModuleClient, age: float) -> None:
+    def _require_healthy(self, index: int, client: ModuleClient, age: float) -> None:
         try:
             require_following(client)
         except ModuleFault as fault:
@@ -108,7 +108,7 @@ class Roll:
             self._loops.require_prompt(index)
 
     def send(self, tensions: Floats, demand: Demand, ttl_ms: int) -> Integers:
-        """Send set-points to those that take part: tensions in N, NaN where an impedance is demanded.
+        """Send set-points to modules that take part: tensions in N, NaN where an impedance is commanded.
 
         Returns
         -------
@@ -142,7 +142,7 @@ class Roll:
 
 
 class Stall:
-    """A cycle that came late, by a busy computer or a slow solver: what modules miss by it is not their fault.
+    """Cycle that came late, by a busy computer or a slow solver: what modules miss by it is not their fault.
 
     Parameters
     ----------
@@ -160,10 +160,10 @@ class Stall:
         self.seconds = 0.0
 
     def update(self, now: float) -> None:
-        """Note that the run got its turn at a time in s."""
+        """Note the time of a cycle, in s."""
         gap = now - self._before
         self._before = now
-        if gap > STALL * self._ttl:
+        if gap > STALL_SHARE * self._ttl:
             self.seconds, self._until = gap, now + self._ttl
         elif now > self._until:
             self.seconds = 0.0
@@ -181,10 +181,10 @@ def require_following(client: ModuleClient) -> None:
     Raises
     ------
     ModuleFault, LinkError
-        It has let go, refused a set-point, was stopped by somebody else or started anew; its link broke.
+        It has released, refused a set-point, was stopped by somebody else or restarted; its link broke.
     """
     client.check()
-    late = client.state is State.IDLE and not client.reports_since_arm  # what it was before; see `LoopChecks`
+    late = client.state is State.IDLE and not client.reports_since_arm  # what it was before; see `LatencyCheck`
     if client.state not in (State.ARMED, State.RUNNING) and not late:
         state = State.IDLE if client.state is None else client.state
         raise ModuleFault(
@@ -195,7 +195,7 @@ def require_following(client: ModuleClient) -> None:
 
 
 def silence(client: ModuleClient, age: float) -> str:
-    """Say for how long a module has said nothing new, in s."""
+    """Return for how long, in s, a module has reported nothing new, as a text."""
     if client.repeated and client.telemetry is not None:
         return (
             f"repeats what it said {age:.2f} s ago ({client.repeated} times time_us "
@@ -205,7 +205,7 @@ def silence(client: ModuleClient, age: float) -> str:
 
 
 def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:
-    """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, what it is, and the value.
+    """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, the quantity and the value.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
     seconds = max(1e-6 * ((now.time_us - said.time_us) % CLOCK_WRAP_US), heard.time - before.time)
     expected = said.length + 0.5 * (said.speed + now.speed) * seconds
     jump = now.length - expected
-    if abs(jump) > JUMP_M + 0.25 * MAX_ACCELERATION * seconds**2:
+    if abs(jump) > MAX_LENGTH_JUMP_M + 0.25 * MAX_ACCELERATION_M_S2 * seconds**2:
         raise ModuleFault(
             f'module "{name}" reports a length of {now.length:.3f} m, {1e3 * abs(jump):.0f} mm '
             f"{'more' if jump > 0.0 else 'less'} than its speed explains in {1e3 * seconds:.0f} ms; look at its "
@@ -247,15 +247,15 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
         )
 
 
-class LoopChecks:
-    """Are set-points followed, and is that reported, before they are older than they may get?
+class LatencyCheck:
+    """Check that modules follow set-points, and report it, before those are older than their time to live.
 
     Parameters
     ----------
     names : list of str
         Of the modules.
     ttl : float
-        Time to live of set-points, in s. A loop that is later for as long is refused.
+        Time to live of set-points, in s. A loop latency above it, for as long, is refused.
     """
 
     def __init__(self, names: list[str], ttl: float) -> None:

@@ -1,19 +1,19 @@
-"""A demand that a file describes: wrenches one after another, held or gone to evenly.
+"""Checks of demands, and programs: wrenches one after another, from a TOML file.
 
 ::
 
-    name = "push, then let go"
+    name = "push, then release"
     repeat = false                # true: from the start again, until somebody stops it
 
     [[steps]]
     seconds = 0.5
     wrench = [0.0, 0.0, 1.5]      # N, and N·m after the forces
-    ramp = true                   # evenly from the wrench before, zero at first; false: at once
+    ramp = true                   # linearly from the wrench before, zero at first; false: at once
 
     [[steps]]
     seconds = 2.0
     wrench = [0.0, 0.0, 1.5]
-    brakes = ["top"]              # modules whose brake is on
+    brakes = ["top"]              # modules whose brake is commanded on
 """
 
 from __future__ import annotations
@@ -35,19 +35,7 @@ from tensionlab.model.schema import Table
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One part of a program.
-
-    Attributes
-    ----------
-    seconds : float
-        How long it takes.
-    wrench : (n,) array
-        To be rendered, in N and N·m.
-    ramp : bool
-        Whether to go there evenly from the wrench before.
-    brakes : set of str
-        Modules whose brake is on.
-    """
+    """Step of a program: seconds of a wrench (n,) in N and N·m, at once or by a ramp from the one before."""
 
     seconds: float
     wrench: Floats
@@ -57,7 +45,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """What to render when? Asked for as a demand source; it stops the run at its end, unless it repeats."""
+    """Demand source that plays steps, and stops the run at its end unless it repeats."""
 
     name: str
     steps: tuple[Step, ...]
@@ -65,11 +53,11 @@ class Program:
 
     @property
     def seconds(self) -> float:
-        """How long it takes once."""
+        """Duration of one round."""
         return sum(step.seconds for step in self.steps)
 
     def __call__(self, state: RigState) -> Demand:
-        """What to render now?"""
+        """Return the demand at the time of a state."""
         left = state.time % self.seconds if self.repeat else state.time
         before = (
             self.steps[-1].wrench if self.repeat and state.time >= self.seconds else 0.0 * self.steps[0].wrench
@@ -84,13 +72,13 @@ class Program:
 
 
 def load_program(path: str | PathLike[str], rig: Rig) -> Program:
-    """Which program does a TOML file describe?
+    """Return the program in a TOML file.
 
     Parameters
     ----------
     path : path
     rig : Rig
-        Which is to render it: wrenches and modules must be its own.
+        Wrenches and modules must fit it.
 
     Raises
     ------
@@ -133,7 +121,7 @@ class ProgramFile(Table):
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:
-    """Refuse what no rig, or not this one, can be asked for.
+    """Return the demand, or refuse what this rig cannot render.
 
     Parameters
     ----------
@@ -141,12 +129,12 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
         What a demand source returned.
     rig : Rig
     here : str
-        What to call it in a message.
+        Name of the demand in messages.
 
     Raises
     ------
     HardwareError
-        Saying what is wrong with it.
+        Naming what is wrong.
     """
     if not isinstance(demand, Demand):
         raise HardwareError(f"{here} is {demand!r}; return a Demand")

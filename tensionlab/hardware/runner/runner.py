@@ -1,4 +1,4 @@
-"""Render forces on modules: read, ask, allocate, check, send and log, at a steady rate; stop whatever happens."""
+"""Runner: renders demands on modules in cycles at a steady rate, and stops all modules whatever happens."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from tensionlab.hardware.runner.guard import (
     Derating,
     GuardedAllocator,
     ReleasedModules,
-    approach,
+    limit_slew,
     require_within,
 )
-from tensionlab.hardware.runner.module_monitor import Roll
+from tensionlab.hardware.runner.module_monitor import ModuleMonitor
 from tensionlab.hardware.runner.program import require_demand
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.runner.state_estimation import (
@@ -47,28 +47,27 @@ from tensionlab.model.rig import Rig
 if TYPE_CHECKING:
     from tensionlab.hardware.log.writer import RunLog
 
-FIRST_TELEMETRY = 2.0
-"""How long to wait for it, in s."""
-BACK = 1e-3
-"""A cycle that begins so long before its deadline, in s, means that the clock went back."""
+FIRST_TELEMETRY_TIMEOUT_S = 2.0
+MAX_EARLY_S = 1e-3
+"""A cycle that begins so long before its deadline means that the clock went back."""
 WARM_UP_S = 30.0
-"""How long a solver may take for its first answer, in s, while no module is armed: some import a lot for it."""
-HUNG_S = 0.5
-"""A cycle that takes as long, in s, and no less than set-points live, has hung."""
+"""How long a solver may take for its first answer, while no module is armed: some import a lot for it."""
+MIN_HUNG_S = 0.5
+"""A cycle that takes as long, and no less than set-points live, has hung."""
 MISFIT_S = 0.25
-"""How long lengths may fit no pose in a run, in s: a cable may be slack for a moment."""
-SWITCH = 5e-4
-"""How long a cycle that is due may wait for another thread of this process, in s."""
+"""How long lengths may fit no pose in a run: a cable may be slack for a moment."""
+THREAD_SWITCH_S = 5e-4
+"""How long a cycle that is due may wait for another thread of this process."""
 
 Tracker = Callable[[float], Pose]
-"""Where is the point or the platform, at a time of the run in s?"""
+"""Function that returns the pose at a time of the run in s."""
 
 
 class Runner:
-    """Renders what a demand asks for on the modules of a rig.
+    """Runner of a demand on the modules of a rig.
 
-    Each cycle reads the modules, finds the pose, asks the demand, allocates, checks, sends and logs. Whatever ends
-    a run (its time, the demand, an error, a signal), all modules are stopped.
+    Each cycle reads the modules, finds the pose, calls the demand, allocates, checks, sends and logs. Whatever
+    ends a run (its time, the demand, an error, a signal), all modules are stopped.
 
     Parameters
     ----------
@@ -76,17 +75,17 @@ class Runner:
     modules : ModuleGroup
         Its modules: `connect` reaches real ones, `World.group` those of a simulated world.
     solver : str or Solver
-        As in `tensionlab.allocate`. An answer that is not proved is never sent; that of newton is, in its place.
+        As in `tensionlab.allocate`. An unproven answer is never sent; that of newton is, in its place.
     demand : callable
-        ``demand(state)`` tells the `Demand` of each cycle, given the `RigState`.
+        ``demand(state)`` returns the `Demand` of each cycle, given the `RigState`.
     settings : RunSettings, optional
-        Rate, time to live, and what to do about losses.
+        Rate, time to live, and what to do when a module is lost.
     log : RunLog, optional
-        Takes every cycle; closed at the end of the run.
+        Keeps every cycle; closed at the end of the run.
     clock : Clock, optional
         That of a simulated world, if the modules are in one.
     tracker : callable, optional
-        Tells the pose in place of the cable lengths.
+        Returns the pose, in place of the cable lengths.
 
     Attributes
     ----------
@@ -121,13 +120,15 @@ class Runner:
         self.latest: Cycle | None = None
         self.statistics = Statistics()
         self._allocator = GuardedAllocator(rig.limits, solver, self.settings.nearest)
-        self._taut = GuardedAllocator(rig.limits, EXACT_SOLVER)  # least tensions, whatever the solver is after
+        self._taut = GuardedAllocator(rig.limits, EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
         self.log = log
         self._clock = RealClock() if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
-        self._derating = Derating(rig.limits, np.full(rig.m, np.inf), self._names)  # until the modules have told
-        self._roll = Roll(modules, self.settings.ttl, self.settings.on_loss, self._lost)
+        self._derating = Derating(
+            rig.limits, np.full(rig.m, np.inf), self._names
+        )  # until the modules have reported
+        self._monitor = ModuleMonitor(modules, self.settings.ttl, self.settings.on_loss, self._lost)
         self._before = rig.limits.lower.copy()
         self._delays = SetPointDelays(rig.m, self.settings.rate)
         self._released: ReleasedModules | None = None
@@ -151,12 +152,12 @@ class Runner:
         Raises
         ------
         HardwareError
-            What went wrong, after all modules have been told to stop. Errors of the demand and of the solver
-            come through as they are.
+            After all modules have been commanded to stop. Errors of the demand and of the solver come through as
+            they are.
 
         Notes
         -----
-        A solver or a demand that does not come back is interrupted. Where it cannot be, in a native call, the
+        A solver or a demand that does not return is interrupted. Where it cannot be, in a native call, the
         modules are stopped and the process ends, with exit status 1 and a line on stderr.
         """
         if seconds is not None and not 0.0 < seconds < math.inf:
@@ -166,7 +167,7 @@ class Runner:
             gc.collect()
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
-            sys.setswitchinterval(SWITCH)
+            sys.setswitchinterval(THREAD_SWITCH_S)
             try:
                 with self._watched(interrupts):
                     self._begin()
@@ -195,15 +196,15 @@ class Runner:
             self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
             self.modules.require_lengths()
-        deadline = self._clock.now() + FIRST_TELEMETRY
+        deadline = self._clock.now() + FIRST_TELEMETRY_TIMEOUT_S
         while not np.isfinite(observe(self.modules).ages).all():
             if self._clock.now() > deadline:
                 silent = [client.name for client in self.modules.clients if client.telemetry is None]
-                raise LinkTimeout(f"no telemetry from {', '.join(silent)} within {FIRST_TELEMETRY:g} s")
+                raise LinkTimeout(f"no telemetry from {', '.join(silent)} within {FIRST_TELEMETRY_TIMEOUT_S:g} s")
             self._clock.wait_until(self._clock.now() + 1e-3 * self.settings.telemetry_ms)
         self._step("the first answer of the solver", WARM_UP_S)
         home = self.rig.structure_matrix(self.rig.home, frames=self.rig.at_rest)
-        self._allocator(home, np.zeros(self.rig.n), self._roll.active)
+        self._allocator(home, np.zeros(self.rig.n), self._monitor.active)
         self._rest()
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
@@ -221,20 +222,20 @@ class Runner:
             self._send(self.rig.limits.lower, Demand())
             return seen
 
-        reel_in(tracker, cycle, self._roll.active, self._clock, redundant=self.rig.m > self.rig.n)
+        reel_in(tracker, cycle, self._monitor.active, self._clock, redundant=self.rig.m > self.rig.n)
         self._fitted_at = self._clock.now()
 
     def _render(self, seconds: float | None) -> str:
-        """Do cycles until one of them is the last; why was it?
+        """Do cycles until the last one, and return what ended the run.
 
         Deadlines are multiples of the period, whatever a cycle takes; those that it runs over are left out.
         """
         period, start, due = 1.0 / self.settings.rate, self._clock.now(), 0
-        hung = max(HUNG_S, self.settings.ttl)
+        hung = max(MIN_HUNG_S, self.settings.ttl)
         while seconds is None or due * period < seconds:
             self._clock.wait_until(start + due * period)
             now = self._clock.now() - start
-            if now < due * period - BACK:
+            if now < due * period - MAX_EARLY_S:
                 raise HardwareError(f"the clock went back by {due * period - now:g} s")
             self._step(f"cycle {self.statistics.cycles}", hung)
             if not self._cycle(now, now - due * period):
@@ -245,7 +246,7 @@ class Runner:
             due = next_due
         return DURATION_REACHED
 
-    def _cycle(self, now: float, late: float) -> bool:
+    def _cycle(self, now: float, start_delay: float) -> bool:
         """Do one cycle; False if the demand is to stop."""
         began = time.perf_counter()
         seen, delays = self._look()
@@ -259,45 +260,51 @@ class Runner:
             free = free & [name not in demand.impedances for name in self._names]
         if demand.wrench is None:
             wrench = state.structure @ np.where(free, limits.lower, 0.0)
-            allocation, replaced = self._taut(state.structure, wrench, free, limits)
+            allocation, fallback_used = self._taut(state.structure, wrench, free, limits)
         else:
             wrench = np.asarray(demand.wrench)
             if demand.impedances or not state.active.all():
                 wrench = wrench - state.structure @ self._pulls(demand, state)
-            allocation, replaced = self._allocator(state.structure, wrench, free, limits)
+            allocation, fallback_used = self._allocator(state.structure, wrench, free, limits)
         require_within(allocation.tensions, limits, free, self._names)
-        wanted = np.where(free, allocation.tensions, self._before)
-        self._before = approach(self._before, wanted, min(self.modules.slews) / self.settings.rate)
+        chosen = np.where(free, allocation.tensions, self._before)
+        self._before = limit_slew(self._before, chosen, min(self.modules.slews) / self.settings.rate)
         sequences = self._send(self._before, demand)
-        work = time.perf_counter() - began
-        sent = np.where(free, self._before, np.nan)
-        self.latest = Cycle(state, demand, wrench, allocation, replaced, sent, sequences, late, work)
+        compute_time = time.perf_counter() - began
+        commanded = np.where(free, self._before, np.nan)
+        self.latest = Cycle(
+            state, demand, wrench, allocation, fallback_used, commanded, sequences, start_delay, compute_time
+        )
         self.statistics.add(
-            int(allocation.status), late, work, fallback_used=replaced, slew_limited=self._before is not wanted
+            int(allocation.status),
+            start_delay,
+            compute_time,
+            fallback_used=fallback_used,
+            slew_limited=self._before is not chosen,
         )
         if self.log is not None:
             self.log.write(self.latest)
         return True
 
     def _look(self) -> tuple[Observation, Floats]:
-        """Read the modules, and look whether all are well; what they say, and how old their set-points are."""
+        """Read and check the modules; return what they report, and how old their set-points are."""
         now = self._clock.now()
         seen = self._seen = observe(self.modules)
         for index, text in self._derating.update(seen.thermal):
             self._note("derated", text, self._names[index])
         self.statistics.derated = self._derating.lowest
         delays, at_least = self._delays.delays(seen.last_sequence, now)
-        self._roll.call(seen, at_least, self._derating, now)
+        self._monitor.check(seen, at_least, self._derating, now)
         return seen, delays
 
     def _send(self, tensions: Floats, demand: Demand) -> Integers:
-        """Send set-points; their numbers, -1 where none was sent."""
-        sequences = self._roll.send(tensions, demand, self.settings.ttl_ms)
+        """Send set-points, and return their sequence numbers; -1 where none was sent."""
+        sequences = self._monitor.send(tensions, demand, self.settings.ttl_ms)
         self._delays.send(sequences, self._clock.now())
         return sequences
 
     def _state(self, now: float, seen: Observation, delays: Floats) -> RigState:
-        active = self._roll.active.copy()
+        active = self._monitor.active.copy()
         if self._lengths is None:
             assert self._tracker is not None
             pose = self._tracker(now)
@@ -327,10 +334,7 @@ class Runner:
         )
 
     def _pulls(self, demand: Demand, state: RigState) -> Floats:
-        """How hard do the modules pull that the solver does not ask, by what is known of them?
-
-        Those that render an impedance, and those that dropped out and have not let go yet.
-        """
+        """Return the tensions of modules with an impedance, and of lost ones that have not released yet."""
         assert self._released is not None
         pulls = self._released.pulls(self._clock.now())
         for index, name in enumerate(self._names):
@@ -352,7 +356,7 @@ class Runner:
 
     @contextmanager
     def _watched(self, interrupts: Interrupts) -> Iterator[None]:
-        """Watch over the steps of a run, if time goes on while one lasts."""
+        """Watch over the steps of a run, where time goes on while one lasts."""
         if not getattr(self._clock, "real_time", False):
             yield
             return
@@ -375,7 +379,7 @@ class Runner:
             self._watchdog.rest()
 
     def _abandon(self, why: str) -> None:
-        """Stop all modules and end the process, in another thread than the run's, which does not come back."""
+        """Stop all modules and end the process, in another thread than the run's, which does not return."""
         try:
             self.statistics.ended = why
             with suppress(HardwareError):
@@ -392,7 +396,7 @@ class Runner:
             self.log.note(kind, text, module)
 
     def _end(self) -> None:
-        """Stop all modules; say in the log why, and which did not confirm it."""
+        """Stop all modules; note in the log why, and which did not confirm it."""
         unconfirmed = self.modules.emergency_stop() if self.statistics.emergency else self.modules.stop()
         self.statistics.unconfirmed = {name: str(error) for name, error in unconfirmed.items()}
         with suppress(HardwareError):  # of a full disk, the run has heard already

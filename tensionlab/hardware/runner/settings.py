@@ -12,20 +12,19 @@ from tensionlab.hardware.simulation.world import World
 
 OnLoss = Literal["stop", "continue"]
 ON_LOSS: tuple[OnLoss, ...] = get_args(OnLoss)
-"""What to do when a module drops out: end the run, or go on with the others."""
-SHORTEST_TTL, LONGEST_TTL = 0.05, 2.0
-"""What modules take, in s."""
-DUE_IN_TTL = 2
+"""What to do when a module is lost: end the run, or go on with the others."""
+MIN_TTL_S, MAX_TTL_S = 0.05, 2.0
+"""What modules accept."""
+SET_POINTS_PER_TTL = 2
 """Set-points that must be due in the life of one."""
-FASTEST = 10_000.0
-"""Cycles a second that nothing needs more of."""
-SHORTEST_TELEMETRY = 5
-"""Period of telemetry that modules take at least, in ms."""
+MAX_RATE_HZ = 10_000.0
+MIN_TELEMETRY_MS = 5
+"""Period of telemetry that modules accept at least."""
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How does a run go?
+    """Settings of a run.
 
     Attributes
     ----------
@@ -34,10 +33,9 @@ class RunSettings:
     ttl : float
         How long a set-point lives in a module, in s; a module that is silent for longer is lost.
     on_loss : {"stop", "continue"}
-        What happens when a module has a fault, refuses a set-point, falls silent or is gone: all stop, or the
-        others go on without it.
+        When a module is lost (fault, refused set-point, silence): all stop, or the others go on.
     nearest : str or None
-        What to render out of reach; the solver's own if None.
+        Policy for an infeasible wrench; the solver's own if None.
 
     Raises
     ------
@@ -51,26 +49,26 @@ class RunSettings:
     nearest: Nearest | None = None
 
     def __post_init__(self) -> None:
-        if not SHORTEST_TTL <= self.ttl <= LONGEST_TTL:
-            raise HardwareError(f"ttl is from {SHORTEST_TTL:g} to {LONGEST_TTL:g} s; got {self.ttl:g}")
-        slowest = DUE_IN_TTL / self.ttl
-        if not slowest <= self.rate <= FASTEST:
+        if not MIN_TTL_S <= self.ttl <= MAX_TTL_S:
+            raise HardwareError(f"ttl is from {MIN_TTL_S:g} to {MAX_TTL_S:g} s; got {self.ttl:g}")
+        slowest = SET_POINTS_PER_TTL / self.ttl
+        if not slowest <= self.rate <= MAX_RATE_HZ:
             raise HardwareError(
-                f"rate is from {slowest:g} Hz, which is {DUE_IN_TTL} set-points in a ttl of {self.ttl:g} s, "
-                f"to {FASTEST:g} Hz; got {self.rate:g}"
+                f"rate is from {slowest:g} Hz, which is {SET_POINTS_PER_TTL} set-points in a ttl of "
+                f"{self.ttl:g} s, to {MAX_RATE_HZ:g} Hz; got {self.rate:g}"
             )
         if self.on_loss not in ON_LOSS:
             raise HardwareError(f"on_loss is {self.on_loss!r}; give one of {', '.join(ON_LOSS)}")
 
     @property
     def ttl_ms(self) -> int:
-        """The same in ms."""
+        """Time to live in ms."""
         return round(1e3 * self.ttl)
 
     @property
     def telemetry_ms(self) -> int:
-        """Period of the telemetry, in ms: that of the cycles, where modules go along."""
-        return max(SHORTEST_TELEMETRY, round(1e3 / self.rate))
+        """Period of the telemetry, in ms: that of the cycles, where modules accept it."""
+        return max(MIN_TELEMETRY_MS, round(1e3 / self.rate))
 
 
 class Clock(Protocol):
@@ -83,37 +81,36 @@ class Clock(Protocol):
     """
 
     def now(self) -> float:
-        """What time is it?"""
+        """Return the time."""
 
     def wait_until(self, when: float) -> None:
-        """Come back at that time, or at once if it has been."""
+        """Return at that time, or at once if it has been."""
 
 
 class RealClock:
-    """The system's own monotonic time, which nobody sets."""
+    """Monotonic clock of the system."""
 
     real_time = True
 
     def now(self) -> float:
-        """What time is it?"""
+        """Return the time."""
         return time.monotonic()
 
     def wait_until(self, when: float) -> None:
-        """Sleep."""
+        """Sleep until that time."""
         left = when - time.monotonic()
         if left > 0.0:
             time.sleep(left)
 
 
 class WorldClock:
-    """The time of simulated modules, which passes while somebody waits.
+    """Clock of simulated modules, whose time passes while the run waits.
 
     Parameters
     ----------
     world : World
-        Whose time it is.
     paced : bool
-        Whether it is real time.
+        Whether it keeps to real time.
     """
 
     def __init__(self, world: World, *, paced: bool = False) -> None:
@@ -122,11 +119,11 @@ class WorldClock:
         self._start = time.monotonic() - world.time
 
     def now(self) -> float:
-        """What time is it?"""
+        """Return the time."""
         return time.monotonic() - self._start if self._paced else self._world.time
 
     def wait_until(self, when: float) -> None:
-        """Let it pass in the modules."""
+        """Let time pass in the modules until then."""
         if self._paced:
             time.sleep(max(when - self.now(), 0.0))
             when = self.now()

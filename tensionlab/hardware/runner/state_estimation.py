@@ -20,7 +20,7 @@ from tensionlab.model.rig import Rig
 
 
 class Observation(NamedTuple):
-    """The latest telemetry of all modules; fields as in `RigState`."""
+    """Latest telemetry of all modules; fields as in `RigState`."""
 
     lengths: Floats
     speeds: Floats
@@ -36,11 +36,11 @@ class Observation(NamedTuple):
 
 NAN = float("nan")
 SILENT = (NAN, NAN, NAN, float("inf"), State.IDLE, 0, Limit.IDLE, -1, -1, NAN)
-"""What is known of a module that has said nothing yet."""
+"""Row of a module that has reported nothing yet."""
 
 
 def observe(group: ModuleGroup) -> Observation:
-    """Read what has come by now."""
+    """Return the latest telemetry that has come by now."""
     rows: list[tuple[float, ...]] = []
     for client in group.clients:
         client.listen()
@@ -59,13 +59,13 @@ def observe(group: ModuleGroup) -> Observation:
 
 
 SEQUENCE_NUMBERS = 256
-"""Sequence numbers of set-points; then they begin anew."""
-KEPT_S = 5.0
-"""So far back are times of set-points kept, in s."""
+"""Of set-points; then they begin anew."""
+HISTORY_S = 5.0
+"""How far back times of set-points are kept."""
 
 
 class SetPointDelays:
-    """Times at which set-points were sent, by their numbers.
+    """Ages of the set-points that modules report to follow, by the times at which they were sent.
 
     A number stands for many set-points at high rates. Which one it is follows from how many were sent since the
     last report; of the first one that is reported, the newest is taken.
@@ -79,7 +79,7 @@ class SetPointDelays:
     """
 
     def __init__(self, count: int, rate: float) -> None:
-        self._kept = SEQUENCE_NUMBERS * math.ceil(KEPT_S * rate / SEQUENCE_NUMBERS)
+        self._kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * rate / SEQUENCE_NUMBERS)
         self._times = np.full((self._kept, count), np.nan)
         self._indices = np.arange(count)
         self._sent: Integers = np.full(
@@ -124,22 +124,22 @@ class SetPointDelays:
         return ages, np.where(known, ages, now - self._first)
 
 
-STEPS = 3
-"""Newton steps a cycle at most: between two cycles a platform moves a few mm."""
-SEARCH_STEPS = 30
+MAX_STEPS = 3
+"""Newton steps a cycle: between two cycles a platform moves a few mm."""
+MAX_SEARCH_STEPS = 30
 """Newton steps from home to wherever it is."""
-EXTRAPOLATED_S = 0.1
-"""Lengths are carried on by their speeds for so long at most, in s: a hand may have turned round by then."""
-FOUND = 1e-4
+MAX_EXTRAPOLATION_S = 0.1
+"""Lengths are extrapolated by their speeds for so long at most: a hand may have turned round by then."""
+STEP_TOLERANCE = 1e-4
 """A step this short, in m and rad, ends the search: what is left is its square."""
-TAUT_M_S = 0.2
-"""Root mean square of the speed errors, in m/s, above which a slack cable is being reeled in."""
-FAR = 0.05
-"""Root mean square of the length errors, in m, above which the lengths belong to no pose near the last one."""
+MAX_SPEED_ERROR_M_S = 0.2
+"""Root mean square of the speed errors above which a slack cable is being reeled in."""
+MAX_LENGTH_ERROR_M = 0.05
+"""Root mean square of the length errors above which the lengths belong to no pose near the last one."""
 
 
 class PoseTracker:
-    """Follows the platform from cycle to cycle by Gauss and Newton's method, from where it was.
+    """Tracker of the platform from cycle to cycle by Gauss and Newton's method, from where it was.
 
     The derivative of the lengths is the structure matrix, ``-W'``. What fewer lengths than unknowns leave open
     stays as it was.
@@ -147,17 +147,17 @@ class PoseTracker:
     Parameters
     ----------
     rig : Rig
-        All its modules stand in the world.
+        With all modules fixed in the world.
 
     Attributes
     ----------
     fits : bool
-        Whether the latest lengths belong to the latest pose, but for some cm.
+        Whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`.
 
     Raises
     ------
     HardwareError
-        If modules ride on bodies, or there are fewer than unknowns: the lengths do not tell the pose.
+        If modules ride on bodies, or there are fewer than unknowns: the lengths do not fix the pose.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -177,22 +177,19 @@ class PoseTracker:
         self._native = self._at_home()
 
     def search(self, lengths: Floats, known: NDArray[np.bool_]) -> tuple[Pose, Floats]:
-        """The same as `follow`, from the rig's home."""
+        """Return the same as `follow`, from the rig's home."""
         self._native = self._at_home()
-        return self.follow(lengths, known, SEARCH_STEPS)
+        return self.follow(lengths, known, MAX_SEARCH_STEPS)
 
-    def follow(self, lengths: Floats, known: NDArray[np.bool_], steps: int = STEPS) -> tuple[Pose, Floats]:
-        """Where is it, by the lengths (m,) of those modules whose length is known?
+    def follow(self, lengths: Floats, known: NDArray[np.bool_], steps: int = MAX_STEPS) -> tuple[Pose, Floats]:
+        """Return the pose by the known ones of lengths (m,), and the structure matrix (n, m) there.
 
-        Returns
-        -------
-        Pose, (n, m) array
-            And the structure matrix there. If these lengths do not fit (see `fits`), the pose that fits best.
+        If these lengths do not fit (see `fits`), it is the pose that fits best.
         """
         position, rotation, self._structure, squares, self._worst, self._off = self._native.follow(
-            lengths, known, steps, FOUND
+            lengths, known, steps, STEP_TOLERANCE
         )
-        self.fits = bool(squares <= FAR**2 * np.count_nonzero(known))
+        self.fits = bool(squares <= MAX_LENGTH_ERROR_M**2 * np.count_nonzero(known))
         if self._rig.n == self._rig.dimension:
             return Pose(position), self._structure
         if self._rig.dimension == 2:
@@ -210,7 +207,7 @@ class PoseTracker:
     def moves_as_one(self, speeds: Floats, known: NDArray[np.bool_]) -> bool:
         """Return whether cables with these speeds of paying out can all be taut, at the latest pose."""
         errors = np.where(known, speeds + self._structure.T @ self.velocity(speeds, known), 0.0)
-        return bool(errors @ errors <= TAUT_M_S**2 * np.count_nonzero(known))
+        return bool(errors @ errors <= MAX_SPEED_ERROR_M_S**2 * np.count_nonzero(known))
 
     def _at_home(self) -> _native.PoseTracker:
         rig = self._rig
@@ -218,17 +215,17 @@ class PoseTracker:
         return _native.PoseTracker(rig.anchors, attachments, rig.home)
 
     def velocity(self, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
-        """The same as the function `velocity`, at the latest pose."""
+        """Return the same as the function `velocity`, at the latest pose."""
         return self._native.velocity(speeds, known)
 
 
 def at_one_time(lengths: Floats, speeds: Floats, ages: Floats) -> Floats:
-    """Return how long cables are now that were so long some time ago, (m,) in m, m/s and s."""
-    return lengths + speeds * np.minimum(ages, EXTRAPOLATED_S)
+    """Return the lengths of cables now, by their lengths, speeds and ages, (m,) in m, m/s and s."""
+    return lengths + speeds * np.minimum(ages, MAX_EXTRAPOLATION_S)
 
 
 def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Floats:
-    """Which velocity (n,) fits the cables' speeds of paying out best? ``-W' twist = speeds``.
+    """Return the twist (n,) that fits the cables' speeds of paying out best, ``-W' twist = speeds``.
 
     The shortest one, where they leave some of it open.
     """
@@ -236,12 +233,12 @@ def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Flo
     return np.asarray(-found, dtype=np.float64)
 
 
-CYCLES = 3
+SETTLED_CYCLES = 3
 """Lengths must fit a pose, and speeds a motion, for so many cycles before the run begins."""
-AT_MOST_S = 4.0
-"""How long slack cables may take to be reeled in, in s."""
-AT_LEAST_S = 0.5
-"""How long they take at least, in s, where any lengths fit a pose: no more cables than unknowns."""
+MAX_REEL_IN_S = 4.0
+"""How long slack cables may take to be reeled in."""
+MIN_REEL_IN_S = 0.5
+"""How long they take at least where any lengths fit a pose: no more cables than unknowns."""
 
 
 def reel_in(
@@ -252,14 +249,14 @@ def reel_in(
     *,
     redundant: bool,
 ) -> None:
-    """Have cycles go by until all cables are taut.
+    """Do cycles until all cables are taut: slack lengths fix no pose.
 
     Parameters
     ----------
     tracker : PoseTracker
         Knows the pose then.
     cycle : callable
-        Waits for the next cycle, has the modules hold their cables taut, and returns how they are.
+        Waits for the next cycle, commands taut cables, and returns the observation.
     active : (m,) array of bool
         Modules that take part; it may change meanwhile.
     clock : Clock
@@ -272,12 +269,12 @@ def reel_in(
         If the lengths of taut cables fit no pose.
     """
     began, settled = clock.now(), 0
-    while settled < CYCLES or (not redundant and clock.now() - began < AT_LEAST_S):
+    while settled < SETTLED_CYCLES or (not redundant and clock.now() - began < MIN_REEL_IN_S):
         seen = cycle()
         tracker.search(at_one_time(seen.lengths, seen.speeds, seen.ages), active)
         taut = tracker.fits and tracker.moves_as_one(seen.speeds, active)
         settled = settled + 1 if taut else 0
-        if clock.now() - began > AT_MOST_S:
+        if clock.now() - began > MAX_REEL_IN_S:
             tracker.require_fit(
                 "all cables are taut, so calibrate the lengths (`tensionlab module calibrate lengths`), and "
                 "start near the rig's home"

@@ -1,8 +1,8 @@
-"""Watchdog of a run: a solver, a demand or a log that does not come back must not keep the modules pulling.
+"""Watchdog and signals of a run: what does not return must not keep the modules pulling.
 
 Three ways out, one after another. The run's thread is interrupted, which ends whatever Python does there. Where
 that does not help, it is in a native call: the watchdog's own thread stops the modules and ends the process. Where
-no thread of Python gets a turn any more, a native one ends the process: modules let go as their links close.
+no thread of Python gets a turn any more, a native one ends the process: modules release as their links close.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from typing import NamedTuple, Self
 from tensionlab import _native
 
 TICK_S = 0.02
-"""How often to look, in s. Ticks are counted, and not time: a process that got no time at all has missed none."""
+"""Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none."""
 GRACE_S = 0.5
-"""How long the run's thread may take to come out of what it was interrupted in, in s."""
+"""How long the run's thread may take to leave what it was interrupted in."""
 NATIVE_GRACE_S = 2.0
-"""How much longer than a step Python may keep this thread waiting, in s."""
+"""How much longer than a step Python may keep this thread waiting."""
 ENDING_S = 30.0
-"""How long stopping the modules and closing the log may take, in s, before the process ends without it."""
+"""How long stopping the modules and closing the log may take before the process ends without it."""
 
 
 class Step(NamedTuple):
-    """What the run's thread does now, and how long it may take, in s."""
+    """Step of the run's thread, and how long it may take in s."""
 
     name: str
     seconds: float
 
 
 class Watchdog:
-    """Watch over steps of this thread. A context manager.
+    """Watchdog over steps of this thread; a context manager.
 
     Parameters
     ----------
     interrupt : callable
-        Told what is wrong, in another thread: stops the modules at once, and interrupts this one, if it can.
+        Called with the reason, in another thread: stops the modules at once and interrupts this one, if it can.
     end : callable
-        Told what is wrong where that did not help, in another thread: ends the process.
+        Called with the reason where that did not help, in another thread: ends the process.
     """
 
     def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:
@@ -59,14 +59,14 @@ class Watchdog:
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
 
     def __enter__(self) -> Self:
-        """Begin to watch."""
+        """Start the watchdog."""
         self._thread.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Leave off."""
+        """Stop the watchdog."""
         self._closed.set()
         try:
             self._thread.join()
@@ -78,7 +78,7 @@ class Watchdog:
         self._step = Step(name, seconds)
 
     def rest(self) -> None:
-        """End a step; nothing is to be done now."""
+        """End a step; none follows at once."""
         self._step = None
 
     def _watch(self) -> None:
@@ -106,7 +106,7 @@ class Watchdog:
         self._end(why)
 
     def _place(self) -> str:
-        """Where is the watched thread, as far as Python knows?"""
+        """Return where the watched thread is, as far as Python knows."""
         frame = sys._current_frames().get(self._watched)
         if frame is None:
             return ""
@@ -117,17 +117,11 @@ class Watchdog:
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
 )
-"""What ends a program."""
+"""Signals that end a program."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal ended the run.
-
-    Attributes
-    ----------
-    number : int
-        Of the signal.
-    """
+    """End of a run by a signal, whose number it has."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -135,14 +129,11 @@ class Interrupted(KeyboardInterrupt):
 
 
 class Hung(BaseException):
-    """What the run's thread did was taking too long. No `Exception`: whoever catches those does not see it."""
+    """End of a run by its watchdog. No `Exception`: whoever catches those does not see it."""
 
 
 class Interrupts:
-    """Turns signals into `Interrupted`, once; those that come after it are remembered only.
-
-    A demand or a solver that does not come back is left that way, and the orderly end is not.
-    """
+    """Handler that turns the first signal into `Interrupted`; those after it do not disturb the orderly end."""
 
     def __init__(self) -> None:
         self._deaf = False
@@ -151,7 +142,7 @@ class Interrupts:
 
     @contextmanager
     def caught(self, numbers: tuple[int, ...]) -> Iterator[None]:
-        """Catch these signals for a while. Only the main thread can; elsewhere nothing is caught."""
+        """Catch these signals in the context. Only the main thread can; elsewhere nothing is caught."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -165,11 +156,11 @@ class Interrupts:
                 signal.signal(number, handler)
 
     def ignore(self) -> None:
-        """From now on, let nothing interrupt."""
+        """Let nothing interrupt from now on."""
         self._deaf = True
 
     def throw(self, hung: Hung) -> None:
-        """Raise an error in the main thread, from another one, even while it waits for the system."""
+        """Raise an error in the main thread, from another thread, even while it waits for the system."""
         if not self._catching:
             return
         self._hung = hung

@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 
 import tensionlab as tl
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.runner.guard import GuardedAllocator, approach, require_within
+from tensionlab.hardware.runner.guard import GuardedAllocator, limit_slew, require_within
 from tensionlab.solvers.base import Status
 
 LIMITS = tl.TensionLimits(np.full(4, 0.5), np.full(4, 6.0))
@@ -23,7 +23,7 @@ def structure():
 
 @given(TENSIONS, TENSIONS, st.floats(0.01, 3.0))
 def test_no_tension_changes_by_more_than_it_may_and_all_go_the_same_share(before, wanted, most):
-    after = approach(before, wanted, most)
+    after = limit_slew(before, wanted, most)
     assert np.abs(after - before).max() <= most * (1 + 1e-12)
     share = (after - before) @ (wanted - before)
     np.testing.assert_allclose(
