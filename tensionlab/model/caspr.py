@@ -23,23 +23,13 @@ from tensionlab.model.rig import Rig
 
 @dataclass
 class Element:
-    """What does one element of an XML file hold?
-
-    Attributes
-    ----------
-    tag : str
-    attributes : dict of str to str
-    where : str
-        File and line, for errors.
-    text : str
-        Between its tags, without that of its children.
-    children : list of Element
-    """
+    """Element of an XML file; ``where`` has file and line, for errors."""
 
     tag: str
     attributes: dict[str, str]
     where: str
     text: str = ""
+    """Between its tags, without that of its children."""
     children: list[Element] = field(default_factory=list)
 
     def fail(self, problem: str) -> NoReturn:
@@ -83,7 +73,7 @@ class Element:
 
 
 def read_xml(path: str | PathLike[str], root: str) -> Element:
-    """Which tree does an XML file hold?
+    """Read an XML file as a tree of elements.
 
     A DOCTYPE may name a DTD, which is never read. Entities are refused: they could make a file grow without
     bound, or hold other files.
@@ -130,7 +120,7 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
 
 
 class _Joint(NamedTuple):
-    """What a joint of CASPR makes of a rig.
+    """Kind of rig that a joint of CASPR makes.
 
     ``axes`` are those of CASPR that the rig lies in; ``normal`` is the axis that an anticlockwise turn in their
     plane is about.
@@ -167,7 +157,7 @@ class _Cable(NamedTuple):
 
 
 def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_set: str | None = None) -> Rig:
-    """Which rig do two XML files of CASPR describe?
+    """Read a rig from two XML files of CASPR.
 
     A robot with one body, which moves in a plane or in space. The reference point is CASPR's, the origin of the
     body's joint; home is its initial position. Elastic cables become stiff, and passive springs are left out:
@@ -263,7 +253,7 @@ def _cable(element: Element, com: Floats) -> _Cable:
 
 
 def _names(parts: list[_Cable]) -> list[str]:
-    """Names that differ: CASPR's, with the number of the cable where another one has it already."""
+    """Return names that differ: CASPR's, with the number of the cable where another one has it already."""
     names: list[str] = []
     for number, part in enumerate(parts, start=1):
         names.append(f"{part.name} ({number})" if part.name in names else part.name)

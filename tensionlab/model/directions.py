@@ -1,4 +1,4 @@
-"""Which way to pull: sets of unit vectors that an experiment commands one after another."""
+"""Sets of directions, unit vectors, that an experiment commands one after another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CIRCLE_COUNT = 72
 
 
 def grid18() -> Floats:
-    """Which 182 directions the published validation uses.
+    """Return the 182 directions of the published validation.
 
     A latitude and longitude grid of 18 degrees: 9 rings of 20 vectors and the 2 poles, which lie on Y (up).
     The paper gives the count alone, so that the grid is this one is an inference: no subdivided icosahedron,
@@ -42,7 +42,7 @@ def grid18() -> Floats:
 
 
 def fibonacci(count: int) -> Floats:
-    """Which `count` directions cover the sphere about evenly.
+    """Return `count` directions that cover the sphere about evenly.
 
     The golden-angle spiral around Y (González 2010, "Measurement of areas on a sphere using Fibonacci and
     latitude-longitude lattices", with points in the middle of equal-area bands), so that plain means over it
@@ -52,14 +52,8 @@ def fibonacci(count: int) -> Floats:
     -------
     (count, 3) array
         Unit vectors, from the top down.
-
-    Raises
-    ------
-    InputError
-        If `count` is not positive.
     """
-    if count < 1:
-        raise InputError(f"a set of directions needs at least 1 vector, not {count}")
+    _require_positive(count)
     index = np.arange(count)
     height = 1.0 - (2.0 * index + 1.0) / count
     radius = np.sqrt(1.0 - height**2)
@@ -68,26 +62,19 @@ def fibonacci(count: int) -> Floats:
 
 
 def circle(count: int = CIRCLE_COUNT) -> Floats:
-    """Which `count` directions cover the plane evenly.
-
-    Returns
-    -------
-    (count, 2) array
-        Unit vectors, from the first axis towards the second.
-
-    Raises
-    ------
-    InputError
-        If `count` is not positive.
-    """
-    if count < 1:
-        raise InputError(f"a set of directions needs at least 1 vector, not {count}")
+    """Return `count` directions, (count, 2), that cover the plane evenly, from the first axis to the second."""
+    _require_positive(count)
     angle = 2.0 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
+def _require_positive(count: int) -> None:
+    if count < 1:
+        raise InputError(f"a set of directions needs at least 1 vector, not {count}")
+
+
 def read_csv(path: str | Path) -> Floats:
-    """Which directions a file lists.
+    """Read directions from a file.
 
     One direction a row: three columns x, y, z, or two for planar rigs. A first row of words is a header. The
     lengths do not matter: each row is scaled to a unit vector.
@@ -129,22 +116,9 @@ def read_csv(path: str | Path) -> Floats:
 
 
 def parse(text: str) -> Floats:
-    """Which directions the text of ``--directions`` means.
+    """Return the directions that the text of ``--directions`` means.
 
-    Parameters
-    ----------
-    text : str
-        ``grid18``, ``fibonacci:N``, ``circle:N`` (planar rigs) or the path of a ``.csv`` file.
-
-    Returns
-    -------
-    (K, 3) or (K, 2) array
-        Unit vectors.
-
-    Raises
-    ------
-    InputError
-        If the text is none of these.
+    ``grid18``, ``fibonacci:N``, ``circle:N`` (planar rigs) or the path of a ``.csv`` file.
     """
     if text == "grid18":
         return grid18()
@@ -157,27 +131,7 @@ def parse(text: str) -> Floats:
 
 
 def forces(vectors: Floats, components: int, dimension: int) -> Floats:
-    """Which wrenches these forces are, for a rig of so many components.
-
-    Forces without torque: the components that follow the force are 0.
-
-    Parameters
-    ----------
-    vectors : (K, dimension) array
-        Forces in N.
-    components, dimension : int
-        Components n of the rig's wrench, and how many of them, the first, are forces.
-
-    Returns
-    -------
-    (K, n) array
-        Wrenches in N (and N·m).
-
-    Raises
-    ------
-    ShapeError
-        If the vectors have another dimension than the rig.
-    """
+    """Return forces, (K, dimension), in N, as wrenches without torque, (K, components)."""
     if vectors.ndim != 2 or vectors.shape[1] != dimension:
         wanted = "x,y,z; try grid18 or fibonacci:N" if dimension == 3 else "two components; try circle:N"
         raise ShapeError(f"the rig needs directions of {wanted} (they have shape {vectors.shape})")

@@ -17,7 +17,7 @@ SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
 
 
 def load_rig(path: str | PathLike[str]) -> Rig:
-    """Which rig does a TOML file describe?
+    """Read a rig from a TOML file.
 
     The format, with every key, is shown in ``datasets/README.md``.
 
@@ -35,18 +35,12 @@ def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
 
 
 def rig_from_toml(text: str, source: str) -> Rig:
-    """Which rig does a TOML text describe? ``source`` names the text in errors.
-
-    Raises
-    ------
-    RigError
-        As `load_rig`.
-    """
+    """Read a rig from a TOML text, which errors call ``source``."""
     from tensionlab.model import schema
 
     document = parse_toml(text, source, RigError)
     try:
-        table = schema.parse(document)
+        table = schema.check(schema.RigFile, document)
         shared = table.limits.model_dump(exclude_none=True)
         modules = []
         for number, own in enumerate(table.modules, start=1):
@@ -76,7 +70,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
 
 
 def rig_to_toml(rig: Rig) -> str:
-    """How is a rig written in TOML? Values that all modules share go into ``[limits]``."""
+    """Return a rig in TOML. Values that all modules share go into ``[limits]``."""
     import tomli_w
 
     document: dict[str, Any] = {"name": rig.name, "kind": rig.kind}

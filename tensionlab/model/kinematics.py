@@ -1,4 +1,4 @@
-"""The geometry of straight cables, for arrays of poses: arrays in, arrays out.
+"""Kinematics of straight cables, forward and inverse, for arrays of poses: arrays in, arrays out.
 
 Conventions. d is the dimension of space (2 or 3), m the number of cables; every function broadcasts over
 leading axes. The unit vector u of a cable points from its attachment to its anchor; its arm r runs from the
@@ -182,7 +182,7 @@ RIDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class PoseEstimate:
-    """A pose found from cable lengths, and how well it explains them.
+    """Pose found from cable lengths, and how well it explains them.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ def ring_plus_top(
     top: float | None = 2.0,
     limits: tuple[float, float] = LIMITS,
 ) -> Rig:
-    """Which rig has modules at the corners of a regular polygon on the floor, and one above its centre?
+    """Return a rig with modules at the corners of a regular polygon on the floor, and one above its centre.
 
     The floor is y = 0, its centre the origin, and the first corner lies on the X axis. The point is at home
     above the centre. Three corners and a top are the published validation rig (Bartels et al. 2026).
@@ -63,15 +63,9 @@ def ring_plus_top(
 
 
 def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> Rig:
-    """Which rig has modules at all eight corners of a box?
+    """Return a rig with modules at all eight corners of a box, with edges ``size`` along X, Y and Z, in m.
 
-    The box is centred on the origin, where the point is at home.
-
-    Parameters
-    ----------
-    size : (3,) lengths of the edges along X, Y and Z, in m
-    limits : (lower, upper)
-        Tension limits of every module, in N.
+    The box is centred on the origin, where the point is at home. Tension limits are in N.
 
     Raises
     ------
@@ -82,7 +76,7 @@ def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> 
 
 
 def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> Rig:
-    """Which rig has modules at every other corner of a box, as the first SPIDAR had?
+    """Return a rig with modules at every other corner of a box, as the first SPIDAR had.
 
     The four corners whose coordinates multiply to a positive number; no two share an edge. Four cables are
     the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR).
@@ -94,7 +88,7 @@ def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMIT
 
 
 def _corners(size: Sequence[float]) -> dict[str, Floats]:
-    """Name the corners of a box by their signs, as in "x- y+ z+"."""
+    """Return the corners of a box by the names of their signs, as in "x- y+ z+"."""
     edges = as_floats("box corners: size", size)
     if edges.shape != (3,) or not (np.isfinite(edges) & (edges > 0)).all():
         raise RigError(f"box corners: size is {size!r}; give three finite lengths in m, above zero")

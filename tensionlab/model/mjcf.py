@@ -21,7 +21,7 @@ JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
 
 
 def rig_to_mjcf(rig: Rig) -> str:
-    """Which MuJoCo model is a rig?
+    """Return a rig as a model of MuJoCo.
 
     - Each cable is a spatial tendon from the site ``<module> anchor`` to the site ``<module> attachment``.
     - Each module is a motor on its tendon. Its control is the tension in N, within the limits of the module; the
@@ -92,7 +92,7 @@ def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
 
 
 def _inertia(rig: Rig) -> tuple[float, Floats, Floats]:
-    """Mass, centre of mass and inertia in space; assumed where the rig doesn't know them."""
+    """Return mass, centre of mass and inertia in space; assumed where the rig doesn't know them."""
     held = rig.platform
     mass = MASS if held is None else held.mass
     com = np.zeros(rig.dimension) if held is None or held.com is None else held.com

@@ -15,13 +15,13 @@ from tensionlab.files.reading import brief
 WORLD = "world"
 """The frame that never moves."""
 MAX_LENGTH = 1e4
-"""Largest coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
+"""Maximum coordinate of anything on a rig, in m: ten times the largest cable robot there is, and far from where
 squares and products of lengths, forces and torques lose digits that count."""
 MAX_TENSION = 1e11
-"""Largest tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N
+"""Maximum tension and holding force, in N. Telescopes hang on cables of 1e6 N, and models of CASPR have 1e10 N
 where they mean no limit."""
 MAX_MASS = 1e8
-"""Largest mass of a platform, in kg: that of a large ship."""
+"""Maximum mass of a platform, in kg: that of a large ship."""
 GRAVITY_M_S2 = 9.81
 """Acceleration by gravity, in m/s²."""
 MAX_NAME = 100
@@ -29,7 +29,7 @@ MAX_NAME = 100
 
 
 class Kind(NamedTuple):
-    """What a kind of rig moves in: ``dimension`` d of space, ``freedoms`` n of what the cables hold."""
+    """Kind of rig: ``dimension`` d of space, ``freedoms`` n of what the cables hold."""
 
     dimension: int
     freedoms: int
@@ -51,12 +51,10 @@ KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """Where does one winch module pull from, and how hard can it?
+    """Winch module: where its cable pulls from, and how hard it can.
 
     Attributes
     ----------
-    name : str
-        Unique in its rig.
     anchor : (d,) read-only array
         Where the cable leaves the module, in the axes of ``frame``, in m.
     lower, upper : float
@@ -149,12 +147,10 @@ class Module:
 
 @dataclass(frozen=True, eq=False)
 class Platform:
-    """How heavy is what the cables hold?
+    """Mass, in kg, and inertia of what the cables hold.
 
     Attributes
     ----------
-    mass : float
-        In kg.
     com : (d,) read-only array or None
         Centre of mass in platform axes, in m; None for the reference point.
     inertia : (k, k) read-only array or None
@@ -246,19 +242,9 @@ def same(one: Any, other: Any) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TensionLimits:
-    """Between which tensions may each cable be pulled?
+    """Minimum and maximum tension of each cable, (m,), in N. Read-only.
 
-    Attributes
-    ----------
-    lower, upper : (m,) read-only arrays
-        Smallest and largest tension of each cable, in N. ``lower == upper`` is legal: such a cable has no
-        choice.
-
-    Raises
-    ------
-    ShapeError
-        If the shapes differ, there is no cable, an entry is NaN or infinite, or a lower limit is above its
-        upper.
+    ``lower == upper`` is legal: such a cable has no choice.
     """
 
     lower: NDArray[np.float64]
@@ -291,5 +277,5 @@ class TensionLimits:
         object.__setattr__(self, "upper", upper)
 
     def only(self, part: NDArray[np.bool_]) -> TensionLimits:
-        """Which limits leave all but some cables, (m,) array of bool, without tension?"""
+        """Return limits that leave all cables without tension, but those of ``part``, (m,) bool."""
         return TensionLimits(np.where(part, self.lower, 0.0), np.where(part, self.upper, 0.0))

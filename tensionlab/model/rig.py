@@ -1,4 +1,4 @@
-"""A set of modules around a point or a platform: `Rig`, with its geometry."""
+"""Rigs: a set of modules around a point or a platform, with its geometry."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tensionlab.model.pose import Frames
 
 
 class Cables(NamedTuple):
-    """Where the cables of a rig run at a pose.
+    """Lengths and directions of the cables of a rig at a pose.
 
     Attributes
     ----------
@@ -49,14 +49,12 @@ class Cables(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Which modules pull on what, from where, and how hard?
+    """Set of modules around a point or a platform.
 
     Attributes
     ----------
-    name : str
     kind : str
         A key of `KINDS`: "planar-point", "point", "planar" or "platform".
-    modules : tuple of Module
     home : (d,) read-only array
         Nominal position of the point or of the platform's reference point, in m, and the default guess of the
         forward kinematics; the home orientation is the identity.
@@ -197,7 +195,7 @@ class Rig:
     def cables(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Cables:
-        """Where do the cables run at a pose?
+        """Return where the cables run at a pose.
 
         Parameters and errors as in `structure_matrix`.
         """
@@ -219,21 +217,16 @@ class Rig:
     def lengths(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """How long is each cable at a pose?
+        """Return the length of each cable at a pose, (..., m), from anchor to attachment, in m.
 
         Parameters and errors as in `structure_matrix`.
-
-        Returns
-        -------
-        (..., m) array
-            From anchor to attachment, in m.
         """
         return self.cables(position, rotation, frames).lengths
 
     def directions(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """Which way does each cable pull at a pose?
+        """Return the direction in which each cable pulls at a pose.
 
         Parameters and errors as in `structure_matrix`.
 
@@ -247,7 +240,7 @@ class Rig:
     def structure_matrix(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """Which wrench do the cables exert at a pose, for each newton of tension?
+        """Return the structure matrix at a pose.
 
         Leading axes of all arguments broadcast. Source: Verhoeven 2004; see `tensionlab.model.kinematics`.
 
@@ -285,7 +278,7 @@ class Rig:
         rotation: ArrayLike | None = None,
         frames: Frames | None = None,
     ) -> PoseEstimate:
-        """Where is the platform, given the cable lengths?
+        """Estimate the pose of the platform from cable lengths.
 
         The pose near the guess that fits the lengths best in the least-squares sense. Several poses can have
         the same lengths: anchors in one plane leave a mirror image behind that plane, and a platform can
@@ -296,14 +289,8 @@ class Rig:
         ----------
         lengths : (..., m) array
             Measured, in m.
-        position, rotation : arrays as in `structure_matrix`, optional
+        position, rotation : arrays, optional
             The guess; `Rig.home` and the identity if left out.
-        frames : mapping, optional
-            As in `structure_matrix`.
-
-        Returns
-        -------
-        PoseEstimate
 
         Raises
         ------

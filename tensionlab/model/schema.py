@@ -1,4 +1,4 @@
-"""What a rig file may hold, as pydantic sees it, and what is said about a file that holds something else.
+"""Schema of rig files, and the messages about files that do not follow it.
 
 Types, unknown keys and missing keys are checked here; what the numbers mean is checked by `Rig`, `Module` and
 `Platform`, for files and programs alike. Imported only when a file is read, because pydantic takes its time.
@@ -19,14 +19,14 @@ from tensionlab.files.reading import brief
 
 
 class Table(BaseModel):
-    """A table in which a misspelt key or a number in quotes is an error."""
+    """Table in which a misspelt key or a number in quotes is an error."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 T = TypeVar("T", bound=Table)
-ROOM = 220
-"""Characters for the problems of one file."""
+MAX_PROBLEMS_CHARACTERS = 220
+"""Of all problems of one file, in a message."""
 
 
 class LimitsTable(Table):
@@ -61,7 +61,7 @@ class PlatformTable(Table):
 
 
 class RigFile(Table):
-    """A whole file."""
+    """Rig file."""
 
     name: str = Field(min_length=1, description="a name in quotes")
     kind: str = Field(description='"planar-point", "point", "planar" or "platform"')
@@ -72,17 +72,6 @@ class RigFile(Table):
     limits: LimitsTable = Field(LimitsTable(), description="a [limits] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
     modules: list[ModuleTable] = Field(min_length=1, description="at least one [[modules]] table")
-
-
-def parse(document: dict[str, Any]) -> RigFile:
-    """Check the contents of a rig file.
-
-    Raises
-    ------
-    RigError
-        As `check`.
-    """
-    return check(RigFile, document)
 
 
 def check(kind: type[T], document: dict[str, Any]) -> T:
@@ -104,9 +93,9 @@ def _together(lines: list[str]) -> str:
     if len(lines) == 1:
         return lines[0]
     count = len(lines)
-    if sum(map(len, lines)) > ROOM:
+    if sum(map(len, lines)) > MAX_PROBLEMS_CHARACTERS:
         lines = [line.partition("; ")[0] for line in lines]
-        fitting = sum(length <= ROOM for length in accumulate(map(len, lines)))
+        fitting = sum(length <= MAX_PROBLEMS_CHARACTERS for length in accumulate(map(len, lines)))
         lines = lines[: max(fitting, 1)]
     more = [f"and {count - len(lines)} more"] if len(lines) < count else []
     return "\n  ".join([f"{count} problems", *lines, *more])
@@ -145,7 +134,7 @@ def _locate(path: Sequence[str | int], kind: type[Table], document: dict[str, An
 
 
 def _table_in(kind: type[Table], key: str) -> type[Table] | None:
-    """The kind of table that a key holds, alone or in a list; None if it holds no table."""
+    """Return the kind of table that a key holds, alone or in a list; None if it holds no table."""
     if key not in kind.model_fields:
         return None
     annotation = kind.model_fields[key].annotation
