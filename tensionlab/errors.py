@@ -1,4 +1,4 @@
-"""What can go wrong, drawn as a tree.
+"""Errors that tensionlab raises, as a tree.
 
 ::
 
@@ -95,7 +95,7 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
         self.allocation = allocation
 
     def __str__(self) -> str:
-        """The message alone; all arguments are kept so that the error can be sent between processes."""
+        """Return the message alone; all arguments are kept so that the error can be sent between processes."""
         return str(self.args[0])
 
 
@@ -140,5 +140,5 @@ class ModuleFault(HardwareError):  # noqa: N818 - pinned name
         self.code = code
 
     def __str__(self) -> str:
-        """The message alone; all arguments are kept so that the error can be sent between processes."""
+        """Return the message alone; all arguments are kept so that the error can be sent between processes."""
         return str(self.args[0])

@@ -166,7 +166,7 @@ def open_stream(path: str | PathLike[str]) -> IO[bytes]:
 
 
 def _place(path: str | PathLike[str]) -> Path:
-    """Where the file really is, or will be; refuses what must not be replaced."""
+    """Return where the file really is, or will be; refuse what must not be replaced."""
     place = Path(os.path.realpath(path))
     try:
         mode = place.lstat().st_mode
@@ -186,7 +186,7 @@ def _place(path: str | PathLike[str]) -> Path:
 
 
 def _neighbour(folder: Path, suffix: str = "") -> Path:
-    """A name in a folder that nothing has; it tells whose it is, should a killed process leave it."""
+    """Return a name in a folder that nothing has; it says whose it is, should a killed process leave it."""
     return folder / f".tensionlab-{secrets.token_hex(8)}{suffix}"
 
 

@@ -1,8 +1,8 @@
-"""What a solver is given, what it gives back, and what it must promise.
+"""Contract of the solvers: the problem they are given, the answer they return, and what they promise.
 
 A solver is a frozen dataclass of its hyper-parameters with one method, ``solve``. It sees a batch that has
-already been checked and flattened, so it never validates; it returns tensions, and never a verdict, because
-`tensionlab.allocation` measures every answer itself. `CONTRIBUTING.md` shows one from start to end, and how
+already been checked and flattened, so it never validates; it returns tensions, and never a status, because
+`tensionlab.verification` certifies every answer. `CONTRIBUTING.md` shows one from start to end, and how
 another distribution brings its own, through the entry point group ``tensionlab.solvers``.
 """
 
@@ -35,21 +35,21 @@ RANK_TOLERANCE = 1e-8
 
 
 class Status(enum.IntEnum):
-    """What has been proved about one answer, by measuring it."""
+    """Status of an answer, proved by measuring it."""
 
     EXACT = 0
     """The tensions are inside their limits and render the wrench within tolerance."""
     NEAREST = 1
-    """A separating direction proves the wrench out of reach; the answer is the policy's best."""
+    """A separating direction certifies the wrench infeasible; the answer is the policy's best."""
     ITERATION_LIMIT = 2
-    """Neither is proved: the solver stopped early, or it promises no best substitute."""
+    """Unproven: the solver stopped early, or it promises no best substitute."""
     FAILED = 3
     """The backend broke; `Allocation.failures` keeps the reason."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A batch of B problems: minimise ``|t - reference|²/2`` subject to ``W t = w`` and limits.
+    """Batch of B problems: minimise ``|t - reference|²/2`` subject to ``W t = w`` and limits.
 
     Every array is float64 and finite, with ``lower <= upper``. Arrays may be read-only and broadcast over the
     first axis; the other axes are contiguous.
@@ -65,7 +65,7 @@ class Problem:
     weights : (n,) array
         Positive weights of the wrench components; the error of an answer is ``sqrt(sum(weights * r**2))``.
     nearest : {"force", "tension", "direction"} or None
-        What to do where w is out of reach. None only for solvers that honour no policy.
+        What to do where w is infeasible. None only for solvers that honour no policy.
     """
 
     structure: Floats
@@ -80,7 +80,7 @@ class Problem:
         return len(self.structure)
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
-        """Which problems have these rows? In arrays of their own."""
+        """Return the problems of these rows, in arrays of their own."""
         return replace(
             self,
             structure=self.structure[rows],
@@ -93,7 +93,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a solver returns for a batch of B problems.
+    """Answer of a solver for a batch of B problems.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Answer:
     iterations : (B,) array
         Iterations spent, as the solver counts them; 0 for closed forms.
     separation : (B, n) array or None
-        A direction d for each problem that may prove it out of reach: ``d·w`` exceeds the largest ``d·W t``
+        A direction d for each problem that may certify it infeasible: ``d·w`` exceeds the largest ``d·W t``
         inside the limits. Zeros where there is none. It is checked, never believed; leave it out and one is
         derived from the answer.
     failures : dict
@@ -129,17 +129,11 @@ class Verified(NamedTuple):
 
 
 class Solver(Protocol):
-    """One way to choose tensions.
+    """Way to choose tensions.
 
     A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it. A built-in
     one whose kernel verifies in the same pass what it chooses is a `FusedSolver`.
 
-    Attributes
-    ----------
-    objective : str
-        What it minimises among the tensions that render the wrench, in a few words.
-    policies : tuple of str
-        The ``nearest`` policies it can honour, its own first; empty if it promises no best substitute.
     """
 
     @property
@@ -148,6 +142,7 @@ class Solver(Protocol):
         ...
 
     policies: ClassVar[tuple[Nearest, ...]]
+    """The ``nearest`` policies it can honour, its own first; empty if it promises no best substitute."""
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
@@ -195,10 +190,10 @@ def resolve_policy(solver: Solver, nearest: str | None, name: str) -> Nearest | 
 
 
 def refusal(solver: Solver, n: int, m: int) -> str | None:
-    """Why does a solver not serve problems with n wrench components and m cables? None if it does.
+    """Return why a solver does not serve problems with n wrench components and m cables; None if it does.
 
-    A solver that serves only some sizes says so in a method ``refuses(n, m) -> str | None``, and is then
-    never asked to solve the others: `allocate` raises, and a comparison leaves it out with that reason.
+    A solver that serves only some sizes has a method ``refuses(n, m) -> str | None``, and is never given the
+    others: `allocate` raises, and a comparison leaves it out with that reason.
     """
     refuses: Callable[[int, int], str | None] | None = getattr(solver, "refuses", None)
     return None if refuses is None else refuses(n, m)

@@ -21,9 +21,9 @@ class Reply:
     tensions : (m,) array or None
         Tensions in N, just as they came, limits broken or not; None if there were none.
     iterations : int
-        As the peer counts them; 0 where it does not tell.
+        As the baseline counts them; 0 where it does not say.
     setup_s, solve_s : float
-        Its own clock, in seconds; NaN where it does not tell.
+        Its own clock, in seconds; NaN where it does not say.
     failure : str
         Why there are no tensions.
     """
@@ -39,7 +39,7 @@ class Baseline(Protocol):
     """One way to minimise ``|t|²`` subject to ``W t = w`` and limits, in two steps that are timed apart."""
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
-        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the peer takes."""
+        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the baseline takes."""
         ...
 
     def run(self, program: Any) -> Reply:
@@ -48,7 +48,7 @@ class Baseline(Protocol):
 
 
 def finite_tensions(found: Any, cables: int) -> Floats | None:
-    """What a backend returned as finite tensions, or None."""
+    """Return what a backend gave as finite tensions, or None."""
     if found is None or np.shape(found) != (cables,) or not np.isfinite(found).all():
         return None
     return np.array(found, dtype=np.float64)
@@ -80,7 +80,7 @@ CLOCK = {"proxqp": 1e-6}
 
 @dataclass(frozen=True)
 class PlainProgram:
-    """Which tensions does a backend of qpsolvers give for least ``|t|²``, ``W t = w`` and the limits?
+    """Backend of qpsolvers on the plain program: least ``|t|²`` with ``W t = w`` and the limits.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class PlainProgram:
 
 
 def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:
-    """Which tensions does the one call give that the front page of qpsolvers shows?"""
+    """Return the tensions of the one call that the front page of qpsolvers shows, or None."""
     import qpsolvers
 
     cables = structure.shape[1]

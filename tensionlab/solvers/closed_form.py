@@ -16,11 +16,11 @@ Start = Literal["reference", "middle"]
 
 @dataclass(frozen=True)
 class Pseudoinverse:
-    """Which tensions render the wrench with the least change from a starting point, limits aside.
+    """Least change from a starting point that renders the wrench, limits aside, then clipped to them.
 
     Minimises ``|t - t_s|²`` subject to ``W t = w`` only, by ``t = t_s + W⁺ (w - W t_s)``, and then clips t to
     the limits. Where the clipping changes nothing the answer is exact; elsewhere it renders another wrench,
-    and that proves nothing about the wrench asked for.
+    and that proves nothing about the desired wrench.
 
     Source: Pott, Bruckmann and Mikelsons, "Closed-form force distribution for parallel wire robots", 2009, for
     the start in the middle.
@@ -64,13 +64,13 @@ class Pseudoinverse:
 
 @dataclass(frozen=True)
 class ClosedForm:
-    """Which tensions close to the middle of their limits render the wrench, in a bounded number of steps.
+    """Pott's improved closed form: close to the middle of the limits, in a bounded number of steps.
 
     Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While a cable misses its limits, the one that misses
     them by most is fixed at the limit, the wrench that it takes over is subtracted, its column is dropped,
     and the rest is solved again; at most (free cables - rank of W) times. The answer is exact far more often
     than that of one pseudo-inverse, but it is no minimum of anything once a cable has been fixed, and a
-    failure doesn't prove the wrench out of reach. The reference plays no part. Iterations are the cables
+    failure doesn't certify the wrench infeasible. The reference plays no part. Iterations are the cables
     fixed.
 
     Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel
@@ -97,7 +97,7 @@ class ClosedForm:
 
 @dataclass(frozen=True)
 class Puncture:
-    """Which low tensions render the wrench, between the least-norm solution and the closed form?
+    """Puncture method: low tensions between the least-norm solution and the closed form.
 
     Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which wants
     negative tensions on most rigs, and ``t_cf = t_m + W⁺ (w - W t_m)``, the one closest to the middle of the
@@ -133,13 +133,13 @@ OBJECTIVES: dict[PolygonGoal, str] = {
     "2-norm": "least squared change from the reference",
 }
 
-LARGEST_REDUNDANCY = 2
+MAX_REDUNDANCY = 2
 """Dimensions of a polygon."""
 
 
 @dataclass(frozen=True)
 class Polygon:
-    """Which point of the polygon of all possible tensions: its centre, its least sum, its least squares?
+    """Point of the polygon of all possible tensions: its centroid, its least sum, or its least squares.
 
     With two cables more than the wrench has components, the tensions that render it are the plane
     ``t = t_p + N l`` with two numbers l, N a basis of the null space of W. On that plane each cable leaves a
@@ -150,8 +150,8 @@ class Polygon:
 
     With one cable more the polygon is a segment, and with none a point. A cable whose limits are equal does
     not count. More redundancy than two is refused; where it is only a rank-deficient structure matrix that
-    leaves more, that problem of the batch has FAILED, with the reason. Out of reach the answer is where
-    the walk missed the limits by least, clipped to them, and it is no best substitute.
+    leaves more, that problem of the batch has FAILED, with the reason. Where the wrench is infeasible the answer
+    is where the walk missed the limits by least, clipped to them, and it is no best substitute.
 
     Source: Gouttefarde, Lamaury, Reichert and Bruckmann, "A versatile tension distribution algorithm for
     n-DOF parallel robots driven by n+2 cables", 2015.
@@ -180,12 +180,12 @@ class Polygon:
         return OBJECTIVES[self.goal]
 
     def refuses(self, n: int, m: int) -> str | None:
-        """Why are these too many cables? None if they are not."""
-        if m - n <= LARGEST_REDUNDANCY:
+        """Return why these are too many cables; None if they are not."""
+        if m - n <= MAX_REDUNDANCY:
             return None
         return (
             f"{m} cables for {n} wrench components have redundancy {m - n}, and a polygon has "
-            f"{LARGEST_REDUNDANCY} dimensions"
+            f"{MAX_REDUNDANCY} dimensions"
         )
 
     def solve(self, problem: Problem) -> Answer:
@@ -200,11 +200,11 @@ class Polygon:
             get_args(PolygonGoal).index(self.goal),
             RANK_TOLERANCE,
         )
-        beyond = np.flatnonzero(redundancy > LARGEST_REDUNDANCY)
+        beyond = np.flatnonzero(redundancy > MAX_REDUNDANCY)
         tensions[beyond] = np.nan
         failures = {
             int(row): f"the structure matrix has a rank so low that the redundancy is {redundancy[row]}; "
-            f"a polygon has {LARGEST_REDUNDANCY} dimensions"
+            f"a polygon has {MAX_REDUNDANCY} dimensions"
             for row in beyond
         }
         return Answer(tensions=tensions, iterations=iterations, failures=failures)

@@ -14,20 +14,17 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.baselines import Reply, finite_tensions
-from tensionlab.solvers.programs import Ray, whitener
+from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, ScaledProblem, choose
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
 }
-"""The solvers of cvxpy that can be asked for, with settings that pass `TOLERANCE`."""
-
-SAFETY = 0.1
-"""Share of `TOLERANCE` that an answer may use up here before the next program is tried."""
+"""Solvers of cvxpy that can be chosen, with settings that pass `TOLERANCE`."""
 
 
 @dataclass(frozen=True)
 class ConvexProgram:
-    """Which tensions closest to the reference render the wrench, as one would write it on a blackboard.
+    """Tensions closest to the reference by convex programs, as one would write them on a blackboard.
 
     Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Where the measured answer misses w,
     the policy says what to render instead ("force": the least ``(W t - w)' Q (W t - w)``, Q the weights;
@@ -62,7 +59,7 @@ class ConvexProgram:
         except ModuleNotFoundError as error:
             raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
         size, n, m = problem.structure.shape
-        board = compiled_programs(n, m, threading.get_ident())
+        compiled = compiled_programs(n, m, threading.get_ident())
         tensions = np.full((size, m), np.nan)
         iterations = np.zeros(size, dtype=np.int64)
         failures: dict[int, str] = {}
@@ -70,17 +67,25 @@ class ConvexProgram:
             # cvxpy warns of answers that may be inaccurate; all of them are measured.
             warnings.simplefilter("ignore")
             for row in range(size):
-                run = _Run(board, self.backend)
+                scaled = _scaled(problem, row)
+                compiled.W.value, compiled.held.value, compiled.reference.value = (
+                    scaled.structure,
+                    scaled.held,
+                    scaled.reference,
+                )
+                compiled.lower.value, compiled.upper.value = scaled.lower, scaled.upper
+                programs = _ConvexPrograms(compiled, self.backend, scaled)
                 try:
-                    found = _allocate(run, problem, row)
+                    found = choose(programs, problem, row)
                 except (ValueError, RuntimeError) as error:
                     failures[row] = f"{self.backend}: {type(error).__name__}: {error}"
                     continue
-                iterations[row] = run.iterations
+                iterations[row] = programs.iterations
                 if found is None:
-                    failures[row] = f"{self.backend}: {run.reason}"
+                    failures[row] = f"{self.backend}: {programs.reason}"
                 else:
-                    tensions[row] = found
+                    lower, upper = problem.lower[row], problem.upper[row]
+                    tensions[row] = np.where(lower < upper, np.clip(found * scaled.unit, lower, upper), lower)
         return Answer(tensions=tensions, iterations=iterations, failures=failures)
 
 
@@ -110,7 +115,7 @@ class CompiledPrograms:
             cp.Minimize(cp.sum_squares(self.root_W @ t - self.root_w)),
             limits,
         )
-        self.furthest = cp.Problem(
+        self.longest = cp.Problem(
             cp.Maximize(s),
             [W @ t + self.held == s * self.w, s >= 0, s <= 1, *limits],
         )
@@ -118,28 +123,46 @@ class CompiledPrograms:
 
 @lru_cache(maxsize=32)
 def compiled_programs(n: int, m: int, thread: int) -> CompiledPrograms:
-    """Which compiled programs serve this shape; a set for each thread, which writes its parameters there."""
+    """Return the compiled programs of this shape; a set for each thread, which writes its parameters there."""
     return CompiledPrograms(n, m)
 
 
 @dataclass
-class _Run:
-    """The programs with one backend, the iterations it has spent on one problem, and why it failed if it did."""
+class _ConvexPrograms:
+    """Compiled programs with the numbers of one problem, and what one backend makes of them."""
 
-    board: CompiledPrograms
+    compiled: CompiledPrograms
     backend: str
-    unit: float = 1.0
+    scaled: ScaledProblem
     iterations: int = 0
-    reason: str = "gave no tensions, not even inside the limits alone"
+    reason: str = NO_TENSIONS
 
-    def solve(self, program: Any) -> Floats | None:
-        """Which tensions inside the limits the backend gives for a program, or None."""
+    def closest(self, wrench: Floats) -> Floats | None:
+        self.compiled.w.value = wrench
+        return self._solve(self.compiled.closest)
+
+    def least_error(self, root: Floats, wrench: Floats) -> Floats | None:
+        self.compiled.root_W.value = root @ self.scaled.structure
+        self.compiled.root_w.value = root @ (wrench - self.scaled.held)
+        return self._solve(self.compiled.least_error)
+
+    def longest(self) -> tuple[Floats | None, float]:
+        scaled, compiled = self.scaled, self.compiled
+        compiled.w.value = scaled.wrench
+        best = self._solve(compiled.longest)
+        if best is None:
+            return None, 0.0
+        scale = float(compiled.s.value)
+        missed = np.linalg.norm(scaled.structure @ best + scaled.held - scale * scaled.wrench)
+        return (None, 0.0) if missed > scaled.accepted else (best, scale)
+
+    def _solve(self, program: Any) -> Floats | None:
         from cvxpy.error import SolverError
 
-        board = self.board
+        variable = self.compiled.t
         # Parallel cables can stop the backend short of the last digits; its own settings then still find some.
         for settings in (SETTINGS[self.backend], {}):
-            board.t.value = None
+            variable.value = None
             try:
                 # Cold, so that an answer does not depend on the problem before it.
                 program.solve(solver=self.backend, warm_start=False, **settings)
@@ -148,84 +171,35 @@ class _Run:
                 continue
             self.iterations += program.solver_stats.num_iters or 0
             break
-        if board.t.value is None or not np.isfinite(board.t.value).all():
+        if variable.value is None or not np.isfinite(variable.value).all():
             return None
-        found: Floats = np.clip(board.t.value, board.lower.value, board.upper.value)
+        found: Floats = np.clip(variable.value, self.scaled.lower, self.scaled.upper)
         return found
 
 
-def _allocate(run: _Run, problem: Problem, row: int) -> Floats | None:
-    """Which tensions the policy chooses for one problem of the batch; None if the backend gives none."""
+def _scaled(problem: Problem, row: int) -> ScaledProblem:
+    """Scale one problem of the batch; its shape stays, so that one compiled program serves all."""
     W, w = problem.structure[row], problem.wrench[row]
     lower, upper, reference = problem.lower[row], problem.upper[row], problem.reference[row]
     # A cable without play would leave an interior-point method no interior. It pulls as part of ``held``,
     # and in the programs its place is taken by one that may do as it likes because it pulls nothing.
     free = lower < upper
     unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max())) or 1.0
-    run.unit = unit
-    board, loose = run.board, W * free
-    board.W.value, board.w.value = loose, w / unit
-    board.held.value = W @ np.where(free, 0.0, lower) / unit
-    board.lower.value = np.where(free, lower / unit, 0.0)
-    board.upper.value = np.where(free, upper / unit, 1.0)
-    board.reference.value = np.where(free, reference / unit, 0.5)
-    accepted = SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(w))) / unit
-    found = _choose(run, problem, row, accepted)
-    return None if found is None else np.where(free, np.clip(found * unit, lower, upper), lower)
-
-
-def _choose(run: _Run, problem: Problem, row: int, accepted: float) -> Floats | None:
-    board = run.board
-    W, w, held = board.W.value, board.w.value, board.held.value
-
-    def closest(wrench: Floats) -> Floats | None:
-        board.w.value = wrench
-        t = run.solve(board.closest)
-        return t if t is not None and np.linalg.norm(W @ t + held - wrench) <= accepted else None
-
-    exact = closest(w)
-    if exact is not None:
-        return exact
-
-    best = None
-    if problem.nearest == "direction":
-        board.w.value = w
-        best = run.solve(board.furthest)
-        if best is not None and np.linalg.norm(W @ best + held - board.s.value * w) > accepted:
-            best = None
-        best = _widened(run, w, best)
-    if best is None:
-        force = np.diag(np.sqrt(problem.weights))
-        root = whitener(problem.structure[row]) if problem.nearest == "tension" else force
-        board.root_W.value, board.root_w.value = root @ W, root @ (w - held)
-        best = run.solve(board.least_error)
-    if best is None:
-        return None
-    tied = closest(W @ best + held)
-    return best if tied is None else tied
-
-
-def _widened(run: _Run, w: Floats, best: Floats | None) -> Floats | None:
-    """Which tensions render more of the wrench where it grazes what can be rendered, or those given."""
-    board, unit = run.board, run.unit
-    W, held = board.W.value, board.held.value
-
-    def nearest(s: float) -> Floats | None:
-        board.root_W.value, board.root_w.value = W, s * w - held
-        t = run.solve(board.least_error)
-        return None if t is None else np.append(t, 1.0)
-
-    # The cables that are held are one more, with a tension of 1, and all is in newton again.
-    lower, upper = np.append(board.lower.value, 1.0), np.append(board.upper.value, 1.0)
-    ray = Ray(np.column_stack([W, held]) * unit, w * unit, lower, upper, nearest)
-    scale = 0.0 if best is None else float(board.s.value)
-    found = ray.widened(None if best is None else np.append(best, 1.0), scale)
-    return None if found is None else found[:-1]
+    return ScaledProblem(
+        structure=W * free,
+        wrench=w / unit,
+        held=W @ np.where(free, 0.0, lower) / unit,
+        lower=np.where(free, lower / unit, 0.0),
+        upper=np.where(free, upper / unit, 1.0),
+        reference=np.where(free, reference / unit, 0.5),
+        accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(w))) / unit,
+        unit=unit,
+    )
 
 
 @dataclass(frozen=True)
 class PlainConvex:
-    """Which tensions does cvxpy give for least ``|t|²``, ``W t = w`` and the limits, written down once?
+    """Baseline of cvxpy: the program least ``|t|²`` with ``W t = w`` and the limits, written down once.
 
     Parameters
     ----------

@@ -13,12 +13,13 @@ from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer,
 
 @dataclass(frozen=True)
 class Newton:
-    """Which tensions within limits render the wrench and are closest to the reference, exactly?
+    """Exact solver: tensions within limits that render the wrench, closest to the reference.
 
     Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with
     one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where
     y is such that ``W t(y) = w``. Semismooth Newton steps, with a line search along the piecewise quadratic dual
-    where a whole step goes astray, end after finitely many. Out of reach, a multiplier soon separates the wrench
+    where a whole step goes astray, end after finitely many. For an infeasible wrench, a multiplier soon separates
+    the wrench
     from all that tensions inside the limits render. From it an active set finds the nearest face of what can be
     rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own problem to
     the same precision. The whole batch is one call to `native/solvers/newton_kernel.cpp`; `newton.hpp` and
@@ -76,7 +77,7 @@ class Newton:
 
 @dataclass(frozen=True)
 class Dykstra:
-    """Which tensions closest to the reference render the wrench, by projecting back and forth.
+    """Alternating projections: tensions that render the wrench, closest to the reference.
 
     Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Projects in turn onto the
     equilibrium space {t: W t = w} and onto the limits; the correction p makes the result the *projection* of
@@ -92,8 +93,9 @@ class Dykstra:
     optimality. The whole batch is one call to `tensionlab/native/solvers/dykstra.hpp`, which tests every eighth
     iteration whether to stop; ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
-    Out of reach, z tends to the point inside the limits that is closest to the equilibrium space, the argmin
-    of ``(W t - w)' (W W')⁺ (W t - w)``, while p grows without bound. A part of w outside the range of W is
+
+    For an infeasible wrench, z tends to the point inside the limits that is closest to the equilibrium space, the
+    argmin of ``(W t - w)' (W W')⁺ (W t - w)``, while p grows without bound. A part of w outside the range of W is
     beyond every tension and is left out of account.
 
     Sources: Boyle and Dykstra, "A method for finding projections onto the intersection of convex sets in
@@ -104,8 +106,8 @@ class Dykstra:
     Parameters
     ----------
     tolerance : float
-        A problem is done when ``|W z - w|`` is at most this times max(1, |w|) or, out of reach, when the
-        duality gap proves z to be within it of the least distance. Never when x stops moving: it stalls.
+        A problem is done when ``|W z - w|`` is at most this times max(1, |w|) or, if the wrench is infeasible,
+        when the duality gap proves z to be within it of the least distance. Never when x stops moving: it stalls.
     iteration_limit : int
         Iterations after which the last z is returned, whatever it is worth.
     """

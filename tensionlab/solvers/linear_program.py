@@ -25,12 +25,12 @@ PROGRAMS: tuple[Program, ...] = ("sum", "largest", "margin")
 
 @dataclass(frozen=True)
 class LeastSum:
-    """Which tensions render the wrench with the least sum?
+    """Tensions with the least sum.
 
     Minimises ``sum(t)`` subject to ``W t = w`` and the limits. Of equally good tensions it takes those closest to
     the reference. They change continuously with the wrench, but jump when the rig moves through a pose in which
-    two sets of cables are equally good. Out of reach they are those of the closest wrench, and no verdict is
-    promised. Iterations are simplex and Newton steps.
+    two sets of cables are equally good. For an infeasible wrench they are those of the closest wrench, and no
+    verdict is promised. Iterations are simplex and Newton steps.
 
     Source: Shiang, Cannon and Gorman, "Optimal force distribution applied to a robotic crane with flexible
     cables", 2000.
@@ -46,12 +46,12 @@ class LeastSum:
 
 @dataclass(frozen=True)
 class Minimax:
-    """Which tensions render the wrench with the least largest tension?
+    """Tensions whose maximum is least.
 
     Minimises ``max(t)`` subject to ``W t = w`` and the limits, as the linear program of the least τ with
     ``t <= τ``. A cable without play, which can do nothing about it, does not count. Of equally good tensions it
-    takes those closest to the reference; they change continuously with the wrench. Out of reach they are those of
-    the closest wrench, and no verdict is promised. Iterations are simplex and Newton steps.
+    takes those closest to the reference; they change continuously with the wrench. For an infeasible wrench they
+    are those of the closest wrench, and no status is promised. Iterations are simplex and Newton steps.
 
     Source: Gosselin and Grenier, "On the determination of the force distribution in overconstrained cable-driven
     parallel mechanisms", 2011, where it is the limit of the p-norms.
@@ -67,12 +67,12 @@ class Minimax:
 
 @dataclass(frozen=True)
 class OptimallySafe:
-    """Which tensions render the wrench with the largest margin to the limits?
+    """Tensions with the largest margin to the limits (max-margin).
 
     Maximises S subject to ``W t = w`` and ``lower + S <= t <= upper - alpha S``. A cable without play, which has
-    no margin to gain, does not count. Of equally safe tensions it takes those closest to the reference; they
-    change continuously with the wrench. Where S is negative the wrench is out of reach; the tensions are then
-    those of the closest wrench, and no verdict is promised. Iterations are simplex and Newton steps.
+    no margin to gain, does not count. Of equally good tensions it takes those closest to the reference; they
+    change continuously with the wrench. Where S is negative the wrench is infeasible; the tensions are then
+    those of the closest wrench, and no status is promised. Iterations are simplex and Newton steps.
 
     Source: Borgstrom, Jordan, Borgstrom, Stealey, Sukhatme, Batalin and Kaiser, "Rapid computation of optimally
     safe tension distributions for parallel cable-driven robots", 2009.
@@ -99,7 +99,7 @@ class OptimallySafe:
 
 
 def _closest_of_the_best(problem: Problem, program: Program, alpha: float = 1.0) -> Answer:
-    """Which tensions closest to the reference are best for the program?"""
+    """Return, of the tensions that are best for the program, those closest to the reference."""
     lower, upper, steps = _native.tighten(
         problem.structure,
         problem.wrench,

@@ -14,7 +14,7 @@ from tensionlab.solvers.base import Answer, Nearest, Problem
 
 @dataclass(frozen=True)
 class AnalyticCentre:
-    """Which tensions render the wrench and stay clear of all limits, with the largest product of distances?
+    """Analytic centre: tensions clear of all limits, with the largest product of distances to them.
 
     Maximises ``sum ln(t - lower) + sum ln(upper - t)`` subject to ``W t = w``. There is one answer for every
     wrench inside the workspace, it is a smooth function of wrench and pose, and no tension touches a limit.
@@ -50,7 +50,7 @@ class AnalyticCentre:
 
 @dataclass(frozen=True)
 class SlackNorm:
-    """Which tensions are close to the reference, clear of their limits, and miss no more wrench than they must?
+    """P-norm with slack: tensions close to the reference and clear of their limits, with priced wrench error.
 
     Minimises ``sum |(t - t0)/h|^p - c1 sum ln((t - lower)/h) - c2 sum ln((upper - t)/h) + kappa sum(
     sqrt(s² + epsilon) + gamma s²)`` over the tensions t and the slack s, where ``W t + unit s / sqrt(weights) =
@@ -126,7 +126,7 @@ class SlackNorm:
 
 @dataclass(frozen=True)
 class Spidar:
-    """Which tensions within limits have the least wrench error plus a little squared change of tension?
+    """SPIDAR's program: least wrench error plus a little squared change of tension, within limits.
 
     Minimises ``force |f - F t|² + torque |q - M t|² + mu |t - reference|²`` on the limits, exactly: f and F are
     the force rows of wrench and structure matrix, q and M the torque rows. With the usual reference 0 this is
@@ -138,8 +138,8 @@ class Spidar:
     There is an answer for every wrench and it is continuous, but inside the workspace it doesn't render the
     wrench: the error is ``(mu / price) y``, with y the multiplier of the wrench, which for one cable is its
     tension. With the default mu that is of the order of 1e-3 of the tensions over the number of cables that share
-    the load: far more than `TOLERANCE`, so the status is ITERATION_LIMIT nearly everywhere. Out of reach it is
-    as close to the "force" policy's answer. Smaller mu come closer to both.
+    the load: far more than `TOLERANCE`, so the status is ITERATION_LIMIT nearly everywhere. For an infeasible
+    wrench it is as close to the "force" policy's answer. Smaller mu come closer to both.
 
     Solved through its dual of n variables, ``t = clip(reference + W'y)``, by semismooth Newton steps with a line
     search, which end after finitely many (`native/solvers/dual_ascent.hpp`).

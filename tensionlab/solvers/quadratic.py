@@ -11,7 +11,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
-from tensionlab.solvers.programs import Ray, independent_rows, whitener
+from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, ScaledProblem, choose, independent_rows
 
 BACKENDS: dict[str, dict[str, Any]] = {
     # The programs are scaled already; Clarabel's own scaling costs it the last digits.
@@ -37,18 +37,14 @@ SPARSE = frozenset({"clarabel", "osqp", "highs"})
 
 
 def installed_backends() -> tuple[str, ...]:
-    """Which QP solvers `QuadraticProgram` can use on this machine."""
+    """Return the QP solvers that `QuadraticProgram` can use on this machine."""
     import qpsolvers
 
     return tuple(name for name in BACKENDS if name in qpsolvers.available_solvers)
 
 
-class NoTensions(RuntimeError):  # noqa: N818 - it says what happened
-    """A backend gave nothing even for a program that only has limits."""
-
-
 def raised_by(backend: str) -> tuple[type[Exception], ...]:
-    """Which exceptions a backend throws on a program that it cannot digest."""
+    """Return the exceptions that a backend throws on a program that it cannot digest."""
     from qpsolvers.exceptions import QPError
 
     # ValueError and RuntimeError: what C++ bindings make of a breakdown, and NumPy of an SVD's.
@@ -70,7 +66,7 @@ class Engine:
     def minimise(
         self, cost: Floats, linear: Floats, rows: Floats, values: Floats, limits: tuple[Floats, Floats]
     ) -> Floats | None:
-        """Which x inside the limits the backend gives for the program of this module, or None."""
+        """Return the x inside the limits that the backend gives for the program of this module, or None."""
         import qpsolvers
         from scipy import sparse
 
@@ -89,21 +85,19 @@ class Engine:
         return inside
 
 
-SAFETY = 0.1
-"""Share of `TOLERANCE` that an answer may use up here before the next program is tried."""
 PROXIMAL = 1e-6
 """Weight of staying at the last tensions while the wrench error, of weight 1, is minimised."""
 DIRECTION = 1e-4
 """The same while the scale of the wrench is maximised."""
 BIAS = 1e-4
 """Share of the accepted error that these steps may leave; one more step than it takes is cheap."""
-STEPS = 8
+MAX_STEPS = 8
 """Most of these steps; two or three are usual."""
 
 
 @dataclass(frozen=True)
 class QuadraticProgram:
-    """Which tensions closest to the reference render the wrench, by quadratic programs.
+    """Tensions closest to the reference by quadratic programs.
 
     Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Where the measured answer misses w:
 
@@ -152,32 +146,19 @@ class QuadraticProgram:
             for index in range(len(problem)):
                 engine = Engine(self.backend)
                 try:
-                    tensions[index] = _allocate(engine, problem, index)
+                    found = _allocate(engine, problem, index)
+                    if found is None:
+                        failures[index] = f"{self.backend}: {NO_TENSIONS}"
+                    else:
+                        tensions[index] = found
                 except errors as error:
                     failures[index] = f"{self.backend}: {type(error).__name__}: {error}"
                 iterations[index] = engine.iterations
         return Answer(tensions=tensions, iterations=iterations, failures=failures)
 
 
-@dataclass(frozen=True)
-class _Loose:
-    """One problem without its fixed cables, tensions in units of the largest limit or reference.
-
-    The cables left must render ``wrench - held``; an error of ``accepted`` is as good as none.
-    """
-
-    structure: Floats
-    wrench: Floats
-    held: Floats
-    lower: Floats
-    upper: Floats
-    reference: Floats
-    accepted: float
-    unit: float
-
-
-def _allocate(engine: Engine, problem: Problem, index: int) -> Floats:
-    """Which tensions the policy chooses for one problem of the batch."""
+def _allocate(engine: Engine, problem: Problem, index: int) -> Floats | None:
+    """Return the tensions that the policy chooses for one problem of the batch; None if the backend gives none."""
     lower, upper, reference = problem.lower[index], problem.upper[index], problem.reference[index]
     structure, wrench = problem.structure[index], problem.wrench[index]
     # Cables without play are taken out, because they leave an interior-point method no interior.
@@ -186,7 +167,7 @@ def _allocate(engine: Engine, problem: Problem, index: int) -> Floats:
     if not structure[:, free].any():
         return tensions
     unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max()))
-    loose = _Loose(
+    scaled = ScaledProblem(
         structure=structure[:, free],
         wrench=wrench / unit,
         held=structure[:, ~free] @ lower[~free] / unit,
@@ -196,101 +177,71 @@ def _allocate(engine: Engine, problem: Problem, index: int) -> Floats:
         accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(wrench))) / unit,
         unit=unit,
     )
-    found = _closest(engine, loose, loose.wrench - loose.held)
+    found = choose(_QuadraticPrograms(engine, scaled), problem, index)
     if found is None:
-        best = _along(engine, loose) if problem.nearest == "direction" else None
-        if best is None:
-            force = np.diag(np.sqrt(problem.weights))
-            root = whitener(structure) if problem.nearest == "tension" else force
-            best = _least_error(engine, loose, root, loose.wrench)
-        tied = _closest(engine, loose, loose.structure @ best)
-        found = best if tied is None else tied
+        return None
     tensions[free] = np.clip(found * unit, lower[free], upper[free])
     return tensions
 
 
-def _closest(engine: Engine, loose: _Loose, wrench: Floats) -> Floats | None:
-    """Which tensions closest to the reference render a wrench; None if those of the backend don't."""
-    basis, strength = independent_rows(loose.structure)
-    rows, values = basis.T @ loose.structure / strength[:, None], basis.T @ wrench / strength
-    cost = np.ones(len(loose.reference))
-    found = engine.minimise(cost, -loose.reference, rows, values, (loose.lower, loose.upper))
-    if found is None or np.linalg.norm(loose.structure @ found - wrench) > loose.accepted:
-        return None
-    return found
+@dataclass(frozen=True)
+class _QuadraticPrograms:
+    engine: Engine
+    scaled: ScaledProblem
 
+    def closest(self, wrench: Floats) -> Floats | None:
+        scaled = self.scaled
+        basis, strength = independent_rows(scaled.structure)
+        rows = basis.T @ scaled.structure / strength[:, None]
+        values = basis.T @ (wrench - scaled.held) / strength
+        cost = np.ones(len(scaled.reference))
+        return self.engine.minimise(cost, -scaled.reference, rows, values, (scaled.lower, scaled.upper))
 
-def _least_error(engine: Engine, loose: _Loose, root: Floats, wrench: Floats) -> Floats:
-    """Which tensions inside the limits make ``|root (W t - w)|`` least."""
-    weighted = root @ loose.structure
-    basis, strength = independent_rows(weighted)
-    size = strength[0]
-    rows, values = basis.T @ weighted / size, basis.T @ root @ (wrench - loose.held) / size
-    count, cables = rows.shape
-    # The error is a variable of its own, x = (t, error), so that the cost stays diagonal.
-    cost = np.concatenate([np.full(cables, PROXIMAL), np.ones(count)])
-    beyond = np.full(count, np.inf)
-    limits = np.concatenate([loose.lower, -beyond]), np.concatenate([loose.upper, beyond])
-    best: Floats | None = None
-    least = np.inf
-    centre = np.clip(loose.reference, loose.lower, loose.upper)
-    for _ in range(STEPS):
-        linear = np.concatenate([-PROXIMAL * centre, np.zeros(count)])
-        found = engine.minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
-        if found is None:
-            break
-        centre = found[:cables]
-        # No tensions inside the limits have an error smaller than this one's by more than gap / |error|.
-        error = values - rows @ centre
-        pull = error @ rows
-        gap = np.maximum(pull * (loose.lower - centre), pull * (loose.upper - centre)).sum()
-        if gap >= least:
-            break
-        best, least = centre, gap
-        if size * gap <= BIAS * loose.accepted * np.linalg.norm(error):
-            break
-    if best is None:
-        raise NoTensions("it gave no tensions, although any inside the limits would do")
-    return best
+    def least_error(self, root: Floats, wrench: Floats) -> Floats | None:
+        scaled = self.scaled
+        weighted = root @ scaled.structure
+        basis, strength = independent_rows(weighted)
+        size = strength[0]
+        rows, values = basis.T @ weighted / size, basis.T @ root @ (wrench - scaled.held) / size
+        count, cables = rows.shape
+        # The error is a variable of its own, x = (t, error), so that the cost stays diagonal.
+        cost = np.concatenate([np.full(cables, PROXIMAL), np.ones(count)])
+        beyond = np.full(count, np.inf)
+        limits = np.concatenate([scaled.lower, -beyond]), np.concatenate([scaled.upper, beyond])
+        best: Floats | None = None
+        least = np.inf
+        centre = np.clip(scaled.reference, scaled.lower, scaled.upper)
+        for _ in range(MAX_STEPS):
+            linear = np.concatenate([-PROXIMAL * centre, np.zeros(count)])
+            found = self.engine.minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
+            if found is None:
+                break
+            centre = found[:cables]
+            # No tensions inside the limits have an error smaller than this one's by more than gap / |error|.
+            error = values - rows @ centre
+            pull = error @ rows
+            gap = np.maximum(pull * (scaled.lower - centre), pull * (scaled.upper - centre)).sum()
+            if gap >= least:
+                break
+            best, least = centre, gap
+            if size * gap <= BIAS * scaled.accepted * np.linalg.norm(error):
+                break
+        return best
 
-
-def _along(engine: Engine, loose: _Loose) -> Floats | None:
-    """Which tensions render the most of the wrench, within tolerance where it grazes what can be rendered."""
-    best, scale = _furthest(engine, loose)
-    # The cables that are held are one more, with a tension of 1, and all is in newton again.
-    identity = np.eye(len(loose.wrench))
-
-    def nearest(s: float) -> Floats | None:
-        try:
-            return np.append(_least_error(engine, loose, identity, s * loose.wrench), 1.0)
-        except NoTensions:
-            return None
-
-    ray = Ray(
-        np.column_stack([loose.structure, loose.held]) * loose.unit,
-        loose.wrench * loose.unit,
-        np.append(loose.lower, 1.0),
-        np.append(loose.upper, 1.0),
-        nearest,
-    )
-    found = ray.widened(None if best is None else np.append(best, 1.0), scale)
-    return None if found is None else found[:-1]
-
-
-def _furthest(engine: Engine, loose: _Loose) -> tuple[Floats | None, float]:
-    """Which tensions render ``s w`` with the largest s in [0, 1], and that s; None if no s is found."""
-    matrix = np.hstack([loose.structure, -loose.wrench[:, None]])
-    basis, strength = independent_rows(matrix)
-    rows, values = basis.T @ matrix / strength[:, None], -basis.T @ loose.held / strength
-    limits = np.append(loose.lower, 0.0), np.append(loose.upper, 1.0)
-    cost, gain = np.full(matrix.shape[1], DIRECTION), np.eye(matrix.shape[1])[-1]
-    best, centre = None, np.append(loose.reference, 1.0)
-    for _ in range(STEPS):
-        found = engine.minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
-        if found is None or np.linalg.norm(matrix @ found + loose.held) > loose.accepted:
-            break
-        settled = best is not None and found[-1] - best[-1] <= BIAS * SAFETY * TOLERANCE
-        best = centre = found
-        if settled:
-            break
-    return (None, 0.0) if best is None else (best[:-1], float(best[-1]))
+    def longest(self) -> tuple[Floats | None, float]:
+        scaled = self.scaled
+        matrix = np.hstack([scaled.structure, -scaled.wrench[:, None]])
+        basis, strength = independent_rows(matrix)
+        rows, values = basis.T @ matrix / strength[:, None], -basis.T @ scaled.held / strength
+        limits = np.append(scaled.lower, 0.0), np.append(scaled.upper, 1.0)
+        cost, gain = np.full(matrix.shape[1], DIRECTION), np.eye(matrix.shape[1])[-1]
+        best, centre = None, np.append(scaled.reference, 1.0)
+        for _ in range(MAX_STEPS):
+            found = self.engine.minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
+            if found is None or np.linalg.norm(matrix @ found + scaled.held) > scaled.accepted:
+                break
+            converged = best is not None and found[-1] - best[-1] <= BIAS * SAFETY * TOLERANCE
+            best = centre = found
+            if converged:
+                break
+        return (None, 0.0) if best is None else (best[:-1], float(best[-1]))

@@ -102,7 +102,7 @@ def test_programs_are_compiled_once_for_a_shape():
     ConvexProgram().solve(batch)
     assert convex.compiled_programs.cache_info().misses == before
     board = convex._Blackboard(2, 3)
-    assert all(program.is_dcp(dpp=True) for program in (board.closest, board.least_error, board.furthest))
+    assert all(program.is_dcp(dpp=True) for program in (board.closest, board.least_error, board.longest))
 
 
 def test_an_answer_does_not_depend_on_the_one_before():
