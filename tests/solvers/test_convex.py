@@ -101,7 +101,7 @@ def test_programs_are_compiled_once_for_a_shape():
     before = convex.compiled_programs.cache_info().misses
     ConvexProgram().solve(batch)
     assert convex.compiled_programs.cache_info().misses == before
-    board = convex._Blackboard(2, 3)
+    board = convex.CompiledPrograms(2, 3)
     assert all(program.is_dcp(dpp=True) for program in (board.closest, board.least_error, board.longest))
 
 
