@@ -36,7 +36,7 @@ class Received:
 def states(count):
     """At 50 Hz; all is well."""
     for cycle in islice(cycles(RIG, count + 1), count):
-        yield replace(cycle.state, limits=np.zeros(RIG.m, dtype=np.int64))
+        yield replace(cycle.state, limiters=np.zeros(RIG.m, dtype=np.int64))
 
 
 def test_rates_are_sent_once_a_second_as_numbers():
@@ -98,7 +98,7 @@ def test_what_changes_is_sent_of_the_module():
     received = Received()
     first, second, third = states(3)
     received.take(first)
-    received.take(replace(second, limits=np.array([0, Limit.UPPER, 0, 0]), faults=np.array([0, 0, 1, 0])))
+    received.take(replace(second, limiters=np.array([0, Limit.UPPER, 0, 0]), faults=np.array([0, 0, 1, 0])))
     received.take(replace(third, active=np.array([False, True, True, True])))
     assert [event.module for event in received.of("limit")] == ["floor-2", "floor-2"]
     assert [event.module for event in received.of("fault")] == ["floor-3"]
