@@ -12,9 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.haptics.brakes.choice import choose_locks
+from tensionlab.haptics.brakes.choice import brake_map, choose_locks
 from tensionlab.haptics.brakes.cones import blocks_withdrawal
-from tensionlab.haptics.brakes.map import brake_map
 from tensionlab.model.directions import fibonacci
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import TensionLimits

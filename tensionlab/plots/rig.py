@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tensionlab.arrays import Floats
-    from tensionlab.haptics.brakes.map import BrakeMap
+    from tensionlab.haptics.brakes.choice import BrakeMap
     from tensionlab.model.rig import Rig
 
 
@@ -121,12 +121,16 @@ def plot_brake_maps(maps: dict[str, BrakeMap], cables: Floats) -> Figure:
                 longitude, latitude, left, vmin=0.0, vmax=1.0, cmap="cividis_r", rasterized=True
             )
             axes.contour(
-                longitude, latitude, np.degrees(found.off).reshape(MAP_ROWS, MAP_COLUMNS), [45.0], colors="black"
+                longitude,
+                latitude,
+                np.degrees(found.angles).reshape(MAP_ROWS, MAP_COLUMNS),
+                [45.0],
+                colors="black",
             )
             axes.plot(np.arctan2(cables[0], cables[2]), np.arcsin(cables[1].clip(-1.0, 1.0)), "o", color=RED)
             axes.set_title(
                 f"{title}: {_mean(found.chosen.unresisted):.1f} of {found.force:g} N unresisted,\n"
-                f"{100 * _mean(found.off <= np.pi / 4):.0f} % of the walls met within 45°"
+                f"{100 * _mean(found.angles <= np.pi / 4):.0f} % of the walls met within 45°"
             )
             axes.set_xticklabels([])
             axes.set_yticklabels([])

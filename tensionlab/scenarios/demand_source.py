@@ -12,7 +12,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.haptics.brakes.choice import brake_strengths
-from tensionlab.haptics.brakes.contact import Catch, decide
+from tensionlab.haptics.brakes.contact import BrakeContact, decide
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect, Motion, relative
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.pose import frame_of
@@ -51,7 +51,7 @@ class ScenarioDemand:
         self._strengths = brake_strengths(scenario.rig)
         self._last: tuple[float, Pose] | None = None  # time and pose
         self._phases: tuple[str, ...] = ()
-        self._catch: Catch | None = None
+        self._contact: BrakeContact | None = None
         self._brake_text = ""
 
     def __call__(self, state: RigState, over: Mapping[str, Effect] = NO_EFFECTS, share: float = 1.0) -> Demand:
@@ -111,22 +111,22 @@ class ScenarioDemand:
             target.wall(motion.position),
             rig.limits,
             np.where(state.active, self._strengths, 0.0),
-            self._catch,
+            self._contact,
             target.delayed_timing(self.renderer.delay),
             target.cap,
         )
-        self._catch = decision.catch
+        self._contact = decision.contact
         locked = [module.name for module, on in zip(rig.modules, decision.locked, strict=True) if on]
-        text = f"{decision.why}: {', '.join(locked)}" if locked else decision.why
+        text = f"{decision.reason}: {', '.join(locked)}" if locked else decision.reason
         if text != self._brake_text:
             self._brake_text = text
             self._notify("brake", text)
         return frozenset(locked)
 
     def _release(self) -> frozenset[str]:
-        if self._catch is not None:
+        if self._contact is not None:
             self._notify("brake", "no hold")
-        self._catch, self._brake_text = None, ""
+        self._contact, self._brake_text = None, ""
         return frozenset()
 
 

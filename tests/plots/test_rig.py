@@ -1,7 +1,7 @@
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.haptics.brakes.map import brake_map
+from tensionlab.haptics.brakes.choice import brake_map
 from tensionlab.plots.rig import map_normals, plot_brake_maps
 from tensionlab.plots.style import save_figure
 

@@ -1,4 +1,4 @@
-"""Which brakes to lock, so that a wall holds against more than the motors can, and lets the hand go?
+"""Choice of brakes: which to lock so that a wall holds more than the motors can, and lets the hand go.
 
 The user pushes with F newtons against the normal n of a wall. Motors pull with at most some newtons each; a locked
 one-way brake holds its cable against up to its own strength. `choose_locks` tries every small set L of cables
@@ -6,11 +6,12 @@ that may be locked and prices it: the force that stays unresisted, plus a share 
 
 - A cable is locked only if it pulls the hand out of the wall, ``u_i·n > margin``. Then every locked cable reels
   in when the hand withdraws along n, so no set can keep it. A non-negative least squares alone does not see to it.
-- For each L, the tensions nearest to the wanted force are a bounded least squares, with the brakes' strength as
+- For each L, the tensions nearest to the desired force are a bounded least squares, with the brakes' strength as
   upper limit in L: the exact solver's, of `tensionlab.solvers`. The motors pull with as much of it as they can.
 - What a brake holds is there only while the user pushes. It is reported apart from what the motors pull.
 
-Where the motors alone render the force, nothing is locked. The rule and its numbers are this project's own.
+Where the motors alone render the force, nothing is locked. The rule and its numbers are this project's own. A
+`brake_map` is the choice for a whole set of walls.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE
 from tensionlab.arrays import Floats, as_floats, common_axes, finite
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError, ShapeError
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
@@ -34,54 +35,58 @@ from tensionlab.model.rig import Rig
 
 @dataclass(frozen=True)
 class LockRule:
-    """How are sets of brakes compared?
+    """Rule by which sets of brakes are compared.
 
     Attributes
     ----------
     margin : float
         Least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the hand, or 2 cm of
         error in the hand's position at 1 m from the anchor. A locked one stays until it is 0.
-    most : int
+    max_locked : int
         Largest number of locked cables, up to 3: any force of a cone is one of three of its cables.
     price : float
-        Of each lock, as a share of the wanted force.
+        Of each lock, as a share of the desired force.
     hysteresis : float
-        By which share of the wanted force another set must be better than the one that is locked.
+        By which share of the desired force another set must be better than the one that is locked.
     """
 
     margin: float = 0.02
-    most: int = 3
+    max_locked: int = 3
     price: float = 0.02
     hysteresis: float = 0.05
 
     def __post_init__(self) -> None:
         if not 0.0 < self.margin < 1.0:
-            raise ValueError(
+            raise InputError(
                 f"LockRule(margin={self.margin}): must be above 0 and below 1; at 0 a brake could trap"
             )
-        if not 0 <= self.most <= 3:
-            raise ValueError(f"LockRule(most={self.most}): must be from 0 to 3; a fourth cable adds nothing")
+        if not 0 <= self.max_locked <= 3:
+            raise InputError(
+                f"LockRule(max_locked={self.max_locked}): must be from 0 to 3; a fourth cable adds nothing"
+            )
         for name in ("price", "hysteresis"):
             if not 0.0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"LockRule({name}={getattr(self, name)}): must be 0 or more")
+                raise InputError(f"LockRule({name}={getattr(self, name)}): must be 0 or more")
 
 
-DEFAULT = LockRule()
+LOCK_RULE = LockRule()
+CONVINCING_ANGLE = np.pi / 4
+"""A force this far off its direction is still taken for the intended one, in rad."""
 
 
 class LockSet(NamedTuple):
-    """Which brakes to lock, how hard to pull, and what comes of it?
+    """Set of brakes to lock, tensions of the motors, and what comes of it.
 
     Attributes
     ----------
     locked : (..., m) array of bool
     motors : (..., m) array
-        Tensions to ask of the motors, inside their limits, in N.
+        Tensions of the motors, inside their limits, in N.
     brakes : (..., m) array
-        What each brake adds while the user pushes with the wanted force, in N; 0 where it is not locked.
+        What each brake adds while the user pushes with the desired force, in N; 0 where it is not locked.
     unresisted : (...) array
-        Norm of what is missing to the wanted force while the user pushes with it, in N.
-    able : (..., m) array of bool
+        Norm of what is missing to the desired force while the user pushes with it, in N.
+    available : (..., m) array of bool
         Which brakes may be locked for this wall. Where none is, the motors are all there is.
     """
 
@@ -89,11 +94,11 @@ class LockSet(NamedTuple):
     motors: Floats
     brakes: Floats
     unresisted: Floats
-    able: Flags
+    available: Flags
 
 
 def brake_strengths(rig: Rig) -> Floats:
-    """How hard does the brake of each module hold, in N? (m,) array, 0 for a module without one."""
+    """Return how hard the brake of each module holds, in N: (m,) array, 0 for a module without one."""
     return np.array([module.brake or 0.0 for module in rig.modules])
 
 
@@ -105,10 +110,10 @@ def choose_locks(
     strengths: ArrayLike,
     pushing: ArrayLike = True,
     held: ArrayLike | None = None,
-    crowding: ArrayLike | None = None,
-    rule: LockRule = DEFAULT,
+    stiffness_ratio: ArrayLike | None = None,
+    rule: LockRule = LOCK_RULE,
 ) -> LockSet:
-    """Which brakes should be locked to hold a push against a wall, and how hard should the motors pull?
+    """Return the brakes to lock to hold a push against a wall, and the tensions of the motors.
 
     Leading axes of all arrays broadcast: one hand at one wall, or ten thousand.
 
@@ -129,7 +134,7 @@ def choose_locks(
         does not, nothing new is locked.
     held : (..., m) array of bool, optional
         Which brakes are locked now. Leave it out where there are none.
-    crowding : (...) array, optional
+    stiffness_ratio : (...) array, optional
         Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
         `tensionlab.haptics.brakes.contact.ImpactCap`.
     rule : LockRule
@@ -160,7 +165,7 @@ def choose_locks(
         raise ShapeError("normal is not a unit vector; divide it by its length")
     push = np.asarray(pushing, np.bool_)
     now = np.zeros(m, np.bool_) if held is None else np.asarray(held, np.bool_)
-    stiff = as_floats("crowding", math.inf if crowding is None else crowding)
+    stiff = as_floats("stiffness_ratio", math.inf if stiffness_ratio is None else stiffness_ratio)
     if now.shape[-1:] != (m,):
         raise ShapeError(f"held has shape {now.shape}; give one bool for each of {m} cables")
     shape = common_axes(
@@ -170,10 +175,10 @@ def choose_locks(
             "force": F.shape,
             "pushing": push.shape,
             "held": now.shape[:-1],
-            "crowding": stiff.shape,
+            "stiffness_ratio": stiff.shape,
         }
     )
-    locked, tensions, unresisted, able = _native.choose_locks(
+    locked, tensions, unresisted, available = _native.choose_locks(
         _rows(U, shape, 2),
         _rows(n, shape, 1),
         _rows(F, shape, 0),
@@ -183,7 +188,7 @@ def choose_locks(
         np.stack([limits.lower, limits.upper, np.maximum(limits.upper, holds)]),
         holds > 0.0,
         rule.margin,
-        rule.most,
+        rule.max_locked,
         rule.price,
         rule.hysteresis,
         TOLERANCE,
@@ -196,13 +201,82 @@ def choose_locks(
         motors.reshape((*shape, m)),
         brakes.reshape((*shape, m)),
         unresisted.reshape(shape),
-        able.reshape((*shape, m)),
+        available.reshape((*shape, m)),
     )
 
 
 def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[Any]:
-    """An array with one leading axis, one row a wall; in one piece."""
+    """Return an array with one leading axis, one row a wall; in one piece."""
     own = array.shape[array.ndim - inner :]
     if array.shape != shape + own:
         array = np.broadcast_to(array, shape + own)
     return np.ascontiguousarray(array.reshape((math.prod(shape), *own)))
+
+
+class BrakeMap(NamedTuple):
+    """Force that meets a push against each of many walls.
+
+    Attributes
+    ----------
+    normals : (k, d) array
+        Unit vectors towards the free side.
+    force : float
+        Of the push, in N.
+    chosen : LockSet
+        With leading axes (..., k).
+    angles : (..., k) array
+        Angle from the normal to the force that meets the push, in rad, from 0 to pi; pi where no force does.
+    """
+
+    normals: Floats
+    force: float
+    chosen: LockSet
+    angles: Floats
+
+    def share(self, within: float = CONVINCING_ANGLE) -> Floats:
+        """Return for which share (...) of the walls the force comes from within this angle of the normal."""
+        return np.asarray((self.angles <= within).mean(axis=-1))
+
+
+def brake_map(
+    structure: ArrayLike,
+    normals: ArrayLike,
+    force: float,
+    limits: TensionLimits,
+    strengths: ArrayLike,
+    rule: LockRule = LOCK_RULE,
+) -> BrakeMap:
+    """Return which walls a rig can hold against a push, with motors and brakes together.
+
+    Parameters
+    ----------
+    structure : (..., d, m) array
+        Structure matrices of a point, one for each position.
+    normals : (k, d) array
+        Unit vectors, as those of `tensionlab.model.directions`.
+    force : float
+        In N, above 0.
+    limits, strengths, rule
+        As in `choose_locks`; strengths of 0 make a map of the motors alone.
+
+    Returns
+    -------
+    BrakeMap
+
+    Raises
+    ------
+    ShapeError
+        As `choose_locks`, and for a force of 0.
+    """
+    U, n = finite("structure", structure, 0), finite("normals", normals, 0)
+    if not force > 0.0 or U.ndim < 2 or n.ndim != 2:
+        raise ShapeError(
+            f"force is {force}, structure has shape {U.shape} and normals {n.shape}; give a force above 0 N, "
+            "(..., d, m) and (k, d)"
+        )
+    chosen = choose_locks(U[..., None, :, :], n, force, limits, strengths, rule=rule)
+    met = np.einsum("...im,...km->...ki", U, chosen.motors + chosen.brakes)
+    along = np.einsum("...ki,ki->...k", met, n)
+    across = np.linalg.norm(met - along[..., None] * n, axis=-1)
+    angles = np.where((along == 0.0) & (across == 0.0), np.pi, np.arctan2(across, along))
+    return BrakeMap(n, float(force), chosen, angles)

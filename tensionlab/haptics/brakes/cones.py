@@ -1,4 +1,4 @@
-"""What do locked one-way brakes allow, and what do they hold? The motion and the reaction cone of a point.
+"""Motion cone and reaction cone of a point: what locked one-way brakes allow, and what they hold.
 
 u are the unit vectors from the point to the anchors, the columns of the structure matrix. A locked one-way brake
 lets its cable reel in but not pay out, so with the cables L locked
@@ -31,12 +31,12 @@ Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-9
 """What counts as zero of a unit vector."""
-DEPENDENT = 1e-12
+MIN_INDEPENDENT = 1e-12
 """A cable whose part across the others is below this is a combination of them."""
 
 
 class Reaction(NamedTuple):
-    """How hard do the brakes hold, and what is left?
+    """Reaction of brakes, and what is left of the load.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Reaction(NamedTuple):
 
 
 def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> Reaction:
-    """How hard do locked brakes hold against a load on a point at rest?
+    """Return how hard locked brakes hold against a load on a point at rest.
 
     The reaction is the projection of ``-load`` onto the reaction cone, a non-negative least squares. Its answer
     lies within one of the cones of at most d independent cables, so all of those are tried (each an orthogonal
@@ -91,8 +91,8 @@ def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> 
     least = np.einsum("...i,...i->...", push, push)
     for count in range(1, min(d, order.shape[-1]) + 1):
         for chosen in combinations(range(order.shape[-1]), count):
-            tensions, left, able = _projection(columns[..., chosen], push)
-            better = able & (left < least)
+            tensions, left, valid = _projection(columns[..., chosen], push)
+            better = valid & (left < least)
             least = np.where(better, left, least)
             row = np.zeros_like(found)
             row[..., chosen] = tensions
@@ -103,21 +103,21 @@ def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> 
 
 
 def _projection(columns: Floats, load: Floats) -> tuple[Floats, Floats, Flags]:
-    """Which tensions of k cables cancel a load as far as they can?
+    """Return the tensions of k cables that cancel a load as far as they can.
 
     Also the square of what is left, and where that is an answer: the cables are independent, and none pushes.
     """
     Q, R = np.linalg.qr(columns)
     along = np.einsum("...ik,...i->...k", Q, load)
     left = load - np.einsum("...ik,...k->...i", Q, along)
-    independent = (np.abs(np.einsum("...kk->...k", R)) > DEPENDENT).all(axis=-1)
+    independent = (np.abs(np.einsum("...kk->...k", R)) > MIN_INDEPENDENT).all(axis=-1)
     R = np.where(independent[..., None, None], R, np.eye(R.shape[-1]))
     tensions = np.linalg.solve(R, -along[..., None])[..., 0]
     return tensions, np.einsum("...i,...i->...", left, left), independent & (tensions >= 0.0).all(axis=-1)
 
 
 def holds(structure: ArrayLike, locked: ArrayLike, direction: ArrayLike) -> Flags:
-    """Can the locked brakes exert a force in this direction: do they hold a push against it, however hard?
+    """Return whether the locked brakes hold a push against this direction, however hard.
 
     A wall with normal n holds if and only if n lies in the reaction cone (Farkas): then no motion that the
     brakes allow goes into the wall.
@@ -143,7 +143,7 @@ def holds(structure: ArrayLike, locked: ArrayLike, direction: ArrayLike) -> Flag
 
 
 def allows(structure: ArrayLike, locked: ArrayLike, velocity: ArrayLike) -> Flags:
-    """Can the point move this way, with these brakes locked: does it lie in the motion cone?
+    """Return whether the point can move this way with these brakes locked: whether it lies in the motion cone.
 
     Parameters, returns and errors as in `holds`.
     """
@@ -154,7 +154,7 @@ def allows(structure: ArrayLike, locked: ArrayLike, velocity: ArrayLike) -> Flag
 
 
 def blocks_withdrawal(structure: ArrayLike, locked: ArrayLike, normal: ArrayLike) -> Flags:
-    """Is the hand kept from leaving a wall straight along its normal?
+    """Return whether the hand is kept from leaving a wall straight along its normal.
 
     Parameters, returns and errors as in `holds`.
     """
@@ -162,7 +162,7 @@ def blocks_withdrawal(structure: ArrayLike, locked: ArrayLike, normal: ArrayLike
 
 
 def traps(structure: ArrayLike, locked: ArrayLike, normal: ArrayLike) -> Flags:
-    """Is there no way at all to leave a wall, not even aslant?
+    """Return whether there is no way at all to leave a wall, not even aslant.
 
     By Farkas there is none if and only if ``-normal`` lies in the reaction cone: the brakes hold a pull away
     from the wall.
@@ -173,7 +173,7 @@ def traps(structure: ArrayLike, locked: ArrayLike, normal: ArrayLike) -> Flags:
 
 
 def blocks_free_motion(structure: ArrayLike, locked: ArrayLike, normal: ArrayLike) -> Flags:
-    """Is any motion blocked that a wall with this normal leaves free: along it, or away from it?
+    """Return whether any motion is blocked that a wall with this normal leaves free: along it, or away from it.
 
     None is if and only if the reaction cone is no more than the ray of the normal (Farkas), so every locked
     cable must point along it.
@@ -191,7 +191,7 @@ def _times(matrices: Floats, vectors: Floats) -> Floats:
 
 
 def _unit(direction: ArrayLike, structure: Floats) -> Floats:
-    """Vectors of length one that fit the structure matrices, or an error."""
+    """Return vectors of length one that fit the structure matrices; raise `ShapeError` where there are none."""
     if structure.ndim < 2:
         raise ShapeError(f"structure has shape {structure.shape}; give that of a point, (2, m) or (3, m)")
     vectors = pose.points(direction, structure.shape[-2], "direction")
@@ -203,7 +203,7 @@ def _unit(direction: ArrayLike, structure: Floats) -> Floats:
 
 
 def _sets(structure: ArrayLike, locked: ArrayLike) -> tuple[Floats, Flags]:
-    """Structure matrices and sets of cables with the same leading axes."""
+    """Return structure matrices and sets of cables with the same leading axes."""
     U = finite("structure", structure, 0)
     sets = np.asarray(locked)
     if U.ndim < 2 or U.shape[-2] not in (2, 3):

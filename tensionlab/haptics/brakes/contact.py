@@ -1,8 +1,8 @@
-"""When to lock, and when to let go? One hand, or one head, at one wall, over time.
+"""Contact with a wall over time: when to lock brakes and when to release them, for one hand or one head.
 
 A brake takes time to lock and its teeth leave slack, so it is locked before the wall is reached; the faster the
 approach, the further off. A fast body is not stopped at all: the force on it would be too large. Locked brakes
-stay locked until the hand has left the place where it was caught by some millimetres, so that a hand at rest does
+stay locked until the hand has left the place where it was held by some millimetres, so that a hand at rest does
 not make them chatter.
 
 All numbers are this project's defaults, not published ones.
@@ -19,19 +19,20 @@ from numpy.typing import ArrayLike
 
 from tensionlab.allocation import TOLERANCE
 from tensionlab.arrays import Floats, finite
-from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, LockSet, choose_locks
+from tensionlab.errors import InputError
+from tensionlab.haptics.brakes.choice import LOCK_RULE, LockRule, LockSet, choose_locks
 from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 
-Why = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
+Reason = Literal["locked", "motors", "no cable", "too fast", "not near", "leaving"]
 """What decided: brakes are locked; the motors do, or no set of brakes is worth its price; no brake may be locked
 for this wall; the impact would exceed the cap; the wall is not near yet; the hand does not move into it."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How soon do brakes lock, and how far off do they let go?
+    """Times and distances at which brakes lock and are released.
 
     Attributes
     ----------
@@ -40,7 +41,7 @@ class Timing:
     slack : float
         Cable that pays out before the pawl meets a tooth, in m.
     release : float
-        How far along the normal from where it was caught a hand has withdrawn when brakes are released, in m.
+        How far along the normal from where it was held a hand has withdrawn when brakes are released, in m.
     """
 
     latency: float = 0.080
@@ -50,10 +51,10 @@ class Timing:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0.0 <= value < math.inf:
-                raise ValueError(f"Timing({name}={value}): must be 0 or more")
+                raise InputError(f"Timing({name}={value}): must be 0 or more")
 
     def near(self, distance: ArrayLike, approach: ArrayLike) -> Flags:
-        """Must brakes be locked now, so that they hold where the wall is?
+        """Return whether brakes must be locked now, so that they hold where the wall is: (...) array of bool.
 
         Parameters
         ----------
@@ -61,10 +62,6 @@ class Timing:
             To the wall, below zero inside it, in m.
         approach : (...) array
             Speed towards the wall, ``-n·v``, in m/s.
-
-        Returns
-        -------
-        (...) array of bool
         """
         return np.asarray(np.asarray(distance) <= np.maximum(0.0, approach) * self.latency + self.slack)
 
@@ -74,11 +71,11 @@ TIMING = Timing()
 
 @dataclass(frozen=True)
 class ImpactCap:
-    """How hard may a body be stopped?
+    """Cap on the force with which a body is stopped.
 
-    A body of mass m, stopped by a cable of stiffness k, feels at most ``v sqrt(k m)``. That is the impact: who
-    goes on pushing is held with all that the brakes bear, and no sensor tells the host how much that is. So links
-    that break away below the cap are part of it: without them, 23 of 1,000 random heads felt more. A scenario
+    A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact: who
+    goes on pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
+    that break away below the cap are part of it: without them, 23 of 1,000 random heads met more. A scenario
     refuses a rig whose motors and brakes could together pull harder than its cap.
 
     Attributes
@@ -98,14 +95,16 @@ class ImpactCap:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0.0 < value < math.inf:
-                raise ValueError(f"ImpactCap({name}={value}): must be above 0")
+                raise InputError(f"ImpactCap({name}={value}): must be above 0")
 
-    def peak(self, speed: ArrayLike, crowding: ArrayLike = 1.0) -> Floats:
-        """How hard is the impact, in N, with cables that are together so many times as stiff as one?"""
-        return np.asarray(speed, dtype=np.float64) * np.sqrt(self.stiffness * self.mass * np.asarray(crowding))
+    def peak(self, speed: ArrayLike, stiffness_ratio: ArrayLike = 1.0) -> Floats:
+        """Return the impact in N, with cables that are together so many times as stiff as one."""
+        return np.asarray(speed, dtype=np.float64) * np.sqrt(
+            self.stiffness * self.mass * np.asarray(stiffness_ratio)
+        )
 
-    def crowding(self, speed: ArrayLike) -> Floats:
-        """How many times as stiff as one cable may all locked ones together be, at this speed in m/s?
+    def stiffness_ratio(self, speed: ArrayLike) -> Floats:
+        """Return how many times as stiff as one cable all locked ones together may be, at a speed in m/s.
 
         Below 1 not even one may be locked: that is above the speed ``force / sqrt(stiffness mass)``, 0.38 m/s.
         Along no direction is a locked set stiffer than the largest eigenvalue of ``U_L U_L'``, for which
@@ -116,7 +115,7 @@ class ImpactCap:
 
 
 class Wall(NamedTuple):
-    """Where is the wall, as seen from the point that the cables hold?
+    """Wall, as seen from the point that the cables hold.
 
     Attributes
     ----------
@@ -134,8 +133,8 @@ class Wall(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Catch:
-    """Which brakes hold a hand, and where?
+class BrakeContact:
+    """Brakes that hold a hand, and where.
 
     Attributes
     ----------
@@ -150,7 +149,7 @@ class Catch:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What to do in this cycle?
+    """Brakes and tensions of this cycle.
 
     Attributes
     ----------
@@ -158,19 +157,19 @@ class Decision:
         Brakes to lock; all others are to be released.
     motors : (m,) array
         Tensions for the wall, in N: as `LockSet.motors` inside it, and the least ones before it is reached.
-    why : str
-        One of `Why`.
+    reason : str
+        One of `Reason`.
     chosen : LockSet
         What a push with the whole force of the wall will meet.
-    catch : Catch or None
+    contact : BrakeContact or None
         To be given to the next cycle; None where nothing is locked.
     """
 
     locked: Flags
     motors: Floats
-    why: Why
+    reason: Reason
     chosen: LockSet
-    catch: Catch | None
+    contact: BrakeContact | None
 
 
 def decide(
@@ -180,12 +179,12 @@ def decide(
     wall: Wall,
     limits: TensionLimits,
     strengths: ArrayLike,
-    catch: Catch | None = None,
+    contact: BrakeContact | None = None,
     timing: Timing = TIMING,
     cap: ImpactCap | None = None,
-    rule: LockRule = DEFAULT,
+    rule: LockRule = LOCK_RULE,
 ) -> Decision:
-    """Which brakes should be locked in this cycle, and why?
+    """Return the brakes to lock in this cycle, and why.
 
     Parameters
     ----------
@@ -198,7 +197,7 @@ def decide(
         Of the motors.
     strengths : (m,) array
         As in `choose_locks`.
-    catch : Catch or None
+    contact : BrakeContact or None
         What the last cycle decided.
     timing : Timing
     cap : ImpactCap or None
@@ -218,13 +217,15 @@ def decide(
     p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")
     hold = pose.points(strengths, limits.lower.size, "strengths")
     approach = -float(n @ v)
-    if catch is not None and n @ (p - catch.position) > timing.release:
-        catch = None
+    if contact is not None and n @ (p - contact.position) > timing.release:
+        contact = None
     near = bool(timing.near(wall.distance, approach))
-    crowding = None
+    stiffness_ratio = None
     if cap is not None:
         hold = np.minimum(hold, cap.force)
-        crowding = cap.crowding(np.linalg.norm(v))  # a cable stops what moves along it, not along the normal
+        stiffness_ratio = cap.stiffness_ratio(
+            np.linalg.norm(v)
+        )  # a cable stops what moves along it, not along the normal
     chosen = choose_locks(
         structure,
         n,
@@ -232,28 +233,28 @@ def decide(
         limits,
         hold,
         pushing=near and approach >= 0.0,
-        held=None if catch is None else catch.locked,
-        crowding=crowding,
+        held=None if contact is None else contact.locked,
+        stiffness_ratio=stiffness_ratio,
         rule=rule,
     )
-    why: Why
+    reason: Reason
     if chosen.locked.any():
-        why = "locked"
-        caught = p if catch is None or n @ (p - catch.position) < 0.0 else catch.position
-        catch = Catch(chosen.locked, caught)
+        reason = "locked"
+        deepest = p if contact is None or n @ (p - contact.position) < 0.0 else contact.position
+        contact = BrakeContact(chosen.locked, deepest)
     else:
-        catch = None
+        contact = None
         if not near:
-            why = "not near"
+            reason = "not near"
         elif approach < 0.0:
-            why = "leaving"
+            reason = "leaving"
         elif chosen.unresisted <= TOLERANCE:
-            why = "motors"
-        elif not chosen.able.any():
-            why = "no cable"
-        elif crowding is not None and crowding < 1.0:
-            why = "too fast"
+            reason = "motors"
+        elif not chosen.available.any():
+            reason = "no cable"
+        elif stiffness_ratio is not None and stiffness_ratio < 1.0:
+            reason = "too fast"
         else:
-            why = "motors"
+            reason = "motors"
     motors = chosen.motors if wall.distance <= 0.0 else limits.lower
-    return Decision(chosen.locked, motors, why, chosen, catch)
+    return Decision(chosen.locked, motors, reason, chosen, contact)

@@ -9,9 +9,9 @@ from scipy.optimize import lsq_linear, nnls
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
-from tensionlab.haptics.brakes.choice import DEFAULT, LockRule, brake_strengths, choose_locks
+from tensionlab.haptics.brakes.choice import LOCK_RULE, LockRule, brake_map, brake_strengths, choose_locks
 from tensionlab.haptics.brakes.cones import blocks_withdrawal, brake_reaction, traps
-from tensionlab.model.directions import fibonacci
+from tensionlab.model.directions import circle, fibonacci
 
 FOUR = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
 CUBE = tl.load_rig("datasets/rigs/cube-8.toml")
@@ -76,16 +76,16 @@ def test_what_is_reported_is_what_a_push_meets():
         assert np.all(np.where(found.locked, reaction.net @ U, 0.0) >= -1e-9)
 
 
-def statement(U, n, F, box, strengths, pushing, held, crowding, rule):
+def statement(U, n, F, box, strengths, pushing, held, stiffness_ratio, rule):
     """The rule of `choose_locks`, spelled out for one wall: the set, and what it leaves unresisted."""
-    able = [
+    available = [
         i for i in range(len(strengths)) if U[:, i] @ n > (0.0 if held[i] else rule.margin) and strengths[i] > 0
     ]
-    may = [i for i in able if F > 0 and (pushing or held[i])]
+    may = [i for i in available if F > 0 and (pushing or held[i])]
     best, cost, left = [], np.inf, np.inf
     same = 1e-6 * max(1.0, F)
-    for each in (list(one) for size in range(rule.most + 1) for one in combinations(may, size)):
-        if np.abs(U[:, each].T @ U[:, each]).sum(axis=0).max(initial=0.0) > crowding:
+    for each in (list(one) for size in range(rule.max_locked + 1) for one in combinations(may, size)):
+        if np.abs(U[:, each].T @ U[:, each]).sum(axis=0).max(initial=0.0) > stiffness_ratio:
             continue
         upper = box.upper.copy()
         upper[each] = np.maximum(upper[each], strengths[each])
@@ -108,12 +108,12 @@ def test_it_is_the_rule():
         U, n, F = unit(rng, m, 3).T, unit(rng, 3), rng.choice([0.0, 3.0, 20.0, 80.0], p=[0.1, 0.1, 0.3, 0.5])
         box, strengths = limits(m), rng.choice([0.0, 4.0, 60.0, 186.0], m, p=[0.1, 0.1, 0.4, 0.4])
         pushing, held = rng.random() < 0.9, rng.random(m) < 0.3
-        crowding = rng.choice([0.9, 1.8, np.inf], p=[0.1, 0.2, 0.7])
+        stiffness_ratio = rng.choice([0.9, 1.8, np.inf], p=[0.1, 0.2, 0.7])
         rule = LockRule(
-            most=rng.choice([0, 1, 2, 3], p=[0.1, 0.1, 0.2, 0.6]), hysteresis=rng.choice([0.0, 0.05, 0.3])
+            max_locked=rng.choice([0, 1, 2, 3], p=[0.1, 0.1, 0.2, 0.6]), hysteresis=rng.choice([0.0, 0.05, 0.3])
         )
-        found = choose_locks(U, n, F, box, strengths, pushing, held, crowding, rule)
-        chosen, left = statement(U, n, F, box, strengths, pushing, held, crowding, rule)
+        found = choose_locks(U, n, F, box, strengths, pushing, held, stiffness_ratio, rule)
+        chosen, left = statement(U, n, F, box, strengths, pushing, held, stiffness_ratio, rule)
         assert np.flatnonzero(found.locked).tolist() == chosen
         assert found.unresisted == pytest.approx(left, abs=1e-9)
         locks.append(len(chosen))
@@ -126,15 +126,15 @@ def test_no_set_of_brakes_does_better():
     for m in (3, 5, 6):
         U, n, F = unit(rng, m, 3).T, unit(rng, 3), rng.uniform(5.0, 80.0)
         box, strengths = limits(m), rng.uniform(20.0, 186.0, m)
-        cables = [i for i in range(m) if U[:, i] @ n > DEFAULT.margin]
+        cables = [i for i in range(m) if U[:, i] @ n > LOCK_RULE.margin]
         costs = []
         for each in (list(one) for size in range(4) for one in combinations(cables, size)):
             upper = box.upper.copy()
             upper[each] = strengths[each]
             tensions = lsq_linear(U, F * n, (box.lower, upper), tol=1e-14).x
-            costs.append(np.linalg.norm(U @ tensions - F * n) + DEFAULT.price * F * len(each))
+            costs.append(np.linalg.norm(U @ tensions - F * n) + LOCK_RULE.price * F * len(each))
         found = choose_locks(U, n, F, box, strengths)
-        cost = found.unresisted + DEFAULT.price * F * found.locked.sum()
+        cost = found.unresisted + LOCK_RULE.price * F * found.locked.sum()
         assert cost == pytest.approx(min(costs), abs=1e-6)
 
 
@@ -156,14 +156,14 @@ def test_one_cable_straight_behind_the_wall():
     np.testing.assert_allclose(found.motors, [6.0, 0.0, 0.0])
     np.testing.assert_allclose(found.brakes, [34.0, 0.0, 0.0])
     assert found.unresisted == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_array_equal(found.able, [True, False, False])
+    np.testing.assert_array_equal(found.available, [True, False, False])
     # A brake that may be loaded with 25 N only leaves 15.
     weak = choose_locks(U, [0.0, 1.0], 40.0, limits(3, lower=0.0), [25.0, 186.0, 186.0])
     assert weak.unresisted == pytest.approx(15.0)
     assert weak.motors[0] + weak.brakes[0] == pytest.approx(25.0)
     # No brake there, nothing to lock.
     none = choose_locks(U, [0.0, 1.0], 40.0, limits(3, lower=0.0), [0.0, 186.0, 186.0])
-    assert not none.able.any()
+    assert not none.available.any()
     assert none.unresisted == pytest.approx(34.0)
 
 
@@ -218,7 +218,7 @@ def test_hysteresis_keeps_the_set_that_is_locked():
     # Two cables at equal angles to the normal, turned a little: which is better changes sign at 0.
     angles = np.radians([70.0, 110.0])
     U = np.stack([[np.cos(a), np.sin(a)] for a in angles], axis=1)
-    rule = replace(DEFAULT, most=1)
+    rule = replace(LOCK_RULE, max_locked=1)
 
     def best(turn, held=None):
         n = [np.sin(turn), np.cos(turn)]
@@ -235,16 +235,16 @@ def test_hysteresis_keeps_the_set_that_is_locked():
     assert not weak.locked.any()
 
 
-def test_crowding_limits_how_stiff_a_set_may_be():
+def test_the_stiffness_ratio_limits_how_stiff_a_set_may_be():
     n = np.array([0.0, 1.0, 0.0])
     side = np.array([[np.cos(a), 0.0, np.sin(a)] for a in np.radians([0.0, 120.0, 240.0])])
     U = (n + 0.3 * side).T
     U = U / np.linalg.norm(U, axis=0)
     sizes = []
-    for crowding in (0.99, 1.0, 1.9, 3.0):
-        found = choose_locks(U, n, 100.0, limits(3), [186.0] * 3, crowding=crowding, rule=FREE)
+    for stiffness_ratio in (0.99, 1.0, 1.9, 3.0):
+        found = choose_locks(U, n, 100.0, limits(3), [186.0] * 3, stiffness_ratio=stiffness_ratio, rule=FREE)
         own = U[:, found.locked]
-        assert np.linalg.eigvalsh(own @ own.T).max(initial=0.0) <= crowding + 1e-12
+        assert np.linalg.eigvalsh(own @ own.T).max(initial=0.0) <= stiffness_ratio + 1e-12
         sizes.append(int(found.locked.sum()))
     assert sizes == [0, 1, 2, 3]
 
@@ -297,8 +297,55 @@ def test_bad_input_is_refused(change, message):
 
 
 @pytest.mark.parametrize(
-    "change", [{"margin": 0.0}, {"most": -1}, {"most": 4}, {"price": -0.1}, {"hysteresis": np.nan}]
+    "change", [{"margin": 0.0}, {"max_locked": -1}, {"max_locked": 4}, {"price": -0.1}, {"hysteresis": np.nan}]
 )
 def test_a_rule_that_makes_no_sense_is_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         LockRule(**change)
+
+
+MAP_WALLS = fibonacci(3000)
+BOX3 = tl.TensionLimits(np.full(3, 0.5), np.full(3, 6.0))
+
+
+def ceiling(radius):
+    angles = np.radians([90.0, 210.0, 330.0])
+    return np.stack([radius * np.cos(angles), np.ones(3), radius * np.sin(angles)]) / np.hypot(radius, 1.0)
+
+
+def test_three_modules_on_the_ceiling_hold_about_half_of_the_walls():
+    found = brake_map(ceiling(1.0), MAP_WALLS, 50.0, BOX3, np.full(3, 186.0))
+    assert 0.35 < found.share() < 0.6
+    # All they can do is pull up.
+    down = MAP_WALLS[:, 1] < -np.sqrt(0.5)
+    assert np.all(found.angles[down] > np.pi / 4)
+    assert not found.chosen.available[MAP_WALLS[:, 1] < -0.9].any()
+
+
+def test_one_cable_holds_what_is_near_its_direction():
+    # In the plane, one cable to the right: normals within 45 degrees of it, a quarter.
+    U, box = np.array([[1.0], [0.0]]), tl.TensionLimits([0.0], [6.0])
+    found = brake_map(U, circle(360), 20.0, box, [186.0])
+    np.testing.assert_allclose(found.share(), 0.25, atol=0.01)
+    # Behind it there is no force at all.
+    assert np.mean(found.angles == np.pi) == pytest.approx(0.5, abs=0.01)
+    assert found.chosen.unresisted.min() == pytest.approx(0.0, abs=1e-2)
+
+
+def test_brakes_add_nothing_where_the_motors_do_and_much_where_they_do_not():
+    rig = tl.load_rig("datasets/rigs/cube-8.toml")
+    U = rig.structure_matrix(np.array([rig.home, [0.2, 0.1, 0.0]]))
+    for force, least in ((3.0, 0.99), (50.0, 0.99)):
+        brakes = brake_map(U, MAP_WALLS, force, rig.limits, np.full(8, 186.0))
+        motors = brake_map(U, MAP_WALLS, force, rig.limits, np.zeros(8))
+        assert brakes.angles.shape == (2, 3000)
+        assert np.all(brakes.share() >= least)
+        assert np.all(brakes.chosen.unresisted <= motors.chosen.unresisted + 1e-6)
+        assert (
+            np.mean(motors.chosen.unresisted) < 1e-6 if force < 5.0 else np.mean(motors.chosen.unresisted) > 35.0
+        )
+
+
+def test_a_map_needs_a_force():
+    with pytest.raises(tl.ShapeError, match="force is 0"):
+        brake_map(ceiling(1.0), MAP_WALLS, 0.0, BOX3, np.full(3, 186.0))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.haptics.brakes.contact import Catch, ImpactCap, Timing, Wall, decide
+from tensionlab.haptics.brakes.contact import BrakeContact, ImpactCap, Timing, Wall, decide
 
 UP = np.array([0.0, 1.0])
 ABOVE = np.stack([[0.0, 1.0], [0.6, 0.8], [-0.6, 0.8]], axis=1)
@@ -10,10 +10,10 @@ BOX = tl.TensionLimits(np.full(3, 0.5), np.full(3, 6.0))
 STRONG = np.full(3, 186.0)
 
 
-def at(height, speed, catch=None, *, force=40.0, structure=ABOVE, strengths=STRONG, sideways=0.0, cap=None):
+def at(height, speed, contact=None, *, force=40.0, structure=ABOVE, strengths=STRONG, sideways=0.0, cap=None):
     """Decide for a hand at this height over a floor at 0, moving up with this speed."""
     wall = Wall(UP, height, force)
-    return decide(structure, [0.0, height], [sideways, speed], wall, BOX, strengths, catch, cap=cap)
+    return decide(structure, [0.0, height], [sideways, speed], wall, BOX, strengths, contact, cap=cap)
 
 
 def test_brakes_are_locked_in_time():
@@ -22,9 +22,9 @@ def test_brakes_are_locked_in_time():
         Timing().near([0.042, 0.044, 0.003, 0.004, -0.1], [0.5, 0.5, -1.0, 0.0, -1.0]),
         [True, False, True, False, True],
     )
-    assert at(0.044, -0.5).why == "not near"
-    assert at(0.042, -0.5).why == "locked"
-    assert at(0.042, -0.2).why == "not near"
+    assert at(0.044, -0.5).reason == "not near"
+    assert at(0.042, -0.5).reason == "locked"
+    assert at(0.042, -0.2).reason == "not near"
 
 
 def test_motors_pull_for_the_wall_only_inside_it():
@@ -37,32 +37,32 @@ def test_motors_pull_for_the_wall_only_inside_it():
 
 def test_a_hand_at_rest_in_the_wall_is_held_until_it_leaves():
     first = at(-0.002, -0.1)
-    assert first.why == "locked"
-    deeper = at(-0.004, 0.0, first.catch)
-    assert deeper.catch.position[1] == -0.004
+    assert first.reason == "locked"
+    deeper = at(-0.004, 0.0, first.contact)
+    assert deeper.contact.position[1] == -0.004
     # 5 mm from where it was deepest, going in or out.
     for speed in (-0.01, 0.3):
-        assert at(0.0009, speed, deeper.catch).why == "locked"
-    assert at(0.0011, 0.3, deeper.catch).why == "leaving"
-    assert at(0.0041, 0.0, deeper.catch).why == "not near"
-    assert at(0.0011, 0.3, deeper.catch).catch is None
+        assert at(0.0009, speed, deeper.contact).reason == "locked"
+    assert at(0.0011, 0.3, deeper.contact).reason == "leaving"
+    assert at(0.0041, 0.0, deeper.contact).reason == "not near"
+    assert at(0.0011, 0.3, deeper.contact).contact is None
 
 
 def test_nothing_is_locked_while_the_hand_leaves():
-    assert at(-0.002, 0.1).why == "leaving"
-    assert at(-0.002, 0.0).why == "locked"
+    assert at(-0.002, 0.1).reason == "leaving"
+    assert at(-0.002, 0.0).reason == "locked"
 
 
 def test_it_says_why_there_is_no_brake():
-    assert at(-0.001, -0.1, force=5.0).why == "motors"
+    assert at(-0.001, -0.1, force=5.0).reason == "motors"
     below = at(-0.001, -0.1, structure=-ABOVE)
-    assert below.why == "no cable"
+    assert below.reason == "no cable"
     assert below.chosen.unresisted > 40.0
-    assert at(-0.001, -0.1, strengths=np.zeros(3)).why == "no cable"
-    assert at(-0.001, -0.1, force=0.0).why != "locked"
+    assert at(-0.001, -0.1, strengths=np.zeros(3)).reason == "no cable"
+    assert at(-0.001, -0.1, force=0.0).reason != "locked"
     # A brake aslant that would take too little of the push to be worth its price.
     weak = at(-0.001, -0.1, strengths=[6.01, 6.01, 6.01])
-    assert weak.why == "motors"
+    assert weak.reason == "motors"
     assert weak.chosen.unresisted > 1.0
 
 
@@ -70,17 +70,17 @@ def test_the_published_numbers_of_a_head():
     cap = ImpactCap()
     assert cap.peak(0.5) == pytest.approx(79.06, abs=0.01)
     limit = 60.0 / np.sqrt(5000.0 * 5.0)
-    assert cap.crowding(limit) == pytest.approx(1.0)
+    assert cap.stiffness_ratio(limit) == pytest.approx(1.0)
     assert cap.peak(limit) == pytest.approx(60.0)
-    assert cap.crowding(0.0) == np.inf
+    assert cap.stiffness_ratio(0.0) == np.inf
     # Two cables side by side are twice as stiff.
     assert cap.peak(limit, 2.0) == pytest.approx(60.0 * np.sqrt(2.0))
 
 
 def test_a_fast_head_is_not_stopped():
     assert at(0.02, -0.37, cap=ImpactCap()).locked.sum() == 1
-    assert at(0.02, -0.39, cap=ImpactCap()).why == "too fast"
-    assert at(0.01, -0.2, sideways=0.35, cap=ImpactCap()).why == "too fast"
+    assert at(0.02, -0.39, cap=ImpactCap()).reason == "too fast"
+    assert at(0.01, -0.2, sideways=0.35, cap=ImpactCap()).reason == "too fast"
     assert at(0.02, -0.37).locked.sum() == 1
     # A single brake may be loaded with the cap, not with all that it holds.
     assert at(0.0, -0.1, force=500.0, cap=ImpactCap()).chosen.brakes.max() <= 60.0 - 6.0 + 1e-9
@@ -113,9 +113,9 @@ def test_the_impact_of_what_is_locked_stays_below_the_cap():
 
 
 def test_a_hand_that_pushes_and_leaves():
-    """A hand on a floor of brakes: it stops where it is caught, and leaves without meeting them."""
+    """A hand on a floor of brakes: it stops where it is held, and leaves without meeting them."""
     timing, mass, step = Timing(), 0.5, 1e-3
-    p, v, catch, since = np.array([0.0, 0.02]), np.array([0.0, -0.2]), None, None
+    p, v, contact, since = np.array([0.0, 0.02]), np.array([0.0, -0.2]), None, None
     lowest, engaged, slowest_exit, changes, last = (
         0.02,
         np.zeros(3, dtype=bool),
@@ -129,8 +129,8 @@ def test_a_hand_that_pushes_and_leaves():
         user = np.array([0.0, np.clip(100.0 * ((-0.2 if time < 1.0 else 0.2) - v[1]), -30.0, 30.0)])
         anchors = np.array([[0.0, 1.0], [0.6, 0.8], [-0.6, 0.8]])
         U = (anchors - p).T / np.linalg.norm(anchors - p, axis=1)
-        found = decide(U, p, v, Wall(UP, float(p[1]), 60.0), BOX, STRONG, catch, timing)
-        catch = found.catch
+        found = decide(U, p, v, Wall(UP, float(p[1]), 60.0), BOX, STRONG, contact, timing)
+        contact = found.contact
         changes += int(np.any(found.locked != last))
         last = found.locked
         since = None if not found.locked.any() else since if since is not None else time
@@ -158,4 +158,4 @@ def test_numbers_that_make_no_sense_are_refused():
         ImpactCap(mass=0.0)
     with pytest.raises(tl.ShapeError, match="position has shape"):
         decide(ABOVE, [0.0], [0.0, 0.0], Wall(UP, 0.0, 1.0), BOX, STRONG)
-    assert isinstance(at(-0.001, -0.1).catch, Catch)
+    assert isinstance(at(-0.001, -0.1).contact, BrakeContact)
