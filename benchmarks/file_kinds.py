@@ -200,9 +200,9 @@ def _read_poses(place: Path) -> object:
 
 
 def _read_staircase(place: Path) -> object:
-    from tensionlab.hardware.calibration import staircase
+    from tensionlab.hardware.calibration import gain_measurement
 
-    return staircase.load_staircase(place)
+    return gain_measurement.load_staircase(place)
 
 
 def _read_lengths(place: Path) -> object:
@@ -398,7 +398,7 @@ def _store_files(document: Any) -> Files:
 
 def kinds(folder: Path) -> dict[str, Kind]:
     """Return all kinds by name; what has to be written to make one is put into a folder."""
-    from tensionlab.hardware.calibration.staircase import COLUMNS
+    from tensionlab.hardware.calibration.gain_measurement import COLUMNS
 
     described = tomllib.loads(rig_to_toml(RIG))
     links = {"modules": {"floor-1": "socket://127.0.0.1:1", "floor-2": "/dev/rfcomm0"}}

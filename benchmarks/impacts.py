@@ -18,7 +18,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, ScenarioError
 from tensionlab.haptics.effects.contact import Plane
-from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import PersonPlan, Scenario, Script, Waypoint, load_scenario
 from tensionlab.scenarios.expected import find_brake_wall

@@ -30,9 +30,7 @@ from tensionlab.hardware.protocol.messages import SetTension, Telemetry, read
 from tensionlab.hardware.runner.module_monitor import TELEMETRY_UNITS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.simulation.channel import Conditions
-from tensionlab.hardware.simulation.faulty import FaultyLink
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig

@@ -114,8 +114,8 @@ def staircase(
     Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
     run this, and stop the recording; then `gain URL --sensor FILE --staircase CSV`.
     """
-    from tensionlab.hardware.calibration.staircase import climb
-    from tensionlab.hardware.calibration.tables import table_text
+    from tensionlab.files.tables import table_text
+    from tensionlab.hardware.calibration.gain_measurement import climb
 
     with _client(url) as client, output.progress("staircase") as progress:
         record = climb(client, progress)
@@ -127,10 +127,9 @@ def staircase(
 
 def _client(url: str) -> ModuleClient:
     """Reach a module; behind ``sim:`` hangs a mass."""
-    from tensionlab.hardware.calibration.hanging import HangingMass
     from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.simulation.simulated_link import SimulatedLink
-    from tensionlab.hardware.simulation.simulated_module import PLANT
+    from tensionlab.hardware.simulation.links import SimulatedLink
+    from tensionlab.hardware.simulation.simulated_module import PLANT, HangingMass
 
     if url != "sim:":
         return ModuleClient(url, url)
@@ -143,9 +142,9 @@ def _client(url: str) -> ModuleClient:
 
 
 def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[Balance]:
-    from tensionlab.hardware.calibration.hanging import HangingMass
-    from tensionlab.hardware.calibration.weighing import weigh
-    from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+    from tensionlab.hardware.calibration.gain_measurement import weigh
+    from tensionlab.hardware.simulation.links import SimulatedLink
+    from tensionlab.hardware.simulation.simulated_module import HangingMass
 
     balances = []
     for mass in masses:
@@ -165,7 +164,7 @@ def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[B
 
 
 def _sensor_balances(sensor: Path, staircase: Path, ahead: float | None) -> list[Balance]:
-    from tensionlab.hardware.calibration.staircase import balances, lag, load_sensor, load_staircase
+    from tensionlab.hardware.calibration.gain_measurement import balances, lag, load_sensor, load_staircase
 
     taken = load_staircase(staircase)
     time, force = load_sensor(sensor)
@@ -243,8 +242,8 @@ def record(
     Move the platform, and hold it still for half a second at each pose. Spread the poses over the whole
     workspace. The result is for `anchors`; columns x, y and z may be added to it.
     """
+    from tensionlab.files.tables import table_text
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
-    from tensionlab.hardware.calibration.tables import table_text
     from tensionlab.hardware.runner.settings import RealClock
 
     rig = load_rig(path)
@@ -281,8 +280,12 @@ def anchors(
     show them. Nor do they show an error that is the same share of all lengths. For a platform, give rough poses
     all the same: the search starts from them.
     """
-    from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
-    from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
+    from tensionlab.hardware.calibration.anchors import (
+        calibrate_anchors,
+        calibrated_rig,
+        held_out_misfit,
+        nominal_misfit,
+    )
     from tensionlab.hardware.calibration.lengths import load_lengths
     from tensionlab.model.files import load_rig, rig_to_toml
 

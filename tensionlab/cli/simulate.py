@@ -117,10 +117,8 @@ def simulate(
     client at a time, and refuses others.
     """
     from tensionlab.hardware.client.group import modules_to_toml
-    from tensionlab.hardware.simulation.channel import Conditions
-    from tensionlab.hardware.simulation.ports import PtyPort, TcpPort
-    from tensionlab.hardware.simulation.recording import Recording
-    from tensionlab.hardware.simulation.serve import ServedModule, serve
+    from tensionlab.hardware.simulation.links import Conditions
+    from tensionlab.hardware.simulation.serve import PtyPort, Recording, ServedModule, TcpPort, serve
     from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
     from tensionlab.scenarios import load_scenario
     from tensionlab.validation.sensor_server import ServedSensor
@@ -193,7 +191,7 @@ def _modules(
     """
     from tensionlab.hardware.simulation.serve import read_settings
     from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-    from tensionlab.hardware.simulation.simulated_rig import simulated_module
+    from tensionlab.hardware.simulation.world import simulated_module
     from tensionlab.validation.error_model import true_plants, true_rig
 
     simulated: dict[str, tuple[SimulatedModule, Path | None]] = {}
@@ -247,7 +245,7 @@ def _errors(rig: Rig, preset: str, seed: int) -> Errors:
 
 def _orbit(rig: Rig | None, numbers: list[float]) -> FarEnds:
     """Return the lengths of cables whose point goes round its home, by the time of day, which processes share."""
-    from tensionlab.hardware.simulation.orbit import cable_lengths
+    from tensionlab.hardware.simulation.motions import cable_lengths
 
     if rig is None or len(numbers) != 2:
         raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")

@@ -10,12 +10,14 @@ import zipfile
 from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError
+from tensionlab.files import writing
 from tensionlab.files.reading import brief, parse_json, read_bytes, read_text
 
 Row = TypeVar("Row")
@@ -90,6 +92,20 @@ def read_table(
         raise error(f"{path}: no numbers; the first line names the columns {', '.join(needed)}")
     table = np.array(values).reshape(-1, len(heading))
     return {name: table[:, column] for column, name in enumerate(heading)}
+
+
+def write_table(path: str | Path, columns: Mapping[str, Floats | Sequence[float]]) -> None:
+    """Write columns of numbers to a CSV file, as `table_text` has them."""
+    writing.write_text(path, table_text(columns))
+
+
+def table_text(columns: Mapping[str, Floats | Sequence[float]]) -> str:
+    """Return columns of numbers as CSV, with as many digits as reading needs to find the same."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([f"{value:.10g}" for value in row] for row in zip(*columns.values(), strict=True))
+    return text.getvalue()
 
 
 def check_columns(

@@ -19,7 +19,7 @@ from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import Clock, RunSettings, WorldClock
 from tensionlab.hardware.runner.statistics import Statistics
-from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
 from tensionlab.records import manifest

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.hardware.calibration.regression import Estimate, LinearFit, around, fit
+from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
 
 
 @dataclass(frozen=True, eq=False)

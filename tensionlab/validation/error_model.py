@@ -26,7 +26,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.hardware.simulation.simulated_rig import plant_of
+from tensionlab.hardware.simulation.world import plant_of
 from tensionlab.model.rig import Rig
 
 STILL = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}

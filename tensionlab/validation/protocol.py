@@ -22,7 +22,7 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import Clock, RunSettings
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, Cycle
-from tensionlab.hardware.simulation.simulated_rig import newton_per_ampere
+from tensionlab.hardware.simulation.world import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Solver, Status

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Self
 
-from tensionlab.hardware.simulation.ports import TcpPort
+from tensionlab.hardware.simulation.serve import TcpPort
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 from tensionlab.model.rig import Rig
 from tensionlab.validation.drift_noise import RATE

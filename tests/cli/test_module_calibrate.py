@@ -10,9 +10,8 @@ import pytest
 
 from benchmarks.processes import simulated
 from tensionlab.errors import CalibrationError
-from tensionlab.files.tables import read_table
-from tensionlab.hardware.calibration import staircase
-from tensionlab.hardware.calibration.tables import write_table
+from tensionlab.files.tables import read_table, write_table
+from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.model.files import load_rig
 
@@ -147,15 +146,15 @@ def test_over_tcp_lengths_are_told_and_recorded(run, tmp_path):
 
 
 def test_over_tcp_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(staircase, "LEVELS", 4)
-    monkeypatch.setattr(staircase, "DWELL", 0.2)
-    monkeypatch.setattr(staircase, "RATE", 3.0)
+    monkeypatch.setattr(gain_measurement, "LEVELS", 4)
+    monkeypatch.setattr(gain_measurement, "DWELL", 0.2)
+    monkeypatch.setattr(gain_measurement, "RATE", 3.0)
     with simulated() as (links, _):
         url = links["module"]
         code, out, err = run("staircase", url, "--out", tmp_path / "up-and-down.csv")
         assert code == 0, err
         assert "up to 2.7" in out
-        taken = staircase.load_staircase(tmp_path / "up-and-down.csv")
+        taken = gain_measurement.load_staircase(tmp_path / "up-and-down.csv")
         assert set(taken.step) == {-1, 0, 1, 2, 3, 4, 5, 6}
         # This module has 3 N/A; what it pulled with is what a sensor would have shown, but for friction.
         force = 3.0 * taken.current
@@ -167,7 +166,7 @@ def test_over_tcp_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refuse
         assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
         assert json.loads(out)["written"] is True
         monkeypatch.setattr("typer.prompt", lambda *words, **options: "")
-        monkeypatch.setattr("tensionlab.hardware.calibration.weighing.SEARCH", 3.0)
+        monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH", 3.0)
         code, _, err = run("gain", url, "--mass", 0.1)
         assert code == 2
         assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err

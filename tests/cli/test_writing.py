@@ -24,7 +24,7 @@ import typer
 from tensionlab.benchmark import run as bench
 from tensionlab.cli import app
 from tensionlab.files import writing
-from tensionlab.hardware.calibration.tables import write_table
+from tensionlab.files.tables import write_table
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.model.files import load_rig
 from tests.support import runs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.module import WORLD
 from tensionlab.scenarios import SCENARIOS, load_scenario
 from tensionlab.scenarios.direction import check_directions

@@ -6,7 +6,7 @@ from binascii import crc_hqx
 
 from tensionlab.hardware.protocol.codes import Type
 from tensionlab.hardware.protocol.frames import Decoder, Frame
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 
 

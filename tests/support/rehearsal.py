@@ -11,8 +11,7 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.simulation.faulty import FaultyLink
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 
 GENTLE = np.array([0.0, 0.0, 0.5])

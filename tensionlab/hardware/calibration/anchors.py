@@ -22,10 +22,8 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.descent import best_fit
-from tensionlab.hardware.calibration.poses import Poses, advice
-from tensionlab.hardware.calibration.problem import Problem
-from tensionlab.hardware.calibration.regression import quantile
+from tensionlab.hardware.calibration.anchor_fit import Poses, Problem, advice, best_fit
+from tensionlab.hardware.calibration.gain import quantile
 from tensionlab.model.rig import Rig
 
 WEAK = 1e-5
@@ -211,3 +209,32 @@ def calibrated_rig(rig: Rig, found: AnchorEstimate, how: str) -> Rig:
     )
     source = f"{rig.source}; {how}" if rig.source else how
     return replace(rig, modules=modules, source=source)
+
+
+FOLDS = 5
+
+
+def nominal_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> float:
+    """How far off are lengths from those of the nominal rig, in m? As `Problem.misfit`."""
+    return Problem(rig, lengths, known, False).misfit(rig.anchors.ravel(), poses)
+
+
+def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
+    """How far off are lengths from those of a rig that was calibrated without them, in m?
+
+    Cross-validation: each fifth of the poses is left out once. NaN where the rest is too little to calibrate with.
+    Arguments as those of `calibrate_anchors`.
+    """
+    squares = []
+    for fold in range(FOLDS):
+        out = np.arange(len(lengths)) % FOLDS == fold
+        try:
+            found = calibrate_anchors(
+                rig, lengths[~out], poses.take(np.flatnonzero(~out)), known=known, offsets=offsets
+            )
+        except CalibrationError:
+            return math.nan
+        shared = np.concatenate([found.anchors.ravel(), found.offsets if offsets else []])
+        left = Problem(rig, lengths[out], known, offsets)
+        squares.append(left.misfit(shared, poses.take(np.flatnonzero(out))) ** 2 * int(out.sum()))
+    return math.sqrt(sum(squares) / len(lengths))

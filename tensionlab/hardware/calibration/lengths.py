@@ -10,7 +10,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError
 from tensionlab.files.tables import read_table
-from tensionlab.hardware.calibration.poses import Poses, rotations
+from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
 from tensionlab.hardware.calibration.pulling import stopping
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration

@@ -26,7 +26,7 @@ from tensionlab.haptics.rendering.assignment import expected_force
 from tensionlab.haptics.rendering.renderer import INITIAL_DELAY_S, Renderer
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
-from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 
 RIG = tl.load_rig("datasets/rigs/bartels2026-validation.toml")

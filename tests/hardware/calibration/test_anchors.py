@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError
-from tensionlab.hardware.calibration.anchors import calibrate_anchors, calibrated_rig
-from tensionlab.hardware.calibration.held_out import held_out_misfit, nominal_misfit
-from tensionlab.hardware.calibration.poses import Poses, rotations
-from tensionlab.hardware.calibration.regression import quantile
+from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
+from tensionlab.hardware.calibration.anchors import (
+    calibrate_anchors,
+    calibrated_rig,
+    held_out_misfit,
+    nominal_misfit,
+)
+from tensionlab.hardware.calibration.gain import quantile
 from tensionlab.model.files import load_rig
 
 RIGS = Path(__file__).parents[3] / "datasets" / "rigs"

@@ -8,9 +8,9 @@ import pytest
 
 from tensionlab.demand import Pose
 from tensionlab.errors import CalibrationError, HardwareError, LinkError
+from tensionlab.files.tables import write_table
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
-from tensionlab.hardware.calibration.tables import write_table
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.settings import WorldClock

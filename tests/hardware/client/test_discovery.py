@@ -11,7 +11,7 @@ from tensionlab.hardware.client.discovery import PULSE_TENSION_N, PULSES, identi
 from tensionlab.hardware.client.links import SerialPort, serial_ports
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 

@@ -6,9 +6,7 @@ import pytest
 
 from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.simulation.channel import Conditions
-from tensionlab.hardware.simulation.faulty import FaultyLink
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 

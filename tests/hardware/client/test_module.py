@@ -4,7 +4,7 @@ from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 

@@ -12,7 +12,7 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.parameter_file import change, dump, parse
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.protocol.parameters import CHOICES, PARAMETERS, single
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
 

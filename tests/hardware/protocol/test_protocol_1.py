@@ -10,9 +10,9 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State, Type
 from tensionlab.hardware.protocol.frames import Decoder, Frame
 from tensionlab.hardware.protocol.messages import Hello, Info, OtherProtocolError, Protocol1Listener
-from tensionlab.hardware.simulation.simulated_link import SimulatedLink
+from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
-from tensionlab.hardware.simulation.simulated_rig import simulated_module
+from tensionlab.hardware.simulation.world import simulated_module
 from tests.support.modules import Host, host_in
 from tests.support.protocol_1 import LinkTo1, pack, unpack
 

@@ -16,7 +16,7 @@ from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, M
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.simulation.simulated_rig import simulated_module
+from tensionlab.hardware.simulation.world import simulated_module
 from tensionlab.records import manifest
 from tensionlab.solvers.base import Status
 from tests.support.rehearsal import GENTLE, Rehearsal

@@ -12,7 +12,7 @@ from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
-from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.solvers.base import Answer, Status
 

@@ -18,7 +18,7 @@ from tensionlab.hardware.protocol.messages import (
     Save,
     read,
 )
-from tensionlab.hardware.simulation.channel import Conditions
+from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
     IDLE_TICK,
     TICK,

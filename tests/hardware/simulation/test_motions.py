@@ -1,7 +1,9 @@
+"""Motions of a simulated platform."""
+
 import numpy as np
 
 from tensionlab.demand import Pose
-from tensionlab.hardware.simulation.guided_hand import FASTEST, GuidedHand
+from tensionlab.hardware.simulation.motions import FASTEST, GuidedHand
 
 
 def test_a_leap_becomes_a_movement_of_a_hand():

@@ -1,4 +1,4 @@
-"""Simulated modules are set up as the rig says."""
+"""Modules of a rig, simulated: what each is made of, and what none can be."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from tensionlab.hardware.protocol.messages import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.simulation.simulated_rig import simulated_module
+from tensionlab.hardware.simulation.world import simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
 

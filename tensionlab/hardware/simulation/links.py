@@ -1,0 +1,224 @@
+"""Links to simulated modules, and links that delay, lose and damage bytes on purpose."""
+
+from __future__ import annotations
+
+import random
+import threading
+from collections import deque
+from dataclasses import dataclass, field
+
+from tensionlab.errors import HardwareError, LinkError
+from tensionlab.hardware.client.links import OPENERS, Link
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How good is a link, in each of its two directions?
+
+    Attributes
+    ----------
+    latency : float
+        Least time that bytes take one way, in s.
+    jitter : float
+        They take up to so much longer, in s; evenly distributed, but no byte overtakes another.
+    drop : float
+        Share of the bytes that are lost, 0 to 1.
+    corrupt : float
+        Share of the bytes that arrive with one bit flipped, 0 to 1.
+
+    Raises
+    ------
+    HardwareError
+        For a number that cannot be.
+    """
+
+    latency: float = 0.0
+    jitter: float = 0.0
+    drop: float = 0.0
+    corrupt: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("latency", "jitter"):
+            if not 0.0 <= getattr(self, name) <= 60.0:
+                raise HardwareError(f"{name} is from 0 to 60 s; got {getattr(self, name)}")
+        for name in ("drop", "corrupt"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise HardwareError(f"{name} is a share, from 0 to 1; got {getattr(self, name)}")
+
+
+@dataclass
+class Channel:
+    """One direction of a link. What is put in comes out in the same order, some time later; None is its end."""
+
+    conditions: Conditions
+    random: random.Random
+    _waiting: deque[tuple[float, bytes | None]] = field(default_factory=deque)
+    _latest: float = 0.0
+
+    def put(self, content: bytes | None, now: float) -> None:
+        """Send bytes at a time in s, or the end of the connection (None)."""
+        due = now + self.conditions.latency + self.random.uniform(0.0, self.conditions.jitter)
+        self._latest = max(self._latest, due)
+        self._waiting.append((self._latest, content if content is None else self._damaged(content)))
+
+    def take(self, now: float) -> list[bytes | None]:
+        """What has arrived by now?"""
+        arrived = []
+        while self._waiting and self._waiting[0][0] <= now:
+            arrived.append(self._waiting.popleft()[1])
+        return arrived
+
+    @property
+    def due(self) -> float:
+        """When the next of it arrives, in s; infinite if nothing is on its way."""
+        return self._waiting[0][0] if self._waiting else float("inf")
+
+    def clear(self) -> None:
+        """Forget what is on its way."""
+        self._waiting.clear()
+
+    def _damaged(self, content: bytes) -> bytes:
+        drop, corrupt = self.conditions.drop, self.conditions.corrupt
+        if drop == corrupt == 0.0:
+            return content
+        draw = self.random.random
+        kept = (byte for byte in content if draw() >= drop)
+        return bytes(byte ^ (1 << self.random.randrange(8)) if draw() < corrupt else byte for byte in kept)
+
+
+class SimulatedLink:
+    """A simulated module of this process. Its time passes while somebody waits, and where it is advanced."""
+
+    lockstep = True
+
+    def __init__(self, module: SimulatedModule, url: str = "sim:") -> None:
+        self.module = module
+        self.url = url
+        self._open = True
+
+    def send(self, content: bytes) -> None:
+        """Hand bytes over."""
+        self._require_open()
+        self.module.receive(content)
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes, a step of the firmware at a time."""
+        self._require_open()
+        steps = int(timeout / STEP_S + 1e-6)
+        while not (content := self.module.transmit()) and steps > 0:
+            self.module.advance(STEP_S)
+            steps -= 1
+        return content
+
+    def clock(self) -> float:
+        """Time of the module, in s."""
+        return self.module.seconds
+
+    def close(self) -> None:
+        """Let the firmware know that its link is gone."""
+        if self._open:
+            self.module.close_link()
+        self._open = False
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise LinkError(f"{self.url} is closed")
+
+
+OPENERS["sim:"] = lambda: SimulatedLink(SimulatedModule())
+
+
+GRAIN = 1e-3
+"""How late bytes may be beyond their delay, in s; with a simulated module, a step of its firmware."""
+
+
+class FaultyLink:
+    """A link whose bytes are late, lost and damaged; it can be cut, and frozen.
+
+    What is on its way moves on while somebody receives, or sends: there is a thread that reads each real link, and
+    the time of a simulated module passes only while somebody waits.
+
+    Parameters
+    ----------
+    inner : Link
+        The link that is made worse. It belongs to this one, which closes it.
+    conditions : Conditions
+        Of each of the two directions; perfect if left out.
+    seed : int
+        Of the accidents.
+    """
+
+    def __init__(self, inner: Link, conditions: Conditions | None = None, *, seed: int = 0) -> None:
+        self.inner = inner
+        self.url = inner.url
+        self.lockstep = inner.lockstep
+        conditions = Conditions() if conditions is None else conditions
+        self._outbound = Channel(conditions, random.Random(f"out {seed}"))
+        self._inbound = Channel(conditions, random.Random(f"in {seed}"))
+        self._grain = STEP_S if inner.lockstep else GRAIN
+        self._turn = threading.Lock()  # one thread receives, others send
+        self._cut = False
+        self._frozen = False
+
+    def send(self, content: bytes) -> None:
+        """Send bytes, which may come late, damaged or never."""
+        self._require_whole()
+        with self._turn:
+            if not self._frozen:
+                self._outbound.put(content, self.clock())
+        self._deliver()
+
+    def receive(self, timeout: float) -> bytes:
+        """Wait for bytes, and meanwhile let pass on what others sent."""
+        end = self.clock() + timeout
+        while True:
+            self._require_whole()
+            self._deliver()
+            now = self.clock()
+            with self._turn:
+                arrived = b"".join(content for content in self._inbound.take(now) if content)
+            if arrived:
+                return arrived
+            content = self.inner.receive(min(max(end - now, 0.0), self._grain))
+            with self._turn:
+                if content and not self._frozen:
+                    self._inbound.put(content, self.clock())
+                    continue
+            if now >= end or (not content and self.clock() == now):  # less than a step of the firmware is left
+                return b""
+
+    def clock(self) -> float:
+        """Time of the link inside, in s."""
+        return self.inner.clock()
+
+    def close(self) -> None:
+        """Close the link inside."""
+        self.inner.close()
+
+    def cut(self) -> None:
+        """Break for good: whoever uses it gets a `LinkError`, and the module finds its link closed."""
+        self._cut = True
+        self.inner.close()
+
+    def freeze(self) -> None:
+        """Lose all bytes from now on, those on their way too, without a sign of it."""
+        with self._turn:
+            self._frozen = True
+            self._outbound.clear()
+            self._inbound.clear()
+
+    def thaw(self) -> None:
+        """Let bytes through again."""
+        self._frozen = False
+
+    def _deliver(self) -> None:
+        """Hand on what has arrived at the module's end by now."""
+        with self._turn:
+            for content in self._outbound.take(self.clock()):
+                if content:
+                    self.inner.send(content)
+
+    def _require_whole(self) -> None:
+        if self._cut:
+            raise LinkError(f"{self.url} broke: it was cut")
