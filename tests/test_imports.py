@@ -86,7 +86,6 @@ NATIVE = {
 # Imports that close a cycle of modules, to be undone.
 CYCLES = [
     ("datasets.py", "benchmark/problem_sets.py"),  # which draws on the rigs among the data sets
-    ("hardware/calibration/poses.py", "hardware/calibration/problem.py"),
 ]
 # Third parties that a file may import as it is imported itself. Optional libraries, and those that are slow to
 # import, are imported where they are used: no room and no verb needs an extra until it does what the extra is for.
