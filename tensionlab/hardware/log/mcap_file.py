@@ -1,4 +1,4 @@
-"""Files in the MCAP format: what the log of a run is written to and read from. The only importer of mcap."""
+"""MCAP files, which logs of runs are written to and read from. The only importer of mcap and zstandard."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tensionlab.files import writing
 from tensionlab.files.reading import parse_json
 
 PROFILE = "tensionlab-run-1"
-"""Says in a file's header that it is the log of a run, and which version of it."""
+"""Mark in a file's header of the log of a run, and of its version."""
 MAX_CHUNK_BYTES = 256_000_000
 """Of a chunk, unpacked: a hostile file may unpack to more than the memory. Those of a log have a megabyte."""
-TOLD = 1000
-"""After so many messages, whoever wants to know is told how much of a file has been read."""
-EXTRA = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
+PROGRESS_MESSAGES = 1000
+"""Messages read between two calls of ``progress``."""
+MISSING_MCAP = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
 
 
 class McapWriter:
-    """Write a log: metadata, attachments, then messages in JSON.
+    """Writer of a log: metadata, attachments, then messages in JSON.
 
     Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run.
     A chunk ends with `flush`; what came after the last one is lost where the process is killed.
@@ -47,7 +47,7 @@ class McapWriter:
         try:
             from mcap.writer import Writer
         except ImportError as error:
-            raise MissingDependency(EXTRA) from error
+            raise MissingDependency(MISSING_MCAP) from error
         if os.path.lexists(path) and not (path.is_file() and not path.stat().st_size):
             raise LogError(f"{path}: there is something already; name a new file for the log")
         self._file = writing.open_stream(path)
@@ -71,7 +71,7 @@ class McapWriter:
         self._writer.add_message(self._channels[topic], time_ns, content, written_ns)
 
     def flush(self) -> None:
-        """Have all that was added in the hands of the system."""
+        """Hand all that was added to the system."""
         self._writer.flush()
 
     def finish(self) -> None:
@@ -86,7 +86,7 @@ class McapWriter:
 
 
 class Record(NamedTuple):
-    """One thing in a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end".
+    """Record of a log: "metadata" (a dict), "attachment" or "message" (bytes); complete logs have an "end".
 
     ``name`` is that of the metadata or the attachment, or the message's channel; ``time_ns`` is when a message
     holds, in ns since 1970.
@@ -99,7 +99,7 @@ class Record(NamedTuple):
 
 
 class _Bounded:
-    """A file of so many bytes, of which one never asks for more: a damaged length would ask for all memory."""
+    """File of so many bytes that refuses to read more: a damaged length would ask for all memory."""
 
     def __init__(self, file: IO[bytes], size: int) -> None:
         self._file, self._size = file, size
@@ -111,9 +111,9 @@ class _Bounded:
 
 
 def read_records(path: Path, progress: Callable[[float], None] | None = None) -> Iterator[Record]:
-    """What is in a log? All records that are whole, up to the first that is not.
+    """Yield the records of a log that are whole, up to the first that is not.
 
-    ``progress`` is told now and then which share of the file has been read.
+    ``progress`` is called now and then with the share of the file that has been read.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
     try:
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
     except ImportError as error:
-        raise MissingDependency(EXTRA) from error
+        raise MissingDependency(MISSING_MCAP) from error
     channels: dict[int, str] = {}
     known = complete = False
     with _open(path) as file:
@@ -151,7 +151,7 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
                 yield Record("attachment", record.name, record.data)
             elif isinstance(record, Message):
                 messages += 1
-                if progress is not None and messages % TOLD == 0:
+                if progress is not None and messages % PROGRESS_MESSAGES == 0:
                     progress(file.tell() / size)
                 yield Record("message", name, record.data, record.log_time)
             elif isinstance(record, Footer):
@@ -173,10 +173,10 @@ def _whole_records(file: IO[bytes], size: int) -> Iterator[Any]:
         if not isinstance(record, Chunk):
             yield record
             continue
-        told = frame_content_size(record.data) if record.compression == "zstd" else len(record.data)
+        unpacked = frame_content_size(record.data) if record.compression == "zstd" else len(record.data)
         if (
             record.compression not in ("zstd", "")
-            or not 0 <= max(told, record.uncompressed_size) <= MAX_CHUNK_BYTES
+            or not 0 <= max(unpacked, record.uncompressed_size) <= MAX_CHUNK_BYTES
         ):
             raise EOFError
         yield from breakup_chunk(record, validate_crc=True)

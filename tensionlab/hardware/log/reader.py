@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
     import xarray
 
 
-BLOCK = 1000
-"""So many cycles become arrays at a time: as text and lists they take many times the memory."""
+BLOCK_CYCLES = 1000
+"""Cycles that become arrays at a time: as text and lists they take many times the memory."""
 
 OLD_SUMMARY = {
     "replaced": "fallback_used",
@@ -48,7 +47,7 @@ OLD_SUMMARY = {
 
 @dataclass(frozen=True)
 class RunEvent:
-    """Something that happened in a run, besides its cycles.
+    """Event in a run, besides its cycles.
 
     Attributes
     ----------
@@ -57,7 +56,7 @@ class RunEvent:
     time : float
         Begin of that cycle, in s since the run began.
     kind, text : str
-        What happened, in a word and in a sentence.
+        In a word and in a sentence.
     module : str
         Name of the module; empty where it is none, or all.
     """
@@ -71,22 +70,19 @@ class RunEvent:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Run(CycleTable):
-    """What happened in a run? Arrays over its K cycles, as in `CycleTable`, and what was around them.
+    """Run read from its log: arrays over its K cycles, as in `CycleTable`, and what was around them.
 
     Attributes
     ----------
     rig : Rig
-        As it was.
     manifest : mapping
         Where the run came from: `tensionlab.records.manifest`.
     setup : RunSetup
-        How it was set up.
     modules : mapping of str to mapping
-        What each module, by its name, said it is: the fields of `protocol.Info`. Empty if none was asked.
+        Of each module, by its name, the fields of `protocol.Info`.
     summary : mapping
-        What the runner said at the end, as `Statistics.summary`; empty if it did not come so far.
+        `Statistics.summary` at the end; empty if the run did not come so far.
     events : tuple of RunEvent
-        In their order.
     began : float
         When the run's time was 0, by the host's clock, in s since 1970; NaN if there is no cycle.
     complete : bool
@@ -109,7 +105,7 @@ class Run(CycleTable):
 
     @property
     def allocation(self) -> Allocation:
-        """What was chosen in all cycles, and what is proved about it? Why a backend failed is not kept."""
+        """Allocations of all cycles. Why a backend failed is not kept."""
         return Allocation(
             tensions=self.chosen,
             wrench=self.rendered,
@@ -121,18 +117,60 @@ class Run(CycleTable):
         )
 
     def to_dataset(self) -> xarray.Dataset:
-        """Which dataset holds the run, with names and units? See `tensionlab.hardware.log.reader`."""
-        return to_dataset(self)
+        """Return the run as a dataset with names, units and labels.
+
+        Every column is a variable with the dimension ``cycle`` and its own, and has ``units`` and a ``long_name``.
+        The attributes have what was around the cycles: ``rig`` in TOML; ``manifest``, ``setup``, ``modules``,
+        ``summary`` and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
+
+        Raises
+        ------
+        MissingDependency
+            If xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise MissingDependency('datasets need xarray: pip install "tensionlab[workspace]"') from error
+        lower, upper = np.array(self.setup.lower), np.array(self.setup.upper)
+        limits = {
+            "lower": ("module", lower, {"units": "N", "long_name": "min tension that the solver may choose"}),
+            "upper": ("module", upper, {"units": "N", "long_name": "max tension that the solver may choose"}),
+        }
+        table = {
+            name: (
+                ("cycle", *column.dims),
+                getattr(self, name),
+                {"units": column.unit, "long_name": column.meaning},
+            )
+            for name, column in COLUMNS.items()
+        }
+        coordinates = {"cycle": table.pop("cycle"), "time": table.pop("time"), **limits}
+        return xarray.Dataset(
+            table,
+            {**dimension_labels(self.rig), **coordinates},
+            {
+                "title": f"tensionlab run: {self.rig.name}, {self.setup.solver}",
+                "rig": rig_to_toml(self.rig),
+                "manifest": json.dumps(dict(self.manifest)),
+                "setup": json.dumps(asdict(self.setup)),
+                "modules": json.dumps(dict(self.modules)),
+                "summary": json.dumps(dict(self.summary)),
+                "events": json.dumps([asdict(event) for event in self.events]),
+                "began": self.began,
+                "complete": int(self.complete),
+            },
+        )
 
 
 def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | None = None) -> Run:
-    """What happened in the run that a log keeps? A log that was cut off gives what it holds.
+    """Return the run in a log; of one that was cut off, what it holds.
 
     Parameters
     ----------
     path : path
     progress : callable, optional
-        Told the share of the work that is done, from 0 to 1.
+        Called with the share of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -163,7 +201,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
         elif rig is not None:
             first_ns = time_ns if first_ns is None else first_ns
             rows.append(content)
-            if len(rows) == BLOCK:
+            if len(rows) == BLOCK_CYCLES:
                 blocks.append(_decoded(path, rows, rig))
                 rows = []
     if rig is None or not {"manifest", "setup"} <= metadata.keys():
@@ -193,7 +231,7 @@ def _decoded(path: Path, rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]
 
 
 def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
-    """A setup from JSON, which knows no tuples."""
+    """Return a setup from JSON, which knows no tuples."""
     given = {key: tuple(each) if isinstance(each, list) else each for key, each in values.items()}
     (setup,) = from_mappings([given], RunSetup, f"{path}: setup", LogError)
     if not 0.0 < setup.rate < MAX_MAGNITUDE:
@@ -204,7 +242,7 @@ def _setup(path: Path, values: Mapping[str, Any], rig: Rig) -> RunSetup:
 
 
 def _summary(values: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the summary of a run with the names of today, whichever edition wrote it."""
+    """Return the summary of a run with today's names, whichever edition wrote it."""
     found = {OLD_SUMMARY.get(key, key): value for key, value in values.items()}
     for key in ("start_delay_s", "compute_time_s"):
         if isinstance(found.get(key), dict) and "largest" in found[key]:
@@ -219,8 +257,8 @@ def _modules(path: Path, values: Mapping[str, Any]) -> Mapping[str, Mapping[str,
     return values
 
 
-def labels(rig: Rig) -> dict[str, list[str]]:
-    """What are the entries along each dimension of the columns called?"""
+def dimension_labels(rig: Rig) -> dict[str, list[str]]:
+    """Return the names of the entries along each dimension of the columns."""
     axes = list("xyz"[: rig.dimension])
     torques = [] if rig.n == rig.dimension else ["z"] if rig.dimension == 2 else axes
     return {
@@ -233,62 +271,15 @@ def labels(rig: Rig) -> dict[str, list[str]]:
 
 
 def flat_columns(run: Run) -> dict[str, NDArray[Any]]:
-    """Which columns of one number a cycle hold a run? Called ``chosen.floor-1``, ``structure.Fx.floor-1``, ..."""
-    names = labels(run.rig)
-    return {
-        ".".join([name, *words]): getattr(run, name)[(slice(None), *index)]
-        for name, column in COLUMNS.items()
-        for index, words in _entries([names[dim] for dim in column.dims])
-    }
-
-
-def _entries(words: list[list[str]]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
-    """Which entries has an array with these labels along its dimensions, and what are they called?"""
-    indices = product(*(range(len(each)) for each in words))
-    return zip(indices, product(*words), strict=True)
-
-
-def to_dataset(run: Run) -> xarray.Dataset:
-    """Which dataset holds a run?
-
-    Every column of `CycleTable` is a variable with the dimension ``cycle`` and its own, and has ``units`` and a
-    ``long_name``. The dataset's attributes have what was around the cycles: ``rig`` in TOML; ``manifest``,
-    ``setup``, ``modules``, ``summary`` and ``events`` in JSON; ``began``, in s since 1970; ``complete``, 1 or 0.
-
-    Raises
-    ------
-    MissingDependency
-        If xarray is not installed.
-    """
-    try:
-        import xarray
-    except ImportError as error:
-        raise MissingDependency('datasets need xarray: pip install "tensionlab[workspace]"') from error
-    lower, upper = np.array(run.setup.lower), np.array(run.setup.upper)
-    limits = {
-        "lower": ("module", lower, {"units": "N", "long_name": "least tension that the solver may choose"}),
-        "upper": ("module", upper, {"units": "N", "long_name": "largest tension that the solver may choose"}),
-    }
-    table = {
-        name: (("cycle", *column.dims), getattr(run, name), {"units": column.unit, "long_name": column.meaning})
-        for name, column in COLUMNS.items()
-    }
-    coordinates = {"cycle": table.pop("cycle"), "time": table.pop("time"), **limits}
-    return xarray.Dataset(
-        table,
-        {**labels(run.rig), **coordinates},
-        {
-            "title": f"tensionlab run: {run.rig.name}, {run.setup.solver}",
-            "rig": rig_to_toml(run.rig),
-            "manifest": json.dumps(dict(run.manifest)),
-            "setup": json.dumps(asdict(run.setup)),
-            "modules": json.dumps(dict(run.modules)),
-            "summary": json.dumps(dict(run.summary)),
-            "events": json.dumps([asdict(event) for event in run.events]),
-            "began": run.began,
-            "complete": int(run.complete),
-        },
-    )
+    """Return a run as columns of one number a cycle: ``chosen.floor-1``, ``structure.Fx.floor-1``, ..."""
+    labels = dimension_labels(run.rig)
+    found = {}
+    for name, column in COLUMNS.items():
+        names = [labels[dim] for dim in column.dims]
+        for index in np.ndindex(*map(len, names)):
+            words = (each[at] for each, at in zip(names, index, strict=True))
+            found[".".join([name, *words])] = getattr(run, name)[:, *index]
+    return found
 
 
 def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
@@ -303,7 +294,7 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
     WriteError
         If the file cannot be written; what was there before stays.
     """
-    writing.write_bytes(path, bytes(to_dataset(run).to_netcdf(engine="scipy")))
+    writing.write_bytes(path, bytes(run.to_dataset().to_netcdf(engine="scipy")))
 
 
 @dataclass(frozen=True)

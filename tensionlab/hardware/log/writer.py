@@ -1,4 +1,4 @@
-"""The log of a run, written while it runs: every cycle, and every event between."""
+"""Log of a run, written while it runs: every cycle, and every event between."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from tensionlab.hardware.runner.statistics import Cycle, Statistics
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
 
-FLUSH = 0.2
-"""What was logged is in the system's hands after so many s, and then outlives the process."""
-BACKLOG = 20_000
-"""So many cycles and events may wait for a slow disk; at 1 kHz, 20 s."""
-GAP = 50e-6
-"""After each cycle, while more wait, the writer leaves the interpreter to the control loop for so many s."""
-HURRY = 200
+FLUSH_S = 0.2
+"""What was logged is with the system after that time, and then outlives the process."""
+MAX_BACKLOG = 20_000
+"""Cycles and events that may wait for a slow disk; at 1 kHz, 20 s."""
+YIELD_S = 50e-6
+"""After each cycle, while more wait, the writer leaves the interpreter to the control loop for that time."""
+MAX_YIELDING = 200
 """While so many wait, it does not: a loop that never sleeps would leave it too little."""
-CLOSING = 10.0
-"""What still waits when the run ends may take so many s to write."""
+CLOSE_TIMEOUT_S = 10.0
+"""What still waits when the run ends may take so long to write."""
 
 EVENT_SCHEMA = {
     "title": "tensionlab.Event",
@@ -49,7 +49,7 @@ EVENT_SCHEMA = {
 
 @dataclass(frozen=True)
 class RunSetup:
-    """How was a run set up?
+    """Setup of a run.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class RunSetup:
     parameters : mapping
         The solver's hyper-parameters.
     nearest : str or None
-        Its policy where a wrench is out of reach.
+        Its policy for infeasible wrenches.
     rate, ttl, on_loss
         As in `RunSettings`.
     lower, upper : tuple of float
@@ -79,7 +79,7 @@ class RunSetup:
 
 
 def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
-    """How is a run set up that has these settings? Arguments and errors as those of `RunLog`."""
+    """Return the setup of a run with these settings. Arguments and errors as those of `RunLog`."""
     made, nearest = resolve_solver(solver, settings.nearest)
     return RunSetup(
         solver=solver if isinstance(solver, str) else type(solver).__name__,
@@ -95,9 +95,9 @@ def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mappi
 
 
 class RunLog:
-    """Keep what happens in a run. A thread does the writing, so that no cycle waits for a disk.
+    """Log of a run. A thread does the writing, so that no cycle waits for a disk.
 
-    Every cycle is in the system's hands within `FLUSH` seconds, and so in the file even if the process is killed.
+    Every cycle is with the system within `FLUSH_S` seconds, and so in the file even if the process is killed.
     Close the log: only then has it an index, and counts as complete.
 
     Parameters
@@ -105,7 +105,6 @@ class RunLog:
     path : path
         An MCAP file (``.mcap``): new, or empty.
     rig : Rig
-        What runs.
     manifest : mapping
         Where the run comes from: `tensionlab.records.manifest`.
     solver : str or Solver
@@ -184,7 +183,7 @@ class RunLog:
         self._put("event", event)
 
     def modules(self, infos: Mapping[str, Info]) -> None:
-        """Keep what each module, by its name, said it is. Errors as those of `write`."""
+        """Keep the description of each module, by its name. Errors as those of `write`."""
         self._put("modules", {name: asdict(info) for name, info in infos.items()})
 
     def close(self, statistics: Statistics | None = None) -> None:
@@ -198,15 +197,19 @@ class RunLog:
         if self._thread.is_alive():
             self._summary = {} if statistics is None else statistics.summary()
             self._queue.put(None)
-            self._thread.join(CLOSING)
+            self._thread.join(CLOSE_TIMEOUT_S)
             if self._thread.is_alive():
-                self._error = LogError(f"{self.path}: the disk did not take the last cycles within {CLOSING:g} s")
+                self._error = LogError(
+                    f"{self.path}: the disk did not take the last cycles within {CLOSE_TIMEOUT_S:g} s"
+                )
         if self._error is not None:
             raise self._error
 
     def _put(self, topic: str, what: Any) -> None:
-        if self._error is None and self._queue.qsize() >= BACKLOG:
-            self._error = LogError(f"{self.path}: the disk does not keep up; {BACKLOG} cycles wait to be written")
+        if self._error is None and self._queue.qsize() >= MAX_BACKLOG:
+            self._error = LogError(
+                f"{self.path}: the disk does not keep up; {MAX_BACKLOG} cycles wait to be written"
+            )
         if not self._thread.is_alive() and self._error is None:  # in this order: an error ends the thread
             self._error = LogError(f"{self.path}: the log is closed; nothing can be added to it")
         if self._error is not None:
@@ -229,7 +232,7 @@ class RunLog:
             self._file.abandon()
 
     def _write_all(self) -> None:
-        """Write what comes, until the end."""
+        """Write what is queued, until the end."""
         due = math.inf  # when what was written must be flushed
         while True:
             try:
@@ -241,12 +244,12 @@ class RunLog:
             if item is None:
                 return
             self._write_one(*item)
-            due = min(due, time.monotonic() + FLUSH)
+            due = min(due, time.monotonic() + FLUSH_S)
             if time.monotonic() >= due:
                 self._file.flush()
                 due = math.inf
-            if 0 < self._queue.qsize() < HURRY:
-                time.sleep(GAP)
+            if 0 < self._queue.qsize() < MAX_YIELDING:
+                time.sleep(YIELD_S)
 
     def _write_one(self, topic: str, when: int, now: int, what: Any) -> None:
         if topic == "modules":

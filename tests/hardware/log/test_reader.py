@@ -22,10 +22,10 @@ from tests.support import runs
 
 @pytest.fixture(scope="module")
 def seven(tmp_path_factory):
-    """A run of seven modules, one of which is lost half way, and the cycles that were written."""
+    """Return a run of seven modules, one of which is lost half way, and the cycles that were written."""
     file = tmp_path_factory.mktemp("logs") / "seven.mcap"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tensionlab.hardware.log.writer.FLUSH", 0.005)  # so that there is more than one chunk
+        patch.setattr("tensionlab.hardware.log.writer.FLUSH_S", 0.005)  # so that there is more than one chunk
         return file, runs.logged(file, runs.seven(), 120, lost=2)
 
 
@@ -291,7 +291,7 @@ def test_foxglove_reads_schemas_of_numbers_and_plain_lists():
 
 
 def test_a_reader_tells_how_far_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.hardware.log.mcap_file.TOLD", 10)
+    monkeypatch.setattr("tensionlab.hardware.log.mcap_file.PROGRESS_MESSAGES", 10)
     runs.logged(tmp_path / "run.mcap", runs.four(), 100)
     shares = []
     read_run(tmp_path / "run.mcap", shares.append)

@@ -13,7 +13,7 @@ import pytest
 from tensionlab.errors import LogError
 from tensionlab.files import writing
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.hardware.log.writer import FLUSH
+from tensionlab.hardware.log.writer import FLUSH_S
 from tests.support import runs
 
 pytestmark = pytest.mark.realtime  # processes that are killed while they write
@@ -144,7 +144,7 @@ def test_cycles_are_in_the_file_soon(tmp_path):
     log = open_log(file)
     for cycle in runs.cycles(rig, 20):
         log.write(cycle)
-    end = time.monotonic() + 10 * FLUSH
+    end = time.monotonic() + 10 * FLUSH_S
     while len(read_run(file)) < 20 and time.monotonic() < end:
         time.sleep(0.02)
     assert len(read_run(file)) == 20
@@ -152,7 +152,7 @@ def test_cycles_are_in_the_file_soon(tmp_path):
 
 
 def test_a_disk_that_does_not_keep_up_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.hardware.log.writer.BACKLOG", 50)
+    monkeypatch.setattr("tensionlab.hardware.log.writer.MAX_BACKLOG", 50)
     monkeypatch.setattr("tensionlab.hardware.log.mcap_file.McapWriter.message", lambda *_: time.sleep(0.05))
     log = open_log(tmp_path / "run.mcap")
 

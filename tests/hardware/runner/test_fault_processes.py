@@ -59,7 +59,7 @@ def assert_let_go(recording, since, names=("floor-1", "floor-2", "floor-3")):
 
 @pytest.fixture
 def rig(tmp_path):
-    """A rig of simulated modules in a process of their own: modules file, recording."""
+    """Yield a rig of simulated modules in a process of their own: modules file, recording."""
     words = (RIG, "--modules", tmp_path / "modules.toml", "--record", tmp_path / "record.csv")
     with simulated(*words):
         yield tmp_path / "modules.toml", tmp_path / "record.csv"

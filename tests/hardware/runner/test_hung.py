@@ -104,7 +104,7 @@ def states(links):
 
 
 def hung(manner, links, tmp_path):
-    """A host whose solver hangs that way; begin when it does."""
+    """Return a process of a host whose solver hangs that way."""
     return running(HOST, manner, RIG, tmp_path / "run.mcap", *links.values())
 
 

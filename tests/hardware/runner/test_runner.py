@@ -246,7 +246,7 @@ def test_unknown_lengths_are_refused(rig):
 
 
 def round_trip(rig, radius=0.2, period=4.0):
-    """A hand that goes round home."""
+    """Return the motion of a hand that goes round home."""
 
     def motion(time):
         angle = 2.0 * np.pi * time / period

@@ -10,7 +10,7 @@ RIGS = ["bartels2026-validation", "seven-modules", "cube-8", "kntu-planar", "ipa
 
 
 def walk(rig, rng):
-    """A pose near home, drifting by some mm and mrad a step."""
+    """Yield a pose near home, drifting by some mm and mrad a step."""
     position, turn = rig.home.copy(), np.eye(rig.dimension)
     for _ in range(200):
         position = position + 1e-3 * rng.normal(size=rig.dimension)
