@@ -138,7 +138,7 @@ def find_rig(name: str) -> Rig:
 
     Raises
     ------
-    ShapeError, RigError
+    DataError, RigError
         If the data sets are not there, or the rig is not among them.
     """
     return load_rig(datasets.folder() / "rigs" / f"{name}.toml")

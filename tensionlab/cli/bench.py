@@ -16,7 +16,7 @@ from tensionlab.allocation import allocate
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
-from tensionlab.errors import ShapeError, WriteError
+from tensionlab.errors import InputError, WriteError
 from tensionlab.files.writing import make_folder, write_text
 from tensionlab.solvers.base import Status
 
@@ -107,7 +107,7 @@ def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
     drawn = []
     for name, draw in figures.items():
         paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
-        with suppress(ShapeError):  # nothing to draw, such as no trajectory
+        with suppress(InputError):  # nothing to draw, such as no trajectory
             if all(keeper.write("", path, partial(_draw, draw, results)) for path in paths):
                 drawn.append(name)
     keeper.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))

@@ -10,7 +10,7 @@ import numpy as np
 from tensionlab.benchmark.entries import WRAPPERS
 from tensionlab.benchmark.report import newton as force
 from tensionlab.benchmark.statistics import jumps, maximum, profile, quantile
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.plots.labels import label_points
 from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from tensionlab.arrays import Floats
     from tensionlab.benchmark.results import Results, Row
-
 
 EXACT_N = 1e-6
 """An answer with an error up to this is exact, as the interface verifies."""
@@ -37,6 +36,10 @@ LOOKS = {
     "tight": ("baseline, tight settings", RED, "D"),
 }
 """Name, colour and marker of each kind of entry."""
+MAX_RATIO = 1e4
+"""Ratios above are not drawn."""
+COLUMNS = 4
+"""Panels beside each other."""
 
 
 class Dot(NamedTuple):
@@ -123,12 +126,6 @@ def short_name(label: str) -> str:
     return short.replace("daqp", "daqp (qpsolvers)") if short != label else short
 
 
-MAX_RATIO = 1e4
-"""Ratios above are not drawn."""
-COLUMNS = 4
-"""Panels beside each other."""
-
-
 def plot_profile(results: Results) -> Figure:
     """Draw for which share of the problems each entry is within so many times the fastest.
 
@@ -210,12 +207,12 @@ def plot_continuity(results: Results) -> Figure:
 
     Raises
     ------
-    ShapeError
+    InputError
         If there is no trajectory in the results.
     """
     rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]
     if not rows:
-        raise ShapeError("no trajectory in these results; measure the set `trajectory`")
+        raise InputError("no trajectory in these results; measure the set `trajectory`")
     alone = [row.nearest is None or sum(other.label == row.label for other in rows) == 1 for row in rows]
     names = [
         short_name(row.label).removesuffix(", default") + ("" if single else f", {row.nearest}")
@@ -276,7 +273,7 @@ def _pooled(results: Results) -> dict[str, _Line]:
     lines = {label: _Line(each) for label, each in there.items()}
     drawn = {label: line for label, line in lines.items() if np.isfinite(line.seconds).any()}
     if not drawn:
-        raise ShapeError("no answers in these results that could be drawn")
+        raise InputError("no answers in these results that could be drawn")
     return drawn
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.plots import scenario_panels as panels_of
 from tensionlab.plots.labels import label_points
 from tensionlab.plots.scene import TILE_M, Moment, draw_scene, origin_of, scene_legend, scripted_moment
@@ -45,12 +45,12 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check]) -> Figure:
 
     Raises
     ------
-    ShapeError
+    InputError
         If nothing was played.
     """
     run, scenario = played.run, played.scenario
     if not len(run):
-        raise ShapeError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
+        raise InputError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
     bars, lanes = panels_of.timeline(played), panels_of.lanes_of(scenario.phases)
     heights = [0.1 + 0.3 * len(lanes), 2.7, *([1.0] * run.rig.m), *([0.1 + 0.25 * len(bars)] if bars else [])]
     upper = max(6.8, 1.0 + 1.25 * sum(heights))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.plots.style import BLUE, GREY, ORANGE, add_legend, new_figure
 from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, share_above
 
@@ -66,7 +66,7 @@ def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: fl
 def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None) -> Figure:
     """Draw, for each rig, the volume in which a metric is above a level.
 
-    Parameters and errors as in `plot_slices`; also a `ShapeError` for a sweep that is not over a grid in space.
+    Parameters and errors as in `plot_slices`; also a `InputError` for a sweep that is not over a grid in space.
     """
     field = read_field(swept, metric)
     columns = min(3, len(field.names))
@@ -88,7 +88,7 @@ def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     if len(field.axes) != 3 or min(len(axis) for axis in field.axes.values()) < 2:
-        raise ShapeError("a volume needs a sweep over a grid with several x, y and z")
+        raise InputError("a volume needs a sweep over a grid with several x, y and z")
     anchors = field.anchors[number]
     ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
     low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))

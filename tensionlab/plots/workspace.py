@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
 
     Raises
     ------
-    ShapeError
+    InputError
         If there is no such variable or no grid.
     """
     field = read_field(swept, metric)
@@ -97,7 +97,7 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     picture = np.nan_to_num(picture if names.index(along) < names.index(across) else picture.T, nan=0.0)
     x, y = field.axes[across], field.axes[along]
     if min(len(x), len(y)) < 2:
-        raise ShapeError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
+        raise InputError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
     axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE_COLOUR, linewidth=0)
     shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
     if (picture > 0).any():
@@ -216,20 +216,20 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
 
     Raises
     ------
-    ShapeError
+    InputError
         If the sweep has no such metric, or is not over a grid of positions alone.
     """
     if metric is None:
         metric = str(next(iter(swept.data_vars)))
     if metric not in swept.data_vars:
         known = ", ".join(str(name) for name in swept.data_vars)
-        raise ShapeError(f'the sweep has no metric "{metric}"; it has {known}')
+        raise InputError(f'the sweep has no metric "{metric}"; it has {known}')
     values = swept[metric]
     axes = {name: swept[name].to_numpy() for name in "xyz" if name in values.dims}
     configurations = swept["kind"].dims
     other = [str(name) for name in values.dims if name not in axes and name not in configurations]
     if other or len(axes) < 2:
-        raise ShapeError(f"figures need a sweep over a grid of positions; this one has the axes {values.dims}")
+        raise InputError(f"figures need a sweep over a grid of positions; this one has the axes {values.dims}")
     anchors, ends = (
         each.transpose(*configurations, "module", "axis").to_numpy().reshape(-1, *each.shape[-2:])
         for each in (swept["anchor"], swept["attachment"] + swept["home"])

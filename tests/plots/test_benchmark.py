@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmark.results import EVIDENCE
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
 from tensionlab.plots.labels import _cost, _distance, _places
 from tensionlab.plots.style import save_figure
@@ -68,7 +68,7 @@ def test_the_summary_needs_no_evidence(tmp_path, bench_results):
 
 def test_without_a_trajectory_there_is_no_picture_of_one(tmp_path, bench_results):
     rows = tuple(bench_results.of_set("point"))
-    with pytest.raises(ShapeError, match="no trajectory"):
+    with pytest.raises(InputError, match="no trajectory"):
         save_figure(plot_continuity(replace(bench_results, rows=rows)), tmp_path / "p.png")
 
 

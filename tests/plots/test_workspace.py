@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import ShapeError
+from tensionlab.errors import InputError
 from tensionlab.plots import plot_layouts, plot_metrics, plot_shares, plot_slices, plot_volume
 from tensionlab.plots.style import save_figure
 from tensionlab.plots.workspace import read_field, share_above
@@ -79,21 +79,21 @@ def test_pictures_of_a_planar_rig(tmp_path):
     rig = tl.Rig("square", "planar-point", modules, np.zeros(2))
     found = tl.sweep(rig, Grid(AXIS, AXIS), "capacity-margin", progress=False)
     save_figure(plot_slices(found), tmp_path / "s.svg")
-    with pytest.raises(ShapeError, match="several x, y and z"):
+    with pytest.raises(InputError, match="several x, y and z"):
         save_figure(plot_volume(found), tmp_path / "v.svg")
 
 
 def test_what_cannot_be_drawn_is_refused(tmp_path, swept):
-    with pytest.raises(ShapeError, match='no metric "margin"; it has capacity-margin, condition-number'):
+    with pytest.raises(InputError, match='no metric "margin"; it has capacity-margin, condition-number'):
         save_figure(plot_slices(swept, "margin"), tmp_path / "s.svg")
     along = tl.sweep(tl.box_corners((1, 1, 1)), np.zeros((3, 3)), "capacity-margin", progress=False)
-    with pytest.raises(ShapeError, match="grid"):
+    with pytest.raises(InputError, match="grid"):
         save_figure(plot_shares(along), tmp_path / "c.svg")
 
 
 def test_a_grid_too_coarse_to_draw_is_refused(tmp_path):
     coarse = tl.sweep(tl.box_corners((1, 1, 1)), Grid([0.0], [0.1], [0.2]), "capacity-margin", progress=False)
-    with pytest.raises(ShapeError, match=r"needs two positions or more along .*; give a smaller step"):
+    with pytest.raises(InputError, match=r"needs two positions or more along .*; give a smaller step"):
         save_figure(plot_slices(coarse), tmp_path / "s.svg")
 
 
