@@ -13,7 +13,7 @@ PACKAGE = Path(writing.__file__).parents[1]
 # What is written bit by bit in its own place, so that it outlives a killed process; locks; nowhere.
 IN_PLACE = {
     "files/writing.py",
-    "cli/ending.py",
+    "cli/__init__.py",
     "hardware/client/locks.py",
     "validation/journal.py",
     "workspace/sweep/store.py",
