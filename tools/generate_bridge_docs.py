@@ -50,7 +50,7 @@ messages. This page is generated from the code, by `make docs`.
   or {100 * READ_SHARE:g} % of a processor's time for reading it. {MAX_REFUSED} refusals in a row end the
   connection, and so do as many of what is too much without a calm while between.
 - The desired force is at most twice what all cables together pull. Effects that fail while they are rendered are
-  removed, their force fades, and their client is sent away with the reason; the loop goes on.
+  removed, their force fades, and their client is dismissed with the reason; the loop goes on.
 - Pages of this machine may connect, and programs; other pages only with `--page`. Beyond this machine
   (`--host 0.0.0.0`) a token is needed: `?token=...` or `Authorization: Bearer ...`. The server has it from
   `--token-file FILE` or the environment, `TENSIONLAB_BRIDGE_TOKEN`.

@@ -1,1 +1,1 @@
-"""What force to ask for: effects, their stability, and one-way brakes. Knows no device."""
+"""Haptic rendering: effects, their stability, one-way brakes, and the bridge for game engines. Knows no device."""

@@ -137,11 +137,6 @@ def choose_locks(
     stiffness_ratio : (...) array, optional
         Largest stiffness of a locked set, as a multiple of that of one cable; less than 1 refuses all. See
         `tensionlab.haptics.brakes.contact.ImpactCap`.
-    rule : LockRule
-
-    Returns
-    -------
-    LockSet
 
     Raises
     ------
@@ -258,10 +253,6 @@ def brake_map(
         In N, above 0.
     limits, strengths, rule
         As in `choose_locks`; strengths of 0 make a map of the motors alone.
-
-    Returns
-    -------
-    BrakeMap
 
     Raises
     ------

@@ -69,10 +69,6 @@ def brake_reaction(structure: ArrayLike, locked: ArrayLike, load: ArrayLike) -> 
     load : (..., d) array
         What pulls on the point besides these brakes, in N: the user, the motors, weight.
 
-    Returns
-    -------
-    Reaction
-
     Raises
     ------
     ShapeError

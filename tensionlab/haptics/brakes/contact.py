@@ -73,8 +73,8 @@ TIMING = Timing()
 class ImpactCap:
     """Cap on the force with which a body is stopped.
 
-    A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact: who
-    goes on pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
+    A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact: a body
+    that goes on pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
     that break away below the cap are part of it: without them, 23 of 1,000 random heads met more. A scenario
     refuses a rig whose motors and brakes could together pull harder than its cap.
 
@@ -192,21 +192,14 @@ def decide(
         Structure matrix of a point: unit vectors towards the anchors.
     position, velocity : (d,) arrays
         Of the point, in m and m/s. Where anchors move with the user's body, as seen from there.
-    wall : Wall
     limits : TensionLimits
         Of the motors.
     strengths : (m,) array
         As in `choose_locks`.
     contact : BrakeContact or None
         What the last cycle decided.
-    timing : Timing
     cap : ImpactCap or None
         For what must not be hurt. It limits what each brake may be loaded with as well.
-    rule : LockRule
-
-    Returns
-    -------
-    Decision
 
     Raises
     ------

@@ -77,7 +77,6 @@ class ClientState:
         Who commands.
     count : int
         Frames that came.
-    stop_requested : bool
     """
 
     rig: Rig
@@ -103,7 +102,6 @@ class ClientState:
 
         Parameters
         ----------
-        frame : Frame
         now : float
             When it came, in s.
         commander : Commander, optional

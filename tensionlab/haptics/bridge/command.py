@@ -107,7 +107,7 @@ class LeakyBucket:
         passed = 0.0 if self._latest is None else max(now - self._latest, 0.0)
         self._latest = now
         leaked = max(self._level - passed * self.per_second, 0.0)
-        self._level = min(leaked + amount, 2.0 * self.at_once)  # who has paused long enough may go on
+        self._level = min(leaked + amount, 2.0 * self.at_once)  # after a pause that is long enough it goes on
 
     @property
     def full(self) -> bool:

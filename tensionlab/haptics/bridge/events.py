@@ -48,7 +48,6 @@ class RunEvents:
 
     Parameters
     ----------
-    rig : Rig
     limiters, brakes : mapping of int to str
         Names of the numbers in `RigState.limiters` and `RigState.brakes`.
     frames : callable

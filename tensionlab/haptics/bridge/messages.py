@@ -87,7 +87,7 @@ class Welcome(Message):
     modules: list[str] = Field(description="their names, in the order of all lists")
     scenario: str | None = Field(None, description="its name, if one is played")
     bodies: list[str] = Field(
-        description="names of the bodies whose places the client should tell, the hand first"
+        description="names of the bodies whose places the client should send, the hand first"
     )
     rate: float = Field(description="cycles a second")
     timeout: float = Field(description="after so many s without a frame there is no force any more")
@@ -139,7 +139,7 @@ KINDS = {
 
 
 class Event(Message):
-    """Something that happened; to those who watch, and to who commands. A `rate`, once a second, only to watchers.
+    """Something that happened, for all clients. A `rate`, once a second, goes only to those that watch.
 
     Keys that do not belong to its kind are left out.
     """

@@ -207,10 +207,6 @@ class OscServer:
     report : callable
         Called with why messages were ignored; a line for each kind, and sums.
 
-    Attributes
-    ----------
-    port : int
-
     Raises
     ------
     HardwareError
@@ -299,7 +295,7 @@ class OscServer:
             self._ignored.add("messages that cannot be", f"{type(error).__name__}: {error}")
 
     def _known(self, machine: str, now: float) -> Commander | None:
-        """Return this machine as who commands, or did; one that was dismissed may come back after a silence."""
+        """Return the client of this machine that commands, or did; one dismissed may come back after a silence."""
         mine = self._commander
         if mine is None or machine != self._machine:
             return None

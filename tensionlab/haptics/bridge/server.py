@@ -42,7 +42,7 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 LOCAL_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 """Pages of this machine, which may open the bridge."""
 MAX_CLIENTS = 32
-"""Connections at a time, of who commands and who watches."""
+"""Connections at a time, to command or to watch."""
 MAX_CLOSE_BYTES = 120
 """Of the reason in a closing frame, which has room for 123."""
 MIN_WAIT_S = 0.1
@@ -151,7 +151,7 @@ class Bridge:
         self._thread.join()
 
     def broadcast(self, event: Event) -> None:
-        """Send an event to all clients, but rates only to those who watch; from any thread."""
+        """Send an event to all clients, but rates only to those that watch; from any thread."""
         self._soon(partial(self._send_event, event))
 
     def _run(self) -> None:

@@ -43,7 +43,6 @@ class BridgedDemand:
 
     Parameters
     ----------
-    client : ClientState
     inner : Inner
         Gets the client's effects: `FreeEffects`, or a scenario's demand.
     on_cycle : callable, optional

@@ -74,7 +74,6 @@ class Wall:
 
     Parameters
     ----------
-    plane : Plane
     stiffness : float
         K in N/m. 300, on the module, is a default of this project.
     damping : float
@@ -120,7 +119,6 @@ class Magnet:
 
     Parameters
     ----------
-    plane : Plane
     max_force : float
         F_max in N; 3 is a default of this project.
     reach : float
@@ -235,12 +233,10 @@ class Friction:
 
         Parameters
         ----------
-        motion : Motion
         load : (...) array
             F_n in N.
         normal : (..., d) array or None
             Unit normal of the surface; None: every direction rubs.
-        memory : Bristle or None
         """
         if not isinstance(memory, Bristle):
             still = np.zeros(motion.position.shape[:-1], dtype=np.bool_)

@@ -56,7 +56,6 @@ class Rendered(NamedTuple):
     ----------
     force : (..., d) array
         In N.
-    memory : Memory
     bypass_slew : bool or (...) array of bool
         Whether this force is meant to jump, so that the slew limit has to stand aside.
     """

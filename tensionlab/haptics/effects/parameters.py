@@ -32,7 +32,6 @@ class Range:
 
     Parameters
     ----------
-    unit : str
     low, high : float
         Both are allowed; NaN never is.
     positive : bool
@@ -63,7 +62,6 @@ class Vector:
 
     Parameters
     ----------
-    unit : str
     low, high : float
         Of each component.
     shortest : float

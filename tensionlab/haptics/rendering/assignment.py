@@ -103,7 +103,6 @@ class EffectFailed(EffectError):  # noqa: N818 - what happened
     ----------
     effect : int or str
         Its index, in the order in which effects were given, or its name.
-    reason : str
     """
 
     def __init__(self, effect: int | str, reason: str) -> None:
@@ -130,7 +129,6 @@ def assign(
         Most important first.
     motion : Motion
         One, not a batch.
-    cables : Cables
     limits : ModuleLimits or None
         Of the modules; None: those of the firmware as it comes.
     host_stiffness : float
@@ -211,7 +209,6 @@ def along_cable(
 
     Parameters
     ----------
-    part : AxisImpedance
     length : float
         Of the cable, in m.
     direction : (d,) array
@@ -247,7 +244,6 @@ def expected_force(
 
     Parameters
     ----------
-    part : AxisImpedance
     direction : (d,) array
         Unit vector of the cable, from the hand to the module.
     velocity : (d,) array

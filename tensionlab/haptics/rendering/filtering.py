@@ -96,7 +96,6 @@ class Stages:
 
     Parameters
     ----------
-    controller : PassivityController or None
     cutoff : float
         Of the velocity's low-pass, in Hz; 60 is a default of this project.
     slew : float

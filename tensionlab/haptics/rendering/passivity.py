@@ -79,7 +79,7 @@ class PassivityController:
     three times the bound of stiffness and 30 ms. The price: over 20 ms, a hand of 0.3 m/s meets a wall of half the
     bound with twice the force.
 
-    After Hannaford and Ryu 2002, "Time-domain passivity control of haptic interfaces", who have no delay and look
+    After Hannaford and Ryu 2002, "Time-domain passivity control of haptic interfaces", with no delay, which look
     one step ahead; the pairing with the round trip and the look at what is on its way are this project's own.
 
     Parameters

@@ -98,7 +98,6 @@ class Renderer:
             By any names. One that is changed keeps what it remembers, unless it becomes another kind.
         motion : Motion
             Of the hand.
-        state : RigState
         share : float
             Of everything, from 0 to 1. At 0 the cables are held taut.
 
