@@ -181,9 +181,9 @@ def _published() -> dict[str, Any]:
 
 
 def _read_published(place: Path) -> object:
-    from tensionlab.validation import published
+    from tensionlab.validation.data_tables import read_published
 
-    return published.read(place)
+    return read_published(place)
 
 
 def _read_directions(place: Path) -> object:
@@ -212,7 +212,7 @@ def _read_lengths(place: Path) -> object:
 
 
 def _read_forces(place: Path) -> object:
-    from tensionlab.validation.readings import read_forces
+    from tensionlab.validation.sensors import read_forces
 
     return read_forces(place)
 
@@ -227,13 +227,13 @@ def _positions() -> dict[str, bytes]:
 
 
 def _recording() -> dict[str, Any]:
-    from tensionlab.validation.recordings import FORCES
+    from tensionlab.validation.data_tables import FORCES
 
     modules = ["a", "b"]
     columns: dict[str, Any] = {f"{name}.F{axis}": [0.5, 1.0] for name in FORCES for axis in "xyz"}
     columns |= {f"tensions.{name}": [1.0, 2.0] for name in modules}
-    columns |= {"spread": [0.1, 0.2], "status": ["EXACT", "NEAREST"], "replaced": [True, False]}
-    columns |= {"samples": [10, 20], "hindered": ["", "a"]}
+    columns |= {"spread": [0.1, 0.2], "status": ["EXACT", "NEAREST"], "fallback_used": [True, False]}
+    columns |= {"samples": [10, 20], "limited_modules": ["", "a"]}
     about = {
         "simulated": True,
         "rig": "r",
@@ -249,14 +249,14 @@ def _recording() -> dict[str, Any]:
 
 
 def _read_recording(place: Path) -> object:
-    from tensionlab.validation import recordings
+    from tensionlab.validation.data_tables import read_recording
 
-    found = recordings.read(place)
+    found = read_recording(place)
     return found.error, found.in_sensor_axes(), found.simulated
 
 
 def _trials() -> dict[str, Any]:
-    numbers = ["angle", "angle_largest", "magnitude", "magnitude_error", "vector", "within"]
+    numbers = ["angle", "angle_max", "magnitude", "magnitude_error", "vector", "within"]
     columns: dict[str, Any] = {
         "question": ["preset"],
         "choice": ["ideal"],
@@ -268,9 +268,9 @@ def _trials() -> dict[str, Any]:
 
 
 def _read_trials(place: Path) -> object:
-    from tensionlab.validation import trials
+    from tensionlab.validation.data_tables import read_trials
 
-    return trials.read(place).of("preset")
+    return read_trials(place).of("preset")
 
 
 def _vectors() -> dict[str, Any]:
@@ -278,9 +278,9 @@ def _vectors() -> dict[str, Any]:
 
 
 def _read_vectors(place: Path) -> object:
-    from tensionlab.validation import vectors
+    from tensionlab.validation.data_tables import read_vectors
 
-    return vectors.read(place)
+    return read_vectors(place)
 
 
 def _journal() -> list[Any]:
@@ -291,13 +291,13 @@ def _journal() -> list[Any]:
         "measured": [0.0, 1.0, 0.0],
         "tensions": [1.0, 2.0],
         "status": "EXACT",
-        "replaced": False,
+        "fallback_used": False,
         "samples": 10,
         "spread": 0.1,
         "rested": 0.0,
-        "hindered": [],
+        "limited_modules": [],
     }
-    return [{"format": "tensionlab validation 1", "rig": "r"}, force, {**force, "number": 1}]
+    return [{"format": "tensionlab validation 2", "rig": "r"}, force, {**force, "number": 1}]
 
 
 def _json_lines(document: Any) -> bytes:
@@ -308,7 +308,7 @@ def _json_lines(document: Any) -> bytes:
 
 
 def _read_journal(place: Path) -> object:
-    from tensionlab.validation.journal import Journal
+    from tensionlab.validation.session import Journal
 
     return Journal(place, {"rig": "r"}).measurements
 

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from paper_figures import anchor_count
-from tensionlab.validation.published import Published
-from tensionlab.validation.recordings import Recording
+from tensionlab.validation.data_tables import Published, Recording, Trial
 from tensionlab.validation.statistics import Interval, score
-from tensionlab.validation.trials import Trial
 
 LATEX = (("%", r"\%"), ("°", r"$^\circ$"), ("–", "--"), ("“", "``"), ("”", "''"))
 TAILS = (0.1, 0.5, 0.9)

@@ -142,27 +142,27 @@ def _space(path: Path) -> Any:
 
 
 def _vectors(path: Path) -> Any:
-    from tensionlab.validation import vectors
+    from tensionlab.validation.data_tables import read_vectors
 
-    return vectors.read(path)
+    return read_vectors(path)
 
 
 def _published(path: Path) -> Any:
-    from tensionlab.validation import published
+    from tensionlab.validation.data_tables import read_published
 
-    return published.read(path)
+    return read_published(path)
 
 
 def _recording(path: Path) -> Any:
-    from tensionlab.validation import recordings
+    from tensionlab.validation.data_tables import read_recording
 
-    return recordings.read(path)
+    return read_recording(path)
 
 
 def _trials(path: Path) -> Any:
-    from tensionlab.validation import trials
+    from tensionlab.validation.data_tables import read_trials
 
-    return trials.read(path)
+    return read_trials(path)
 
 
 def _results(path: Path) -> Any:

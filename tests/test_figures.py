@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmark import results
-from tensionlab.validation import recordings, trials
+from tensionlab.validation.data_tables import write_recording, write_trials
 from tests.support.recorded import made_up, made_up_trials
 
 ROOT = Path(__file__).parents[1]
@@ -71,8 +71,8 @@ def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path):
 def test_other_recordings_and_trials_make_other_figures_and_tables(tmp_path):
     data = tmp_path / "datasets"
     shutil.copytree(ROOT / "datasets", data)
-    recordings.write(data / "recordings" / "paper-like-simulated.parquet", made_up())
-    trials.write(data / "what-if" / "paper-like-simulated.parquet", made_up_trials(), {})
+    write_recording(data / "recordings" / "paper-like-simulated.parquet", made_up())
+    write_trials(data / "what-if" / "paper-like-simulated.parquet", made_up_trials(), {})
     made = make(tmp_path / "out", "forces", "error-sphere", "published", "what-if", "--datasets", data)
     assert made.returncode == 0, made.stderr
     files = list((tmp_path / "out").iterdir())

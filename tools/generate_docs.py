@@ -19,7 +19,7 @@ import numpy as np
 
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
-from tensionlab.validation.trials import Trial
+from tensionlab.validation.data_tables import Trial
 from tools.generate_benchmark_table import section
 from tools.generate_bridge_docs import document as bridge
 from tools.generate_firmware_docs import sections

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tensionlab.hardware.simulation.simulated_module import SimulatedModule
     from tensionlab.scenarios import Scenario
     from tensionlab.scenarios.person import PersonSimulation
-    from tensionlab.validation.error_model import Errors
+    from tensionlab.validation.error_model import RigErrors
 
 SINGLE_MODULE = "module"
 """Name of a module that belongs to no rig."""
@@ -121,7 +121,7 @@ def simulate(
     from tensionlab.hardware.simulation.serve import PtyPort, Recording, ServedModule, TcpPort, serve
     from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
     from tensionlab.scenarios import load_scenario
-    from tensionlab.validation.sensor_server import ServedSensor
+    from tensionlab.validation.simulated_sensor import SensorServer
 
     if not 0.0 < speed <= MAX_SPEED:
         raise typer.BadParameter(f"--speed is above 0 and at most {MAX_SPEED:g}; got {speed:g}")
@@ -167,7 +167,7 @@ def simulate(
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         watchers = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
-            sensor = opened.enter_context(ServedSensor(loaded, errors, seed, TcpPort(listen, sensor_port)))
+            sensor = opened.enter_context(SensorServer(loaded, errors, seed, TcpPort(listen, sensor_port)))
             text += f"# Force sensor: {sensor.url}\n"
             watchers.append(sensor.take)
         if record is not None:
@@ -183,7 +183,7 @@ def simulate(
 
 
 def _modules(
-    rig: Rig | None, seed: int, config_file: Path | None, far_ends: FarEnds, errors: Errors | None
+    rig: Rig | None, seed: int, config_file: Path | None, far_ends: FarEnds, errors: RigErrors | None
 ) -> dict[str, tuple[SimulatedModule, Path | None]]:
     """Return the modules by their names, each with the file of its parameters.
 
@@ -233,14 +233,14 @@ def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> Perso
     return PersonSimulation(scenario.person, scenario.rig, track)
 
 
-def _errors(rig: Rig, preset: str, seed: int) -> Errors:
+def _errors(rig: Rig, preset: str, seed: int) -> RigErrors:
     """Return the errors of the rig that a force sensor holds."""
-    from tensionlab.validation.error_model import PRESETS, draw, require_point
+    from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 
     if preset not in PRESETS:
         raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     require_point(rig)
-    return draw(PRESETS[preset], rig.m, seed)
+    return draw_errors(PRESETS[preset], rig.m, seed)
 
 
 def _orbit(rig: Rig | None, numbers: list[float]) -> FarEnds:

@@ -18,9 +18,9 @@ from tensionlab.model.layouts import ring_plus_top
 
 if TYPE_CHECKING:
     from tensionlab.hardware.client.group import ModuleGroup
-    from tensionlab.validation.results import Result
-    from tensionlab.validation.sensor import ForceSensor
-    from tensionlab.validation.session import Plan
+    from tensionlab.validation.report import ValidationResult
+    from tensionlab.validation.sensors import ForceSensor
+    from tensionlab.validation.session import ValidationPlan
 
 SIMULATED = "sim:"
 
@@ -71,8 +71,7 @@ def validate(
     Renders 182 forces one after another, and measures them. The same command continues a validation that was
     interrupted. Exit status 1 where it is not complete, or something went wrong with a module or the sensor.
     """
-    from tensionlab.validation.report import HEADINGS, remarks, rows
-    from tensionlab.validation.results import result_of
+    from tensionlab.validation.report import HEADINGS, evaluate, remarks, rows
     from tensionlab.validation.session import validate as measure
 
     if out is None:
@@ -96,7 +95,7 @@ def validate(
             "others"
         )
         raise typer.Exit(output.INTERRUPTED)
-    result = result_of(setup, measurements)
+    result = evaluate(setup, measurements)
     with output.Keeper(quiet=True) as keeper:
         report = _write(result, plan, sensor, out, keeper)
         if json:
@@ -109,11 +108,11 @@ def validate(
 
 def _plan(
     rig: Path | None, modules: str | None, sensor: str, solver: str, preset: str | None, seed: int, hold: float
-) -> Plan:
+) -> ValidationPlan:
     """Return what is to be measured; refuse options that do not go together."""
     from tensionlab.validation.error_model import PRESETS, require_point
     from tensionlab.validation.protocol import Protocol
-    from tensionlab.validation.session import Plan
+    from tensionlab.validation.session import ValidationPlan
 
     if modules is not None and sensor == SIMULATED:
         raise typer.BadParameter(
@@ -131,31 +130,34 @@ def _plan(
     require_point(loaded)
     options.check_solvers(loaded, [solver], None)
     chosen = (preset or "paper-like") if modules is None else None
-    return Plan(loaded, solver, Protocol(hold=hold), chosen, seed)
+    return ValidationPlan(loaded, solver, Protocol(hold=hold), chosen, seed)
 
 
-def _reached(plan: Plan, modules: str, sensor: str, opened: ExitStack) -> tuple[ModuleGroup, ForceSensor]:
+def _reached(
+    plan: ValidationPlan, modules: str, sensor: str, opened: ExitStack
+) -> tuple[ModuleGroup, ForceSensor]:
     """Open the links to modules and sensor, to be closed with the others."""
     from tensionlab.hardware.client.group import connect
-    from tensionlab.validation.external_sensor import open_sensor
+    from tensionlab.validation.sensors import open_sensor
 
     links = module_links(plan.rig, modules)
     force_sensor = opened.enter_context(closing(open_sensor(sensor)))
     return opened.enter_context(closing(connect(plan.rig, links))), force_sensor
 
 
-def _write(result: Result, plan: Plan, sensor: str, out: Path, keeper: output.Keeper) -> dict[str, object]:
+def _write(
+    result: ValidationResult, plan: ValidationPlan, sensor: str, out: Path, keeper: output.Keeper
+) -> dict[str, object]:
     """Write report, table and recording, and return what the report says."""
-    from tensionlab.validation.recordings import write
-    from tensionlab.validation.report import as_json, as_latex, as_markdown
-    from tensionlab.validation.results import recording_of
+    from tensionlab.validation.data_tables import write_recording
+    from tensionlab.validation.report import as_json, as_latex, as_markdown, make_recording
 
     manifest = output.manifest(plan.seed if plan.preset else None)
     report = as_json(result, manifest)
     keeper.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
     keeper.write_text("report", out / "report.md", as_markdown(result))
     keeper.write_text("table", out / "table.tex", as_latex(result))
-    recording = recording_of(result, plan.rig, sensor, manifest)
+    recording = make_recording(result, plan.rig, sensor, manifest)
     name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
-    keeper.write("recording", out / name, lambda path: write(path, recording))
+    keeper.write("recording", out / name, lambda path: write_recording(path, recording))
     return report

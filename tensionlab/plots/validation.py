@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
     from tensionlab.arrays import Floats
     from tensionlab.model.rig import Rig
-    from tensionlab.validation.published import Published
-    from tensionlab.validation.recordings import Recording
-    from tensionlab.validation.trials import Trial, Trials
+    from tensionlab.validation.data_tables import Published, Recording, Trial, Trials
 
 
 VIEWS = (((0, 1), "from the front (along −z)"), ((0, 2), "from above (along −y)"))

@@ -1,8 +1,8 @@
-"""What is wrong with a rig: how far its hardware is from what the host believes.
+"""Error model of a rig: how far its hardware is from what the host believes.
 
 Each error has one physical meaning, and acts in one place:
 
-- **gain**: the motor's torque constant, against the N/A that the module was told. In the plant.
+- **gain**: the motor's torque constant, against the N/A in the module's parameters. In the plant.
 - **play**: dry friction between motor and cable. A tension stops short of its set-point by so much, on the side
   that it came from, and does not follow smaller changes. In the plant.
 - **bias**: a tension that the motor makes on top while it is driven, as with a zero of the current sensor that is
@@ -10,10 +10,10 @@ Each error has one physical meaning, and acts in one place:
   meets the sensor.
 - **position**: where anchors and sensor really are. The host works with the nominal rig.
 - **tilt**: the force sensor leans, about the two level axes. In the sensor.
-- **noise**: the sensor's reading wanders, by so much per axis, and slowly: white noise of that size at 1 kHz would
+- **noise**: the sensor's reading drifts, by so much per axis, and slowly: white noise of that size at 1 kHz would
   average to 0.001 N in a second and matter to nobody. In the sensor.
 
-What else the simulated hardware has by default and no validation told (cogging of the motor) is left out. Its
+What else the simulated hardware has by default and no publication gives (cogging of the motor) is left out. Its
 cables are damped critically: a spool that rings passes its dry friction again and again and stops anywhere within
 it, which is no play.
 """
@@ -27,15 +27,16 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.hardware.simulation.world import plant_of
+from tensionlab.model.kinematics import exponential
 from tensionlab.model.rig import Rig
 
-STILL = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}
+IDEAL_PLANT = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}
 """Hardware without errors; its spool and cable swing least with 23 N s/m."""
 
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """How large are the errors of a kind of rig?
+    """Sizes of the errors of a kind of rig.
 
     Attributes
     ----------
@@ -74,8 +75,8 @@ PRESETS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
-    """What is wrong with one rig?
+class RigErrors:
+    """Errors of one rig.
 
     Attributes
     ----------
@@ -86,9 +87,9 @@ class Errors:
     anchors : (m, 3) array
         True anchors less nominal ones, in m.
     position : (3,) array
-        True place of the sensor less the nominal one, in m.
+        True position of the sensor less the nominal one, in m.
     tilt : (3, 3) array
-        What turns world axes into those that the sensor takes for them.
+        Rotation from world axes into those that the sensor takes for them.
     play, noise : float
         As in `ErrorModel`.
     """
@@ -102,30 +103,20 @@ class Errors:
     noise: float = 0.0
 
 
-def draw(model: ErrorModel, modules: int, seed: int) -> Errors:
-    """Which errors does a rig of so many modules have? The same seed draws the same ones, whatever their size."""
+def draw_errors(model: ErrorModel, modules: int, seed: int) -> RigErrors:
+    """Return random errors of a rig of so many modules; a seed draws the same ones, whatever their size."""
     random = np.random.default_rng(seed)
     gains = model.gain * np.exp(model.gain_spread * random.standard_normal(modules))
     biases = model.bias * random.standard_normal(modules)
     anchors = model.position * random.standard_normal((modules, 3))
     position = model.position * random.standard_normal(3)
     about_x, about_z = np.radians(model.tilt) * random.standard_normal(2)
-    tilt = turned(np.array([about_x, 0.0, about_z]))
-    return Errors(gains, biases, anchors, position, tilt, model.play, model.noise)
+    tilt = exponential(np.array([about_x, 0.0, about_z]))
+    return RigErrors(gains, biases, anchors, position, tilt, model.play, model.noise)
 
 
-def turned(vector: Floats) -> Floats:
-    """Which matrix turns about a vector, by its length in rad? (Rodrigues' formula.)"""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
-
-
-def true_rig(rig: Rig, errors: Errors) -> Rig:
-    """Where do modules and sensor really stand?"""
+def true_rig(rig: Rig, errors: RigErrors) -> Rig:
+    """Return the rig with modules and sensor where they really are."""
     modules = [
         replace(module, anchor=module.anchor + offset)
         for module, offset in zip(rig.modules, errors.anchors, strict=True)
@@ -133,22 +124,16 @@ def true_rig(rig: Rig, errors: Errors) -> Rig:
     return replace(rig, modules=tuple(modules), home=rig.home + errors.position)
 
 
-def true_plants(rig: Rig, errors: Errors) -> dict[str, dict[str, float]]:
-    """What is the hardware of each module, by its name?"""
+def true_plants(rig: Rig, errors: RigErrors) -> dict[str, dict[str, float]]:
+    """Return the hardware parameters of each module, by its name."""
     plants = {}
     for module, gain in zip(rig.modules, errors.gains.tolist(), strict=True):
         torque_constant = gain * plant_of(module)["torque_constant"]
-        plants[module.name] = STILL | {"dry_friction": errors.play, "torque_constant": torque_constant}
+        plants[module.name] = IDEAL_PLANT | {"dry_friction": errors.play, "torque_constant": torque_constant}
     return plants
 
 
 def require_point(rig: Rig) -> None:
-    """Refuse a rig that holds anything but a point in space.
-
-    Raises
-    ------
-    RigError
-        Naming the rig and its kind.
-    """
+    """Raise `RigError`, naming the rig and its kind, if it holds anything but a point in space."""
     if rig.kind != "point":
         raise RigError(f'rig "{rig.name}" holds a {rig.kind}; the validation is about a point in space')

@@ -1,6 +1,6 @@
-"""The published protocol: zero the sensor, then hold one force after another, and average what it shows.
+"""Published protocol: zero the sensor, then hold one force after another, and average what it shows.
 
-Everything that pulls does so through the `Runner`. The first three forces are along the axes: they tell how the
+Everything that pulls does so through the `Runner`. The first three forces are along the axes: they show how the
 sensor is turned.
 """
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tensionlab.allocation import allocate
 from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Pose, RigState
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, InputError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.hardware.protocol.parameters import PARAMETERS
@@ -26,31 +26,31 @@ from tensionlab.hardware.simulation.world import newton_per_ampere
 from tensionlab.model.directions import grid18
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Solver, Status
-from tensionlab.validation.sensor import ForceSensor
+from tensionlab.validation.sensors import ForceSensor
 
-CONTINUOUS = PARAMETERS["current_continuous"].standard
-"""What a winding stands for ever, in A."""
-BASIS = 3
-"""How many forces come first, to find out how the sensor is turned."""
-ZERO = 1.0
-"""How long the sensor is watched with all motors off, in s."""
+CONTINUOUS_CURRENT_A = PARAMETERS["current_continuous"].standard
+"""Current that a winding bears for ever."""
+AXIS_FORCES = 3
+"""Number of forces along the axes, which come first."""
+ZERO_S = 1.0
+"""Time for which the sensor is averaged with all motors off."""
 HOT, COOL = 0.5, 0.4
-"""Shares of a winding's budget: when modules are to rest before a force that needs more current than they stand
-for ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7."""
-SLACK = 1e-6
-"""A cycle may begin so much too early, in s."""
+"""Shares of a winding's budget: when modules are to rest before a force that needs more current than they bear for
+ever, and until when. 6 N take 0.17 of it in a second, and are to be had up to 0.7."""
+EARLY_S = 1e-6
+"""Time by which a cycle may begin too early."""
 
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """What is commanded, and for how long?
+    """Directions that are commanded one after another, and times.
 
     Attributes
     ----------
     hold : float
-        How long each force is held, in s.
+        Time for which each force is held, in s.
     settle : float
-        What is left out of the average at the begin of each, in s, while tensions move.
+        Time at the begin of each, in s, that is left out of the average, while tensions move.
     force : float
         Size of all forces, in N.
     directions : (K, 3) array
@@ -63,42 +63,42 @@ class Protocol:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.settle < self.hold < np.inf:
-            raise HardwareError(
+            raise InputError(
                 f"each force is held for {self.hold:g} s, of which {self.settle:g} s are left out; "
                 "hold longer than that"
             )
 
     @property
     def forces(self) -> Floats:
-        """All that is commanded, in N: (3 + K, 3), the axes first."""
-        return self.force * np.concatenate([np.eye(BASIS), self.directions])
+        """All commanded forces, in N: (3 + K, 3), the axes first."""
+        return self.force * np.concatenate([np.eye(AXIS_FORCES), self.directions])
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What came of one force?
+    """Measurement of one force.
 
     Attributes
     ----------
     number : int
         Its row of `Protocol.forces`.
     desired, rendered, measured : (float, float, float)
-        What was asked for; what the tensions that were sent add up to, by the nominal rig; and what the sensor
-        showed in its own axes, less its zero. In N.
+        Desired force; force of the commanded tensions by the nominal rig; and what the sensor showed in its own
+        axes, less its zero. In N.
     tensions : tuple of float
-        As they were sent, in N.
+        As they were commanded, in N.
     status : str
         Of the solver's answer; a name of `Status`.
-    replaced : bool
-        Whether the solver left that unproved, so that the exact solver's was sent.
+    fallback_used : bool
+        Whether the solver left that unproven, so that the exact solver's was sent.
     samples : int
-        How many were averaged.
+        Number of samples in the average.
     spread : float
         Standard deviation of these, of the axis where it is largest, in N.
     rested : float
-        How long modules had to cool before it, in s.
-    hindered : tuple of str
-        Modules that something kept from pulling as they were told.
+        Time for which modules had to cool before it, in s.
+    limited_modules : tuple of str
+        Modules at a limit of their own.
     """
 
     number: int
@@ -107,17 +107,17 @@ class Measurement:
     measured: tuple[float, ...]
     tensions: tuple[float, ...]
     status: str
-    replaced: bool
+    fallback_used: bool
     samples: int
     spread: float
     rested: float
-    hindered: tuple[str, ...]
+    limited_modules: tuple[str, ...]
 
 
-class Sequence:
-    """Hold one force after another; asked as a demand source.
+class ForceSequence:
+    """Demand source that holds one force after another.
 
-    Before a force that needs more current than a winding stands for ever, modules rest at their lower limits until
+    Before a force that needs more current than a winding bears for ever, modules rest at their lower limits until
     all are cool enough.
 
     Parameters
@@ -128,9 +128,9 @@ class Sequence:
     first : int
         Row of `Protocol.forces` to begin with.
     sensor : ForceSensor
-    done : callable
-        Told of each force when it has been held: its number, the samples (K, 3), and how long modules had to rest
-        before it, in s.
+    on_held : callable
+        Receives of each force that has been held its number, the samples (K, 3), and the time for which modules
+        had to rest before it, in s.
     """
 
     def __init__(
@@ -139,17 +139,17 @@ class Sequence:
         heating: NDArray[np.bool_],
         first: int,
         sensor: ForceSensor,
-        done: Callable[[int, Floats, float], None],
+        on_held: Callable[[int, Floats, float], None],
     ) -> None:
-        self._protocol, self._sensor, self._done = protocol, sensor, done
+        self._protocol, self._sensor, self._on_held = protocol, sensor, on_held
         self._heating, self._number = heating, first
         self._since = self._rested = 0.0
         self._settled = self._resting = False
         self._demands = [Demand(force) for force in protocol.forces]
 
     def __call__(self, state: RigState) -> Demand:
-        """What to render now? Takes and drops what the sensor showed while tensions moved."""
-        now = state.time + SLACK
+        """Return the demand of this cycle; drop what the sensor showed while tensions moved."""
+        now = state.time + EARLY_S
         heat = float(np.nanmax(state.thermal, initial=0.0))
         if self._resting:
             if heat > COOL:
@@ -157,7 +157,7 @@ class Sequence:
             self._rested += now - self._since
             self._resting, self._since = False, now
         elif now >= self._since + self._protocol.hold:
-            self._done(self._number, self._sensor.take(), self._rested)
+            self._on_held(self._number, self._sensor.take(), self._rested)
             self._number += 1
             self._settled, self._rested = False, 0.0
             self._since += self._protocol.hold
@@ -172,18 +172,12 @@ class Sequence:
         return self._demands[self._number]
 
 
-def zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
-    """What does the sensor show while nothing pulls? (3,) in N, of one second.
-
-    Raises
-    ------
-    HardwareError
-        If it shows nothing.
-    """
+def measure_zero(sensor: ForceSensor, clock: Clock, modules: ModuleGroup) -> Floats:
+    """Return what the sensor shows while nothing pulls, (3,) in N; raise `HardwareError` if it shows nothing."""
     modules.stop()
-    clock.wait_until(clock.now() + ZERO)
+    clock.wait_until(clock.now() + ZERO_S)
     sensor.take()
-    clock.wait_until(clock.now() + ZERO)
+    clock.wait_until(clock.now() + ZERO_S)
     return _average(sensor.take(), "at zero tension")
 
 
@@ -194,7 +188,7 @@ def measure(
     sensor: ForceSensor,
     solver: str | Solver,
     protocol: Protocol,
-    done: Callable[[Measurement], None],
+    on_measured: Callable[[Measurement], None],
     first: int = 0,
 ) -> bool:
     """Go through the protocol.
@@ -207,8 +201,8 @@ def measure(
         As for `Runner`.
     sensor : ForceSensor
     protocol : Protocol
-    done : callable
-        Told of each measurement as soon as it is there.
+    on_measured : callable
+        Receives each measurement as soon as it is there.
     first : int
         Row of `Protocol.forces` to begin with.
 
@@ -222,20 +216,20 @@ def measure(
     HardwareError
         Of the modules, as from `Runner.run`, or of the sensor.
     """
-    offset = zero(sensor, clock, modules)
-    place = Pose(rig.home, frames=rig.at_rest)
+    offset = measure_zero(sensor, clock, modules)
+    pose = Pose(rig.home, frames=rig.at_rest)
     forces = protocol.forces
 
     def held(number: int, samples: Floats, rested: float) -> None:
         assert runner.latest is not None
         average = _average(samples, f"of force {number + 1} of {len(forces)}") - offset
-        done(_measurement(number, forces[number], average, samples, rested, runner.latest, rig))
+        on_measured(_measurement(number, forces[number], average, samples, rested, runner.latest, rig))
 
     chosen = allocate(rig.structure_matrix(rig.home, frames=rig.at_rest), forces, rig.limits, solver=solver)
-    for_ever = [CONTINUOUS * newton_per_ampere(module) for module in rig.modules]
-    heating = np.any(chosen.tensions > for_ever, axis=-1)
-    sequence = Sequence(protocol, heating, first, sensor, held)
-    runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: place)
+    continuous = [CONTINUOUS_CURRENT_A * newton_per_ampere(module) for module in rig.modules]
+    heating = np.any(chosen.tensions > continuous, axis=-1)
+    sequence = ForceSequence(protocol, heating, first, sensor, held)
+    runner = Runner(rig, modules, solver, sequence, RunSettings(), clock=clock, tracker=lambda time: pose)
     runner.run()
     if runner.statistics.unconfirmed:
         names = ", ".join(runner.statistics.unconfirmed)
@@ -263,11 +257,11 @@ def _measurement(
         measured=tuple(average.tolist()),
         tensions=tuple(latest.commanded.tolist()),
         status=Status(int(latest.allocation.status)).name,
-        replaced=latest.fallback_used,
+        fallback_used=latest.fallback_used,
         samples=len(samples),
         spread=float(samples.std(axis=0).max()),
         rested=rested,
-        hindered=tuple(module.name for module, limit in limits if limit not in free),
+        limited_modules=tuple(module.name for module, limit in limits if limit not in free),
     )
 
 

@@ -1,4 +1,4 @@
-"""What would the protocol measure? Worked out for tensions that have settled, without stepping through time.
+"""Quasi-static model of the protocol: what the sensor shows once tensions have settled, without steps in time.
 
 A cable's tension follows the motor's pull with a play of the dry friction, to either side; the rest is linear.
 That is what firmware and plant come to when the spool does not ring, as a test shows; it is some thousand times
@@ -13,25 +13,26 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.model.rig import Rig
-from tensionlab.validation.alignment import ALIGNMENTS, UPRIGHT
-from tensionlab.validation.drift_noise import RATE, Wander
-from tensionlab.validation.error_model import Errors, true_rig
-from tensionlab.validation.protocol import BASIS, ZERO, Protocol
+from tensionlab.validation.error_model import RigErrors, true_rig
+from tensionlab.validation.protocol import AXIS_FORCES, ZERO_S, Protocol
+from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
+from tensionlab.validation.simulated_sensor import DriftNoise
+from tensionlab.validation.statistics import ALIGNMENTS
 
-ARMING = 0.020
-"""From the sensor's zero to the first force, in s: a period of the telemetry."""
+ARMING_S = 0.020
+"""From the sensor's zero to the first force: a period of the telemetry."""
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
-    """What a sensor would show.
+class SensorForces:
+    """Forces that the sensor shows.
 
     Attributes
     ----------
     rotation : (3, 3) array
-        What turns the readings, upright, into the devices' axes.
+        From the readings, upright, into the devices' axes.
     sensor : (3 + K, 3) array
-        Its readings less its zero, in its own axes, in N; the forces on the axes first.
+        Readings less their zero, in the sensor's axes, in N; the forces on the axes first.
     forces : (K, 3) array
         The others, in the devices' axes.
     """
@@ -41,46 +42,39 @@ class Settled:
     forces: Floats
 
 
-def settled(
-    rig: Rig, errors: Errors, tensions: Floats, rendered: Floats, noise: Floats, rotation: Floats | None = None
-) -> Settled:
-    """What does the sensor of a rig with errors show of tensions that are commanded one after another?
+def predict_forces(
+    rig: Rig, errors: RigErrors, tensions: Floats, rendered: Floats, noise: Floats, rotation: Floats | None = None
+) -> SensorForces:
+    """Predict what the sensor of a rig with errors shows of tensions that are commanded one after another.
 
     Parameters
     ----------
     rig : Rig
         As the host believes it to be.
-    errors : Errors
+    errors : RigErrors
     tensions : (3 + K, m) array
         In N; before them, all cables are held at their lower limits.
     rendered : (3, 3) array
-        What the first three add up to by the nominal rig, for the alignment.
+        Force of the first three by the nominal rig, for the alignment.
     noise : (3 + K, 3) array
-        To be added, from `wandering`.
+        To be added, from `mean_noise`.
     rotation : (3, 3) array, optional
         As it was found before; found from the first three if left out.
     """
     real = true_rig(rig, errors)
-    pulled = np.maximum(play(errors.gains * tensions, errors.gains * rig.limits.lower, errors.play), 0.0)
+    pulled = np.maximum(friction_play(errors.gains * tensions, errors.gains * rig.limits.lower, errors.play), 0.0)
     pulled = np.maximum(pulled + errors.biases, 0.0)
     forces = pulled @ real.structure_matrix(real.home, frames=real.at_rest).T @ errors.tilt.T
     upright = forces + noise @ UPRIGHT.T
     if rotation is None:
-        rotation = ALIGNMENTS["paper"](rendered, upright[:BASIS])
-    return Settled(rotation, upright @ UPRIGHT, upright[BASIS:] @ rotation.T)
+        rotation = ALIGNMENTS["paper"](rendered, upright[:AXIS_FORCES])
+    return SensorForces(rotation, upright @ UPRIGHT, upright[AXIS_FORCES:] @ rotation.T)
 
 
-def play(pulls: Floats, first: Floats, width: float) -> Floats:
-    """Which tensions come of the motors' pulls (K, m), one after another, if each stops short by so much?
+def friction_play(pulls: Floats, first: Floats, width: float) -> Floats:
+    """Return the tensions of the motors' pulls, (K, m) in N one after another, which stop short by the play.
 
-    Parameters
-    ----------
-    pulls : (K, m) array
-        In N.
-    first : (m,) array
-        Pulls before the first ones; cables are slack before these.
-    width : float
-        Dry friction, in N.
+    ``first`` (m,) are the pulls before, ahead of which cables are slack; ``width`` is the dry friction in N.
     """
     tension = np.maximum(first - width, 0.0)
     found = np.empty_like(pulls)
@@ -90,15 +84,15 @@ def play(pulls: Floats, first: Floats, width: float) -> Floats:
     return found
 
 
-def wandering(deviation: float, seed: int, protocol: Protocol) -> Floats:
-    """What does the sensor's noise add to each average, less its zero? (3 + K, 3) array in N, in its own axes.
+def mean_noise(deviation: float, seed: int, protocol: Protocol) -> Floats:
+    """Return the sensor's noise in each average, less that in its zero: (3 + K, 3) in N, in its own axes.
 
-    The same samples that a `SimulatedSensor` would add.
+    It comes of the same samples that a `SimulatedSensor` would add.
     """
     count = len(protocol.forces)
     if deviation == 0.0:
         return np.zeros((count, 3))
-    zero, hold, settle = (round(RATE * each) for each in (ZERO, protocol.hold, protocol.settle))
-    samples = Wander(deviation, seed).take(2 * zero + round(RATE * ARMING) + count * hold)
+    zero, hold, settle = (round(SAMPLE_RATE_HZ * each) for each in (ZERO_S, protocol.hold, protocol.settle))
+    samples = DriftNoise(deviation, seed).take(2 * zero + round(SAMPLE_RATE_HZ * ARMING_S) + count * hold)
     held = samples[-count * hold :].reshape(count, hold, 3)[:, settle:]
     return np.asarray(held.mean(axis=1) - samples[zero : 2 * zero].mean(axis=0))

@@ -1,14 +1,23 @@
-"""The measured numbers beside the published ones, line by line, for people, programs and papers."""
+"""Results of a validation beside the published numbers, line by line, for people, programs and papers."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
-from tensionlab.validation.results import TILTED, Result
-from tensionlab.validation.statistics import Interval
+import numpy as np
 
+from tensionlab.arrays import Floats
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Status
+from tensionlab.validation.data_tables import Recording
+from tensionlab.validation.protocol import AXIS_FORCES, Measurement
+from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
+from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, rotation_angle, score
+
+TILTED_DEG = 1.0
+"""Difference of the two ways to align above which the report speaks of tilt."""
 SOURCE = "Bartels et al. 2026, arXiv 2603.08054"
 READING = (
     '"Magnitude error" is not defined in the publication. Read as the length of the error vector, |F - F0|, its '
@@ -22,34 +31,146 @@ GRID = (
 )
 
 
-class Line(NamedTuple):
-    """One number of the comparison; `weighted` and `largest` may be missing."""
+@dataclass(frozen=True, eq=False)
+class AlignedForces:
+    """Measured forces, (K, 3) in N, in the devices' axes, after one way to align the sensor.
+
+    ``angle`` is that of the rotation (3, 3), in degrees.
+    """
+
+    rotation: Floats
+    angle: float
+    forces: Floats
+    score: ForceScore
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationResult:
+    """Measurements of a complete validation, aligned.
+
+    Attributes
+    ----------
+    setup : mapping
+        As `ValidationPlan.setup` says.
+    measurements : tuple of Measurement
+        All of them, the axes first.
+    desired : (K, 3) array
+        Without the axes, in N.
+    aligned : dict of str to AlignedForces
+        By the key of `ALIGNMENTS`.
+    """
+
+    setup: Mapping[str, Any]
+    measurements: tuple[Measurement, ...]
+    desired: Floats
+    aligned: dict[str, AlignedForces]
+
+    @property
+    def exact(self) -> int:
+        """Number of forces that the nominal rig can render."""
+        return sum(each.status == "EXACT" for each in self.measurements[AXIS_FORCES:])
+
+    @property
+    def fallback_used(self) -> int:
+        """Number of unproven answers of the solver, for which the exact solver's were sent."""
+        return sum(each.fallback_used for each in self.measurements[AXIS_FORCES:])
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the two ways to align, in degrees, which stays in the published way."""
+        return rotation_angle(self.aligned["kabsch"].rotation @ self.aligned["paper"].rotation.T)
+
+    @property
+    def rested(self) -> float:
+        """Time for which modules had to cool between forces, in s."""
+        return sum(each.rested for each in self.measurements)
+
+    @property
+    def limited_modules(self) -> dict[str, int]:
+        """Number of forces at which a module was at a limit of its own, by its name."""
+        names = [name for each in self.measurements for name in each.limited_modules]
+        return {name: names.count(name) for name in dict.fromkeys(names)}
+
+
+def evaluate(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> ValidationResult:
+    """Return the result of a complete validation.
+
+    The alignment compares with the force of the commanded tensions on the three axes by the nominal rig, which is
+    the desired one wherever that is feasible.
+    """
+    measured = np.array([each.measured for each in measurements]) @ UPRIGHT.T
+    rendered = np.array([each.rendered for each in measurements])
+    desired = np.array([each.desired for each in measurements])[AXIS_FORCES:]
+    aligned = {}
+    for name, fit_alignment in ALIGNMENTS.items():
+        rotation = fit_alignment(rendered[:AXIS_FORCES], measured[:AXIS_FORCES])
+        forces = measured[AXIS_FORCES:] @ rotation.T
+        aligned[name] = AlignedForces(rotation, rotation_angle(rotation), forces, score(desired, forces))
+    return ValidationResult(setup, tuple(measurements), desired, aligned)
+
+
+def make_recording(result: ValidationResult, rig: Rig, sensor: str, manifest: Mapping[str, Any]) -> Recording:
+    """Return the forces without the axes, aligned as published, as a recording that others can read.
+
+    ``sensor`` says what measured; the manifest is that of `tensionlab.records`.
+    """
+    kept, setup = result.measurements[AXIS_FORCES:], result.setup
+    about = {
+        "simulated": setup["simulated"],
+        "rig": rig.name,
+        "modules": [module.name for module in rig.modules],
+        "solver": setup["solver"],
+        "sensor": sensor,
+        "rotations": {name: (each.rotation @ UPRIGHT).tolist() for name, each in result.aligned.items()},
+        "alignment": "paper",
+        "rate": float(SAMPLE_RATE_HZ),
+        "hold": setup["hold"],
+        "settle": setup["settle"],
+        "preset": setup["preset"],
+    }
+    return Recording(
+        desired=result.desired,
+        measured=result.aligned["paper"].forces,
+        status=np.array([Status[each.status] for each in kept], dtype=np.int64),
+        limited_modules=np.array([" ".join(each.limited_modules) for each in kept]),
+        manifest={**manifest, "recording": about},
+        **{
+            name: np.array([getattr(each, name) for each in kept])
+            for name in ("rendered", "tensions", "spread", "fallback_used", "samples")
+        },
+    )
+
+
+class ComparisonLine(NamedTuple):
+    """Published and measured number; `weighted` and `maximum` may be missing."""
 
     name: str
     unit: str
     published: float
     measured: Interval
     weighted: Interval | None
-    largest: float | None
+    maximum: float | None
 
 
-def lines(result: Result) -> list[Line]:
-    """Which numbers are compared? Forces are aligned as published."""
-    score = result.aligned["paper"].score
-    angle, magnitude = score.angle, score.magnitude
-    within = Interval(100.0 * score.within, float("nan"), float("nan"))
-    scalar, vector = score.magnitude_error, score.vector
+def comparison_lines(result: ValidationResult) -> list[ComparisonLine]:
+    """Return the numbers that are compared, of forces aligned as published."""
+    found = result.aligned["paper"].score
+    within = Interval(100.0 * found.within, float("nan"), float("nan"))
+    angle, magnitude, scalar, vector = (
+        (each.mean, each.weighted, each.maximum)
+        for each in (found.angle, found.magnitude, found.magnitude_error, found.vector)
+    )
     return [
-        Line("mean angle error", "degrees", 14.0, angle.mean, angle.weighted, angle.largest),
-        Line("vectors within 45 degrees", "%", 100.0, within, None, None),
-        Line("mean magnitude", "N", 1.84, magnitude.mean, magnitude.weighted, magnitude.largest),
-        Line('"magnitude error", as | |F| - |F0| |', "N", 0.58, scalar.mean, scalar.weighted, scalar.largest),
-        Line('"magnitude error", as |F - F0|', "N", 0.58, vector.mean, vector.weighted, vector.largest),
+        ComparisonLine("mean angle error", "degrees", 14.0, *angle),
+        ComparisonLine("vectors within 45 degrees", "%", 100.0, within, None, None),
+        ComparisonLine("mean magnitude", "N", 1.84, *magnitude),
+        ComparisonLine('"magnitude error", as | |F| - |F0| |', "N", 0.58, *scalar),
+        ComparisonLine('"magnitude error", as |F - F0|', "N", 0.58, *vector),
     ]
 
 
-def remarks(result: Result) -> list[str]:
-    """What must be known to read the numbers, a sentence or two each?"""
+def remarks(result: ValidationResult) -> list[str]:
+    """Return what must be known to read the numbers, a sentence or two each."""
     setup = result.setup
     count = len(result.desired)
     window = f"from {setup['settle']:g} to {setup['hold']:g} s of each force"
@@ -59,35 +180,34 @@ def remarks(result: Result) -> list[str]:
         found.insert(0, f"These modules are simulated: {which}.")
     if result.exact < count:
         found.append(
-            f"{result.exact} of {count} forces are within the reach of the rig; of the others, the nearest was "
-            "rendered."
+            f"{result.exact} of {count} forces are feasible for the rig; of the others, the nearest was rendered."
         )
-    if result.replaced:
+    if result.fallback_used:
         found.append(
-            f"In {result.replaced} of {count} forces {setup['solver']} left its answer unproved, so that newton's "
-            "was sent: these numbers are not all its own."
+            f"In {result.fallback_used} of {count} forces {setup['solver']} left its answer unproven, so that "
+            "newton's was sent: these numbers are not all its own."
         )
-    if result.tilt > TILTED:
+    if result.tilt > TILTED_DEG:
         found.append(
             f"The best rotation (Kabsch) differs from the published alignment by {result.tilt:.1f} degrees: the "
             "sensor leans, or the forces on the axes are off; a turn about the vertical leaves that in the errors."
         )
     if result.rested:
         found.append(f"Modules had to rest for {result.rested:.0f} s in all, so that windings could cool.")
-    for name, times in result.hindered.items():
-        found.append(f"Module {name} was kept from pulling as it was told at {times} forces.")
+    for name, times in result.limited_modules.items():
+        found.append(f"Module {name} was at a limit of its own at {times} forces.")
     return found
 
 
-def as_json(result: Result, manifest: Mapping[str, Any]) -> dict[str, Any]:
-    """The whole report, for programs."""
+def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the whole report, for programs."""
     return {
         "manifest": dict(manifest),
         "simulated": result.setup["simulated"],
         "setup": {key: value for key, value in result.setup.items() if key != "directions"},
         "vectors": len(result.desired),
         "exact": result.exact,
-        "replaced": result.replaced,
+        "fallback_used": result.fallback_used,
         "rested": result.rested,
         "source": SOURCE,
         "comparison": [
@@ -97,39 +217,39 @@ def as_json(result: Result, manifest: Mapping[str, Any]) -> dict[str, Any]:
                 "published": line.published,
                 "measured": line.measured._asdict(),
                 "weighted": None if line.weighted is None else line.weighted._asdict(),
-                "largest": line.largest,
+                "maximum": line.maximum,
             }
-            for line in lines(result)
+            for line in comparison_lines(result)
         ],
         "alignments": {
-            name: {"rotation": each.rotation.tolist(), "degrees": each.turn, "score": asdict(each.score)}
+            name: {"rotation": each.rotation.tolist(), "degrees": each.angle, "score": asdict(each.score)}
             for name, each in result.aligned.items()
         },
         "remarks": remarks(result),
     }
 
 
-def rows(result: Result) -> list[tuple[str, str, str, str, str]]:
-    """The cells of the table: what, published, measured with its interval, weighted, largest."""
+def rows(result: ValidationResult) -> list[tuple[str, str, str, str, str]]:
+    """Return the cells of the table: what, published, measured with its interval, weighted, maximum."""
     found = []
-    for line in lines(result):
+    for line in comparison_lines(result):
         digits = 1 if line.unit in ("degrees", "%") else 2
         measured = _number(line.measured.value, digits)
         if line.weighted is not None:
             low, high = _number(line.measured.lower, digits), _number(line.measured.upper, digits)
             measured += f" ({low} to {high})"
         weighted = "–" if line.weighted is None else _number(line.weighted.value, digits)
-        largest = "–" if line.largest is None else _number(line.largest, digits)
+        maximum = "–" if line.maximum is None else _number(line.maximum, digits)
         name = f"{line.name} ({line.unit})"
-        found.append((name, _number(line.published, digits), measured, weighted, largest))
+        found.append((name, _number(line.published, digits), measured, weighted, maximum))
     return found
 
 
-HEADINGS = ("", "published", "measured (95 %)", "sin-weighted", "largest")
+HEADINGS = ("", "published", "measured (95 %)", "sin-weighted", "maximum")
 
 
-def as_markdown(result: Result) -> str:
-    """The same, to be read."""
+def as_markdown(result: ValidationResult) -> str:
+    """Return the report as Markdown."""
     title = "Technical validation, simulated" if result.setup["simulated"] else "Technical validation"
     table = [HEADINGS, ("---", "---:", "---:", "---:", "---:"), *rows(result)]
     text = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in table)
@@ -145,8 +265,8 @@ def as_markdown(result: Result) -> str:
     )
 
 
-def as_latex(result: Result) -> str:
-    """The table for a paper; it needs the package booktabs."""
+def as_latex(result: ValidationResult) -> str:
+    """Return the table for a paper, in LaTeX; it needs the package booktabs."""
     names = {
         '"magnitude error", as | |F| - |F0| | (N)': r"Magnitude error, as $\bigl|\,|F|-|F_0|\,\bigr|$ (N)",
         '"magnitude error", as |F - F0| (N)': r"Magnitude error, as $|F-F_0|$ (N)",
@@ -162,5 +282,5 @@ def as_latex(result: Result) -> str:
 
 
 def _number(value: float, digits: int) -> str:
-    """So many decimals; more significant ones for what would be shown as zero."""
+    """Return a number with so many decimals; with a power of ten where it would be shown as zero."""
     return f"{value:.{digits}f}" if value == 0.0 or abs(value) >= 0.5 * 10.0**-digits else f"{value:.0e}"

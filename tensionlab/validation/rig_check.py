@@ -1,4 +1,4 @@
-"""Whether a rig can work at all, before anything is built: rank, limits, balance and strength at home."""
+"""Checks of a rig before anything is built: rank, limits, balance and strength at home."""
 
 from __future__ import annotations
 
@@ -14,26 +14,17 @@ from tensionlab.model import directions
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
 
-SLACK_RATIO = 1e4
+MAX_TENSION_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""
-
-
-HEAD_N = ImpactCap().force
-"""What all cables of a head may pull together, in N."""
+HEAD_FORCE_N = ImpactCap().force
+"""Largest force of all cables together on a head."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One check of a rig.
+    """Check of a rig, with what was found, and what to do where it failed.
 
-    Attributes
-    ----------
-    name : str
-        What was checked.
-    passed : bool or None
-        None for a note that is neither good nor bad.
-    text : str
-        What was found, and what to do where the check failed.
+    ``passed`` is None for a note that is neither good nor bad.
     """
 
     name: str
@@ -42,18 +33,11 @@ class Finding:
 
 
 def check_rig(rig: Rig) -> list[Finding]:
-    """Whether a rig can work at its home, with body frames at the origin of the world.
+    """Check whether a rig can work at its home, with body frames at the origin of the world.
 
-    Parameters
-    ----------
-    rig : Rig
-
-    Returns
-    -------
-    list of Finding
-        Rank of the structure matrix; limits that leave room; weight, where it is known; balance, that is the zero
-        wrench inside the limits; strength, the largest force that the rig renders in its weakest direction; body
-        frames.
+    Findings are the rank of the structure matrix; limits that leave room; weight, where it is known; balance, that
+    is the zero wrench inside the limits; strength, the largest force that the rig renders in its weakest
+    direction; and body frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig)]
@@ -71,7 +55,7 @@ def check_rig(rig: Rig) -> list[Finding]:
 
 
 def _rank(structure: Floats) -> Finding:
-    """Whether the cables can pull in every direction of motion, one way or the other."""
+    """Check that the cables can pull in every direction of motion, one way or the other."""
     n, m = structure.shape
     rank = int(np.linalg.matrix_rank(structure, rtol=RANK_TOLERANCE))
     if rank == n:
@@ -81,23 +65,23 @@ def _rank(structure: Floats) -> Finding:
 
 
 def _limits(rig: Rig) -> Finding:
-    """Whether the limits leave every cable room."""
+    """Check that the limits leave every cable room."""
     lower, upper = rig.limits.lower, rig.limits.upper
     stuck = [module.name for module in rig.modules if module.lower == module.upper]
     if stuck:
         return Finding("limits", None, f"no choice of tension in {', '.join(stuck)}: lower equals upper")
-    text = f"{lower.min():g} N and more, {upper.max():g} N and less, room in all"
-    most = float((upper + brake_strengths(rig)).sum())
-    if most > HEAD_N and any(module.brake for module in rig.modules):
+    text = f"{lower.min():g} N and more, {upper.max():g} N and less, upper > lower in all"
+    strongest = float((upper + brake_strengths(rig)).sum())
+    if strongest > HEAD_FORCE_N and any(module.brake for module in rig.modules):
         text += (
-            f"; with brakes {most:g} N together, so not for a head, which may feel {HEAD_N:g} N: scenarios with a "
-            "head refuse this rig until breakaway links make `brake` less"
+            f"; with brakes {strongest:g} N together, so not for a head, which allows {HEAD_FORCE_N:g} N: "
+            "scenarios with a head refuse this rig until breakaway links make `brake` less"
         )
     return Finding("limits", True, text)
 
 
 def _weight(rig: Rig, structure: Floats, weight: Floats) -> Finding:
-    """Whether the cables can hold the platform's weight still at home."""
+    """Check that the cables can hold the platform's weight still at home."""
     assert rig.platform is not None
     found = allocate(structure, -weight, rig.limits)
     if found.status == Status.EXACT:
@@ -108,11 +92,11 @@ def _weight(rig: Rig, structure: Floats, weight: Floats) -> Finding:
 
 
 def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
-    """Whether the cables can hold the platform still with no outside force; not needed where weight pulls."""
+    """Check that the cables can hold the platform still with no outside force; not needed where weight pulls."""
     if balanced:
         return Finding("balance", True, "the cables hold each other at home, within their limits")
     n, m = structure.shape
-    ratio = (np.ones(m), np.full(m, SLACK_RATIO))
+    ratio = (np.ones(m), np.full(m, MAX_TENSION_RATIO))
     if allocate(structure, np.zeros(n), ratio).status == Status.EXACT:
         text = "the cables could hold each other, but not within their limits: widen the limits"
     else:
@@ -121,7 +105,7 @@ def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
 
 
 def _strength(rig: Rig, structure: Floats) -> Finding:
-    """How large a force, without torque, the rig renders in its weakest direction."""
+    """Check the force, without torque, that the rig renders in its weakest direction."""
     vectors = directions.grid18() if rig.dimension == 3 else directions.circle()
     beyond = 2.0 * float(rig.limits.upper.sum())
     wrenches = directions.forces(beyond * vectors, rig.n, rig.dimension)

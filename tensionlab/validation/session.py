@@ -1,29 +1,37 @@
-"""One validation, from the first force to the last: in one sitting, or in several."""
+"""Validation from the first force to the last, in one session or several: its plan, and its journal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from tensionlab.files.writing import make_folder
+from tensionlab.errors import LogError, WriteError
+from tensionlab.files import writing
+from tensionlab.files.reading import brief, parse_json, read_text
+from tensionlab.files.tables import MAX_FILE_BYTES, from_mappings
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.runner.settings import RealClock
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.rig import Rig
-from tensionlab.validation.error_model import PRESETS, draw, require_point
-from tensionlab.validation.journal import Journal
+from tensionlab.validation.data_tables import OLD_NAMES
+from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
 from tensionlab.validation.protocol import Measurement, Protocol, measure
-from tensionlab.validation.sensor import ForceSensor
-from tensionlab.validation.setup import simulated_setup
+from tensionlab.validation.sensors import ForceSensor
+from tensionlab.validation.simulated_sensor import simulated_setup
 
-FILE = "measurements.jsonl"
+JOURNAL_FILE = "measurements.jsonl"
+FORMAT = "tensionlab validation 2"
+OLD_FORMAT = "tensionlab validation 1"
+"""Journals with it have `OLD_NAMES`; they are brought up to date as they are opened."""
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """What is validated, and how?
+class ValidationPlan:
+    """Rig, solver and protocol of a validation.
 
     Attributes
     ----------
@@ -44,7 +52,7 @@ class Plan:
     seed: int = 0
 
     def setup(self, *, simulated: bool) -> dict[str, Any]:
-        """What must be the same in all sittings? ``simulated``: as the sensor says of itself."""
+        """Return what must be the same in all sessions; ``simulated`` is as the sensor says of itself."""
         return {
             "rig": rig_to_toml(self.rig),
             "solver": self.solver,
@@ -58,10 +66,101 @@ class Plan:
         }
 
 
+class Journal:
+    """File of JSON lines, so that an interrupted validation goes on: the setup, and then each measurement.
+
+    Parameters
+    ----------
+    path : path
+        Made if it is not there. What an interrupted validation left is taken over.
+    setup : mapping
+        What must not differ between the sessions of one validation: numbers, words and lists.
+
+    Attributes
+    ----------
+    measurements : list of Measurement
+        In the order of their numbers, without a gap.
+
+    Raises
+    ------
+    LogError
+        Naming the file: it is of another validation, is damaged, or can't be read or written.
+    """
+
+    def __init__(self, path: Path, setup: Mapping[str, Any]) -> None:
+        self.path = path
+        self.measurements: list[Measurement] = []
+        head = {"format": FORMAT, **setup}
+        try:
+            text = (
+                read_text(path, "the journal of a validation", LogError, MAX_FILE_BYTES) if path.exists() else ""
+            )
+            whole = text[: text.rfind("\n") + 1]  # a process that was killed may have left half a line
+            if whole:
+                found, self.measurements = _parse(path, whole)
+                if found.get("format") == OLD_FORMAT:
+                    found["format"] = FORMAT
+                    whole = "".join(json.dumps(each) + "\n" for each in (found, *map(asdict, self.measurements)))
+                _require_same(path, found, head)
+            else:
+                whole = json.dumps(head) + "\n"
+            if whole != text:
+                writing.write_text(path, whole)
+        except WriteError as error:
+            raise LogError(str(error)) from None
+        except OSError as error:
+            raise LogError(f"{path}: cannot be used ({error}); name another folder") from None
+
+    def add(self, measurement: Measurement) -> None:
+        """Keep a measurement for good. One that is there already is not kept again."""
+        if measurement.number < len(self.measurements):
+            return
+        assert measurement.number == len(self.measurements)
+        self.measurements.append(measurement)
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(measurement)) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise LogError(f"{self.path}: cannot be written ({error.strerror}); free the disk and go on") from None
+
+
+def _parse(path: Path, text: str) -> tuple[dict[str, Any], list[Measurement]]:
+    """Return the setup and the measurements of a journal."""
+    measurements: list[Measurement] = []
+    head: dict[str, Any] = {}
+    for number, line in enumerate(text.splitlines()):
+        here = f"{path}, line {number + 1}"
+        content = parse_json(line, here, LogError)
+        if not isinstance(content, dict):
+            raise LogError(f"{here}: is {brief(content)}; it is damaged, name another folder")
+        if number == 0:
+            head = content
+            continue
+        if head.get("format") == OLD_FORMAT:
+            content = {OLD_NAMES.get(key, key): value for key, value in content.items()}
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in content.items()}
+        measurements += from_mappings([values], Measurement, here, LogError)
+        if measurements[-1].number != number - 1:
+            due = f"force {measurements[-1].number} where {number - 1} is due"
+            raise LogError(f"{here}: damaged ({due}); name another folder")
+    return head, measurements
+
+
+def _require_same(path: Path, found: Mapping[str, Any], head: Mapping[str, Any]) -> None:
+    other = [key for key in {**head, **found} if found.get(key) != head.get(key)]
+    if other:
+        raise LogError(
+            f"{path} is of a validation with other {', '.join(other):.100}; go on with the same, "
+            "or name another folder"
+        )
+
+
 def validate(
-    plan: Plan,
+    plan: ValidationPlan,
     folder: Path,
-    reached: tuple[ModuleGroup, ForceSensor] | None = None,
+    opened: tuple[ModuleGroup, ForceSensor] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[dict[str, Any], list[Measurement]]:
     """Measure what is still to be measured.
@@ -72,18 +171,18 @@ def validate(
 
     Parameters
     ----------
-    plan : Plan
+    plan : ValidationPlan
     folder : Path
         Keeps the measurements.
-    reached : (ModuleGroup, ForceSensor), optional
+    opened : (ModuleGroup, ForceSensor), optional
         Real modules and their sensor, or those of another process; simulated ones of this process if left out.
     progress : callable, optional
-        Told the share that is done.
+        Receives the share that is done.
 
     Returns
     -------
     setup : dict
-        As `Plan.setup` says.
+        As `ValidationPlan.setup` says.
     measurements : list of Measurement
         Fewer than there are forces if a signal ended it.
 
@@ -95,26 +194,26 @@ def validate(
         What went wrong with modules, sensor or journal.
     """
     require_point(plan.rig)
-    make_folder(folder)
-    setup = plan.setup(simulated=reached is None or reached[1].simulated)
-    journal = Journal(folder / FILE, setup)
+    writing.make_folder(folder)
+    setup = plan.setup(simulated=opened is None or opened[1].simulated)
+    journal = Journal(folder / JOURNAL_FILE, setup)
     total = len(plan.protocol.forces)
     before = len(journal.measurements)
     if before == total:
         return setup, journal.measurements
 
-    def done(measurement: Measurement) -> None:
+    def keep(measurement: Measurement) -> None:
         journal.add(measurement)
         if progress is not None:
             progress((measurement.number + 1) / total)
 
-    if reached is None:
+    if opened is None:
         assert plan.preset is not None
-        errors = draw(PRESETS[plan.preset], plan.rig.m, plan.seed)
+        errors = draw_errors(PRESETS[plan.preset], plan.rig.m, plan.seed)
         modules, clock, sensor = simulated_setup(plan.rig, errors, plan.seed)
-        measure(plan.rig, modules, clock, sensor, plan.solver, plan.protocol, done)
+        measure(plan.rig, modules, clock, sensor, plan.solver, plan.protocol, keep)
         modules.close()
     else:
         first = max(before - 1, 0)
-        measure(plan.rig, reached[0], RealClock(), reached[1], plan.solver, plan.protocol, done, first)
+        measure(plan.rig, opened[0], RealClock(), opened[1], plan.solver, plan.protocol, keep, first)
     return setup, journal.measurements

@@ -1,4 +1,9 @@
-"""How far are measured forces from those that were asked for?"""
+"""Statistics of measured forces: alignment of the sensor, deviations with intervals, models fitted to a rig.
+
+Three models of the force of tensions t, from fewest to most parameters: one gain for all cables, g W t; a gain and
+a bias for each, W (g t + b), with the nominal structure matrix W; and any linear map, A t + c, which also takes up
+wrong positions and a leaning sensor.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +15,62 @@ import numpy as np
 
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
+from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
 
-WITHIN = 45.0
-"""Degrees; every vector of the publication was within."""
+MAX_ANGLE_DEG = 45.0
+"""Every vector of the publication was within."""
 RESAMPLES, CONFIDENCE = 2000, 0.95
 
 
+def fit_yaw(desired: Floats, measured: Floats) -> Floats:
+    """Return the turn about the vertical that fits best, as published: a tilt of the sensor stays.
+
+    The angle is atan2(sum(q_z p_x - q_x p_z), sum(q_x p_x + q_z p_z)), with q measured and p desired.
+
+    Parameters
+    ----------
+    desired, measured : (K, 3) arrays
+        Forces in N; the measured ones upright already.
+
+    Returns
+    -------
+    (3, 3) array
+        Rotation of measured forces.
+    """
+    p, q = desired, measured
+    sine = np.sum(q[:, 2] * p[:, 0] - q[:, 0] * p[:, 2])
+    cosine = np.sum(q[:, 0] * p[:, 0] + q[:, 2] * p[:, 2])
+    size = np.hypot(sine, cosine)
+    if size == 0.0:
+        return np.eye(3)
+    s, c = sine / size, cosine / size
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def fit_rotation(desired: Floats, measured: Floats) -> Floats:
+    """Return the rotation that fits best: Kabsch 1976, Acta Crystallographica A32; Wahba's problem.
+
+    It leaves no tilt. Parameters and return value as those of `fit_yaw`.
+    """
+    u, _, vt = np.linalg.svd(desired.T @ measured)
+    mirrored = np.linalg.det(u) * np.linalg.det(vt) < 0.0
+    return np.asarray(u @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ vt)
+
+
+def rotation_angle(rotation: Floats) -> float:
+    """Return the angle of a rotation, in degrees."""
+    skew = np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    return float(np.degrees(np.arctan2(np.linalg.norm(skew), np.trace(rotation) - 1.0)))
+
+
+ALIGNMENTS = {"paper": fit_yaw, "kabsch": fit_rotation}
+"""The publication's, and the one that finds tilt as well."""
+
+
 class Interval(NamedTuple):
-    """A number and its 95 % bootstrap interval."""
+    """Number and its 95 % bootstrap interval."""
 
     value: float
     lower: float
@@ -25,7 +78,7 @@ class Interval(NamedTuple):
 
 
 class Deviations(NamedTuple):
-    """What is wrong with each of K measured forces?
+    """Deviations of K measured forces.
 
     Attributes
     ----------
@@ -34,7 +87,7 @@ class Deviations(NamedTuple):
     magnitude : (K,) array
         Of the measured force, in N.
     magnitude_error : (K,) array
-        How far that is from the desired one, either way, in N.
+        Absolute difference to that of the desired one, in N.
     vector : (K,) array
         Length of the difference of the two forces, in N.
     """
@@ -47,26 +100,20 @@ class Deviations(NamedTuple):
 
 @dataclass(frozen=True)
 class Summary:
-    """One of the four over all forces.
+    """Summary of one of the four over all forces.
 
-    Attributes
-    ----------
-    mean : Interval
-        Plain.
-    weighted : Interval
-        Mean with weights sin(theta), theta from the vertical: over a grid of latitudes and longitudes it is the
-        mean over the sphere, while the plain one counts the poles too much.
-    largest : float
+    ``weighted`` is the mean with weights sin(theta), theta from the vertical: over a grid of latitudes and
+    longitudes it is the mean over the sphere, while the plain ``mean`` counts the poles too much.
     """
 
     mean: Interval
     weighted: Interval
-    largest: float
+    maximum: float
 
 
 @dataclass(frozen=True)
-class Score:
-    """All statistics of a validation; of the fields of `Deviations`, and the share of angles up to 45 degrees."""
+class ForceScore:
+    """Summaries of the fields of `Deviations`, and the share of angles up to 45 degrees."""
 
     angle: Summary
     magnitude: Summary
@@ -76,13 +123,7 @@ class Score:
 
 
 def deviations(desired: Floats, measured: Floats) -> Deviations:
-    """What is wrong with each measured force?
-
-    Parameters
-    ----------
-    desired, measured : (..., K, 3) arrays
-        In N; no desired force is zero.
-    """
+    """Return the deviations of measured forces, (..., K, 3) in N, from desired ones, none of which is zero."""
     size, wanted = np.linalg.norm(measured, axis=-1), np.linalg.norm(desired, axis=-1)
     across = np.linalg.norm(np.cross(desired, measured), axis=-1)
     along = np.sum(desired * measured, axis=-1)
@@ -90,8 +131,8 @@ def deviations(desired: Floats, measured: Floats) -> Deviations:
     return Deviations(angle, size, np.abs(size - wanted), np.linalg.norm(measured - desired, axis=-1))
 
 
-def score(desired: Floats, measured: Floats, seed: int = 0) -> Score:
-    """How good are measured forces?
+def score(desired: Floats, measured: Floats, seed: int = 0) -> ForceScore:
+    """Return the statistics of measured forces.
 
     Parameters
     ----------
@@ -99,7 +140,7 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> Score:
         In N.
     seed : int
         Of the bootstrap: whole vectors are drawn again with replacement, 2000 times (Efron 1979, Annals of
-        Statistics 7(1); percentiles). It tells how much the choice of vectors matters, on this rig.
+        Statistics 7(1); percentiles). It shows how much the choice of vectors matters, on this rig.
 
     Raises
     ------
@@ -112,7 +153,7 @@ def score(desired: Floats, measured: Floats, seed: int = 0) -> Score:
     weights = np.linalg.norm(desired[:, [0, 2]], axis=-1) / np.linalg.norm(desired, axis=-1)
     drawn = np.random.default_rng(seed).integers(0, len(desired), (RESAMPLES, len(desired)))
     angle, magnitude, magnitude_error, vector = (_summary(column, weights, drawn) for column in found)
-    return Score(angle, magnitude, magnitude_error, vector, float(np.mean(found.angle <= WITHIN)))
+    return ForceScore(angle, magnitude, magnitude_error, vector, float(np.mean(found.angle <= MAX_ANGLE_DEG)))
 
 
 def _summary(column: Floats, weights: Floats, drawn: Integers) -> Summary:
@@ -122,10 +163,7 @@ def _summary(column: Floats, weights: Floats, drawn: Integers) -> Summary:
     return Summary(mean, weighted, float(np.max(column)))
 
 
-def _bootstrap(
-    statistic: Callable[[Integers], Floats],
-    drawn: Integers,
-) -> Interval:
+def _bootstrap(statistic: Callable[[Integers], Floats], drawn: Integers) -> Interval:
     value = float(statistic(np.arange(drawn.shape[1])))
     tails = (0.5 - CONFIDENCE / 2.0, 0.5 + CONFIDENCE / 2.0)
     lower, upper = np.quantile(statistic(drawn), tails).tolist()
@@ -133,6 +171,85 @@ def _bootstrap(
 
 
 def _mean(values: Floats, weights: Floats) -> Floats:
-    """Weighted mean over the last axis; NaN where all weights are zero."""
+    """Return the weighted mean over the last axis; NaN where all weights are zero."""
     total = weights.sum(axis=-1)
     return np.where(total > 0.0, (values * weights).sum(axis=-1) / np.where(total > 0.0, total, 1.0), np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class ForceModel:
+    """Force of tensions: ``map @ tensions + offset``, with a map (3, m) for the structure matrix, and N."""
+
+    map: Floats
+    offset: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class CableEstimates:
+    """Gain and bias of each cable, with 95 % confidence.
+
+    Attributes
+    ----------
+    gains : tuple of Estimate
+        True tension per commanded one.
+    biases : tuple of Estimate
+        In N. Of four cables on a point only three combinations of biases can be measured: these are the smallest
+        ones that make the offset, without the part that cancels out at the point.
+    """
+
+    gains: tuple[Estimate, ...]
+    biases: tuple[Estimate, ...]
+
+
+def fit_gain(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
+    """Fit a common gain to forces (K, 3) of tensions (K, m)."""
+    nominal = (tensions @ structure.T).ravel()
+    gain = float(nominal @ forces.ravel() / (nominal @ nominal))
+    return ForceModel(gain * structure, np.zeros(3))
+
+
+def fit_gains_and_biases(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
+    """Fit a gain and a bias of each cable."""
+    found = _fit_cables(structure, tensions, forces).coefficients
+    m = structure.shape[1]
+    return ForceModel(structure * found[:m], found[m:])
+
+
+def fit_linear_map(structure: Floats, tensions: Floats, forces: Floats) -> ForceModel:
+    """Fit any linear map; the structure matrix plays no part."""
+    rows = np.column_stack([tensions, np.ones(len(tensions))])
+    found = np.linalg.lstsq(rows, forces, rcond=None)[0]
+    return ForceModel(np.ascontiguousarray(found[:-1].T), found[-1])
+
+
+MODELS = {"one gain": fit_gain, "gain and bias": fit_gains_and_biases, "linear map": fit_linear_map}
+
+
+def estimate_cables(structure: Floats, tensions: Floats, forces: Floats) -> CableEstimates:
+    """Estimate gain and bias of each cable, if positions are right.
+
+    Parameters
+    ----------
+    structure : (3, m) array
+    tensions : (K, m) array
+        Commanded, in N.
+    forces : (K, 3) array
+        Measured, in the axes of the structure matrix, in N.
+    """
+    found = _fit_cables(structure, tensions, forces)
+    m = structure.shape[1]
+    inverse = np.linalg.pinv(structure)
+    values = np.concatenate([found.coefficients[:m], inverse @ found.coefficients[m:]])
+    variances = [np.diag(found.covariance)[:m], np.diag(inverse @ found.covariance[m:, m:] @ inverse.T)]
+    spreads = np.sqrt(np.concatenate(variances))
+    each = [around(float(v), float(s), found.freedom) for v, s in zip(values, spreads, strict=True)]
+    return CableEstimates(tuple(each[:m]), tuple(each[m:]))
+
+
+def _fit_cables(structure: Floats, tensions: Floats, forces: Floats) -> LinearFit:
+    """Fit gains of the cables, and the offset that their biases make."""
+    count, m = tensions.shape
+    rows = np.concatenate(
+        [tensions[:, None, :] * structure, np.broadcast_to(np.eye(3), (count, 3, 3))], axis=2
+    ).reshape(-1, m + 3)
+    return fit(rows, forces.ravel())

@@ -1,11 +1,10 @@
-"""Which part of the published error is the solver's, which the rig's, and what would calibration take away?
+"""What-if study: the parts of solver and rig in the published error, and what calibration would take away.
 
-``python -m tensionlab.validation.what_if`` goes through the protocol on many simulated rigs like the
-published one, of which one thing differs, and writes a row for each (`tensionlab.validation.trials`). Tensions
-are those of the solver, proved or not: in a run, the runner would have sent the exact solver's in place of the
-latter.
-The rigs are worked out as in `settled`, which equals the protocol on stepped modules, but knows nothing of the
-rests that these take where windings get hot: with solvers that pull harder than they must, and in small triangles.
+``python -m tensionlab.validation.what_if`` goes through the protocol on many simulated rigs like the published
+one, of which one thing differs, and writes a row for each (`tensionlab.validation.data_tables`). Tensions are
+those of the solver, proved or not: in a run, the runner would have sent the exact solver's in place of the latter.
+Rigs are worked out by `predict_forces`, which equals the protocol on stepped modules, but without the rests that
+these take where windings get hot: with solvers that pull harder than they must, and in small triangles.
 
 Calibration is held out: a model of the rig is fitted to what half of the vectors showed, all vectors are commanded
 again by that model, and the other half is counted.
@@ -20,8 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-import tensionlab.validation.trials as table
-from tensionlab.allocation import Allocation, allocate
+from tensionlab.allocation import allocate
 from tensionlab.arrays import Floats
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.model.rig import Rig
@@ -29,129 +27,124 @@ from tensionlab.records import manifest
 from tensionlab.solvers import select_solvers
 from tensionlab.solvers.base import Solver, Status
 from tensionlab.solvers.least_squares import Dykstra
-from tensionlab.validation.calibration import MODELS
-from tensionlab.validation.error_model import PRESETS, ErrorModel, draw
-from tensionlab.validation.protocol import BASIS, Protocol
-from tensionlab.validation.quasi_static import settled, wandering
-from tensionlab.validation.statistics import WITHIN, deviations
-from tensionlab.validation.trials import Trial
+from tensionlab.validation.data_tables import Trial, write_trials
+from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors
+from tensionlab.validation.protocol import AXIS_FORCES, Protocol
+from tensionlab.validation.quasi_static import mean_noise, predict_forces
+from tensionlab.validation.statistics import MAX_ANGLE_DEG, MODELS, deviations
 
-LIKE = PRESETS["paper-like"]
-ALONE = {
-    "gain": ErrorModel(gain=LIKE.gain, gain_spread=LIKE.gain_spread),
-    "bias": ErrorModel(bias=LIKE.bias),
-    "position": ErrorModel(position=LIKE.position),
-    "play": ErrorModel(play=LIKE.play),
-    "tilt": ErrorModel(tilt=LIKE.tilt),
-    "noise": ErrorModel(noise=LIKE.noise),
+PAPER_LIKE = PRESETS["paper-like"]
+SINGLE_ERRORS = {
+    "gain": ErrorModel(gain=PAPER_LIKE.gain, gain_spread=PAPER_LIKE.gain_spread),
+    "bias": ErrorModel(bias=PAPER_LIKE.bias),
+    "position": ErrorModel(position=PAPER_LIKE.position),
+    "play": ErrorModel(play=PAPER_LIKE.play),
+    "tilt": ErrorModel(tilt=PAPER_LIKE.tilt),
+    "noise": ErrorModel(noise=PAPER_LIKE.noise),
 }
 """Each error of the preset by itself."""
-SIDE, SIDES = 1.0, (0.3, 0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
-"""Of the triangle, in m."""
-ITERATIONS = (10, 30, 100, 1000)
+SIDE_M, SIDES_M = 1.0, (0.3, 0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
+"""Of the triangle."""
+ITERATION_LIMITS = (10, 30, 100, 1000)
 """Of Dykstra's algorithm, where it is cut short."""
-RIGS = 200
+RIG_COUNT = 200
 
 
-def solvers(rig: Rig) -> dict[str, str | Solver]:
-    """Which solvers are tried? Those that serve the rig, and Dykstra's algorithm cut short."""
+def study_solvers(rig: Rig) -> dict[str, str | Solver]:
+    """Return the solvers that serve the rig, and Dykstra's algorithm cut short."""
     found: dict[str, str | Solver] = {name: name for name, _ in select_solvers(size=(rig.n, rig.m))[0]}
-    return found | {f"dykstra, {count} iterations": Dykstra(iteration_limit=count) for count in ITERATIONS}
+    return found | {f"dykstra, {count} iterations": Dykstra(iteration_limit=count) for count in ITERATION_LIMITS}
 
 
 class Study:
-    """Many validations on rigs of the same seeds.
-
-    Parameters
-    ----------
-    protocol : Protocol
-    seeds : sequence of int
-    """
+    """Validations on many rigs, of the same seeds."""
 
     def __init__(self, protocol: Protocol, seeds: Sequence[int]) -> None:
         self.protocol, self.seeds = protocol, seeds
-        self._noise = {seed: wandering(1.0, seed, protocol) for seed in seeds}
+        self._noise = {seed: mean_noise(1.0, seed, protocol) for seed in seeds}
 
     def trials(
         self, question: str, choice: str, rig: Rig, errors: ErrorModel, solver: str | Solver = "newton"
     ) -> Iterator[Trial]:
-        """What is measured on each rig?"""
+        """Yield a trial for each seed."""
         chosen = allocate(rig.structure_matrix(rig.home), self.protocol.forces, rig.limits, solver=solver)
-        desired = self.protocol.forces[BASIS:]
-        exact = int(np.sum(chosen.status[BASIS:] == Status.EXACT))
+        desired = self.protocol.forces[AXIS_FORCES:]
+        exact = chosen.status[AXIS_FORCES:] == Status.EXACT
         for seed in self.seeds:
-            drawn = draw(errors, rig.m, seed)
-            noise = errors.noise * self._noise[seed]
-            felt = settled(rig, drawn, chosen.tensions, chosen.wrench[:BASIS], noise).forces
-            yield trial(question, choice, seed, desired, felt, exact)
+            drawn, noise = draw_errors(errors, rig.m, seed), errors.noise * self._noise[seed]
+            shown = predict_forces(rig, drawn, chosen.tensions, chosen.wrench[:AXIS_FORCES], noise)
+            yield make_trial(question, choice, seed, desired, shown.forces, exact)
 
     def calibrations(self, rig: Rig, errors: ErrorModel) -> Iterator[Trial]:
-        """What is measured after calibration, of the vectors that it did not see?"""
+        """Yield trials without and after calibration, of the vectors that it did not see."""
         structure, forces = rig.structure_matrix(rig.home), self.protocol.forces
         before = allocate(structure, forces, rig.limits)
+        rendered = before.wrench[:AXIS_FORCES]
         for seed in self.seeds:
-            drawn, noise = draw(errors, rig.m, seed), errors.noise * self._noise[seed]
-            first = settled(rig, drawn, before.tensions, before.wrench[:BASIS], noise)
-            order = np.random.default_rng(seed).permutation(len(forces) - BASIS)
+            drawn, noise = draw_errors(errors, rig.m, seed), errors.noise * self._noise[seed]
+            first = predict_forces(rig, drawn, before.tensions, rendered, noise)
+            order = np.random.default_rng(seed).permutation(len(forces) - AXIS_FORCES)
             seen, kept = np.split(order, [len(order) // 2])
-            exact = int(np.sum(before.status[BASIS:][kept] == Status.EXACT))
-            desired = forces[BASIS:][kept]
-            yield trial("calibration", "none", seed, desired, first.forces[kept], exact)
-            for name, find in MODELS.items():
-                model = find(structure, before.tensions[BASIS:][seen], first.forces[seen])
+            desired = forces[AXIS_FORCES:][kept]
+            exact = before.status[AXIS_FORCES:][kept] == Status.EXACT
+            yield make_trial("calibration", "none", seed, desired, first.forces[kept], exact)
+            for name, fit_model in MODELS.items():
+                model = fit_model(structure, before.tensions[AXIS_FORCES:][seen], first.forces[seen])
                 after = allocate(model.map, forces - model.offset, rig.limits)
-                felt = settled(
-                    rig, drawn, after.tensions, before.wrench[:BASIS], noise, rotation=first.rotation
-                ).forces
-                yield trial("calibration", name, seed, desired, felt[kept], _reached(after, kept))
+                shown = predict_forces(rig, drawn, after.tensions, rendered, noise, rotation=first.rotation)
+                exact = after.status[AXIS_FORCES:][kept] == Status.EXACT
+                yield make_trial("calibration", name, seed, desired, shown.forces[kept], exact)
 
 
-def _reached(after: Allocation, kept: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> int:
-    return int(np.sum(after.status[BASIS:][kept] == Status.EXACT))
-
-
-def trial(question: str, choice: str, seed: int, desired: Floats, felt: Floats, exact: int) -> Trial:
-    """The row of a validation: forces (K, 3) that were to be, and that were felt."""
-    found = deviations(desired, felt)
+def make_trial(
+    question: str,
+    choice: str,
+    seed: int,
+    desired: Floats,
+    measured: Floats,
+    exact: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+) -> Trial:
+    """Return the row of a validation, of forces (K, 3) in N and whether the allocation of each is exact."""
+    found = deviations(desired, measured)
     return Trial(
         question,
         choice,
         seed,
         vectors=len(desired),
-        exact=exact,
+        exact=int(np.sum(exact)),
         angle=float(found.angle.mean()),
-        angle_largest=float(found.angle.max()),
+        angle_max=float(found.angle.max()),
         magnitude=float(found.magnitude.mean()),
         magnitude_error=float(found.magnitude_error.mean()),
         vector=float(found.vector.mean()),
-        within=float(np.mean(found.angle <= WITHIN)),
+        within=float(np.mean(found.angle <= MAX_ANGLE_DEG)),
     )
 
 
-def study(count: int = RIGS, told: Callable[[str], None] = lambda question: None) -> list[Trial]:
-    """All questions, on so many rigs each; `told` hears which one is next."""
+def run_study(count: int = RIG_COUNT, progress: Callable[[str], None] = lambda question: None) -> list[Trial]:
+    """Answer all questions, on so many rigs each; ``progress`` receives the next one."""
     every, one = Study(Protocol(), range(count)), Study(Protocol(), [0])
-    rig = ring_plus_top(SIDE)
+    rig = ring_plus_top(SIDE_M)
     rows: list[Trial] = []
-    told("preset")
+    progress("preset")
     rows += one.trials("preset", "ideal", rig, PRESETS["ideal"])
-    rows += every.trials("preset", "paper-like", rig, LIKE)
-    told("error")
-    for name, errors in ALONE.items():
+    rows += every.trials("preset", "paper-like", rig, PAPER_LIKE)
+    progress("error")
+    for name, errors in SINGLE_ERRORS.items():
         rows += every.trials("error", name, rig, errors)
-    told("solver")
-    for name, solver in solvers(rig).items():
-        rows += every.trials("solver", name, rig, LIKE, solver)
+    progress("solver")
+    for name, solver in study_solvers(rig).items():
+        rows += every.trials("solver", name, rig, PAPER_LIKE, solver)
         rows += one.trials("solver alone", name, rig, PRESETS["ideal"], solver)
-    told("side")
-    for side in SIDES:
-        rows += every.trials("side", f"{side:g} m", ring_plus_top(side), LIKE)
-    told("calibration")
-    return rows + list(every.calibrations(rig, LIKE))
+    progress("side")
+    for side in SIDES_M:
+        rows += every.trials("side", f"{side:g} m", ring_plus_top(side), PAPER_LIKE)
+    progress("calibration")
+    return rows + list(every.calibrations(rig, PAPER_LIKE))
 
 
-def lines(rows: Sequence[Trial]) -> list[str]:
-    """The medians over the rigs, a line for each choice."""
+def median_lines(rows: Sequence[Trial]) -> list[str]:
+    """Return the medians over the rigs, a line for each choice."""
     found = [f"{'median of the rigs':36} angle error   10-90 %      |F|  ||F|-|F0||  |F-F0|  all in 45°     exact"]
     for question, choice in dict.fromkeys((row.question, row.choice) for row in rows):
         chosen = [row for row in rows if (row.question, row.choice) == (question, choice)]
@@ -173,14 +166,13 @@ def lines(rows: Sequence[Trial]) -> list[str]:
 def main() -> None:
     """Do the study, write its rows and print the medians."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rigs", type=int, default=RIGS, help="simulated rigs for each choice")
+    parser.add_argument("--rigs", type=int, default=RIG_COUNT, help="simulated rigs for each choice")
     parser.add_argument("--out", type=Path, default=Path("out/what-if-simulated.parquet"))
     options = parser.parse_args()
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    rows = study(options.rigs, lambda question: print(f"{question} ...", file=sys.stderr))
-    call = ["python", "-m", "tensionlab.validation.what_if", *sys.argv[1:]]
-    table.write(options.out, rows, manifest(call))
-    print("\n".join(lines(rows)))
+    rows = run_study(options.rigs, lambda question: print(f"{question} ...", file=sys.stderr))
+    write_trials(options.out, rows, manifest(["python", "-m", "tensionlab.validation.what_if", *sys.argv[1:]]))
+    print("\n".join(median_lines(rows)))
 
 
 if __name__ == "__main__":

@@ -10,11 +10,11 @@ from benchmarks.processes import simulated
 from tensionlab.hardware.client.group import connect
 from tensionlab.model.directions import grid18
 from tensionlab.model.files import load_rig
-from tensionlab.validation.external_sensor import NetworkSensor
+from tensionlab.validation.data_tables import read_recording
 from tensionlab.validation.protocol import Protocol
-from tensionlab.validation.recordings import read
-from tensionlab.validation.results import result_of
-from tensionlab.validation.session import Plan, validate
+from tensionlab.validation.report import evaluate
+from tensionlab.validation.sensors import NetworkSensor
+from tensionlab.validation.session import ValidationPlan, validate
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
@@ -35,7 +35,7 @@ def test_one_command_measures_and_compares(run, tmp_path):
     assert within["measured"]["value"] == 100.0
     assert report["simulated"] is True
     assert set(report["alignments"]) == {"paper", "kabsch"}
-    recording = read(out / "forces-simulated.parquet")
+    recording = read_recording(out / "forces-simulated.parquet")
     assert recording.simulated
     assert np.abs(recording.error).max() < 1e-3
     assert "simulated" in (out / "report.md").read_text()
@@ -78,16 +78,16 @@ def test_over_tcp_the_statistics_are_the_same(tmp_path):
     """Modules and sensor of another process, in real time, against those of this one in lockstep."""
     rig = load_rig(RIG)
     protocol = Protocol(hold=0.4, directions=grid18()[::14])
-    setup, found = validate(Plan(rig, "newton", protocol, "paper-like", 2), tmp_path / "here")
-    here = result_of(setup, found)
+    setup, found = validate(ValidationPlan(rig, "newton", protocol, "paper-like", 2), tmp_path / "here")
+    here = evaluate(setup, found)
     modules = tmp_path / "modules.toml"
     with simulated(RIG, "--sensor-port", 0, "--seed", 2, "--modules", modules) as (links, _):
         url = modules.read_text().partition("# Force sensor: ")[2].strip()
         sensor, group = NetworkSensor(url), connect(rig, links)
-        setup, found = validate(Plan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
+        setup, found = validate(ValidationPlan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
         group.close()
         sensor.close()
-    there = result_of(setup, found)
+    there = evaluate(setup, found)
     assert setup["simulated"] is True  # the sensor said so
     assert setup["preset"] is None
     # Both sensors wander by 0.03 N per axis.

@@ -8,7 +8,7 @@ import tensionlab as tl
 from tensionlab.plots import plot_error_sphere, plot_forces, plot_what_if
 from tensionlab.plots.style import save_figure
 from tensionlab.plots.validation import _deviations, _on_disc, grouped
-from tensionlab.validation.trials import Trials
+from tensionlab.validation.data_tables import Trials
 from tests.support.figures import words_of
 from tests.support.recorded import QUESTIONS, made_up, made_up_trials
 

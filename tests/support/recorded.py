@@ -3,8 +3,7 @@
 import numpy as np
 
 from tensionlab.model.directions import grid18
-from tensionlab.validation.recordings import Recording
-from tensionlab.validation.trials import Trial
+from tensionlab.validation.data_tables import Recording, Trial
 
 MODULES = ["floor-1", "floor-2", "floor-3", "top"]
 
@@ -34,9 +33,9 @@ def made_up(gain=1.25, noise=0.3, turn=0.1, simulated=True, seed=0) -> Recording
         tensions=tensions,
         spread=np.full(len(desired), 0.03),
         status=np.zeros(len(desired), dtype=np.int64),
-        replaced=np.zeros(len(desired), dtype=bool),
+        fallback_used=np.zeros(len(desired), dtype=bool),
         samples=np.full(len(desired), 1000),
-        hindered=np.full(len(desired), ""),
+        limited_modules=np.full(len(desired), ""),
         manifest={"call": "made up", "seed": seed, "recording": about},
     )
 
@@ -55,7 +54,7 @@ def made_up_trials(count=20) -> list[Trial]:
     draw = np.random.default_rng(0)
     return [
         Trial(
-            question, choice, seed, 182, 182, angle=angle * factor, angle_largest=3 * angle * factor,
+            question, choice, seed, 182, 182, angle=angle * factor, angle_max=3 * angle * factor,
             magnitude=size, magnitude_error=abs(size - 1.5), vector=0.02 * angle * factor + abs(size - 1.5),
             within=1.0 if angle * factor < 15 else 0.99,
         )

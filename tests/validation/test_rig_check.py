@@ -104,15 +104,15 @@ def test_cables_without_a_choice_are_noted_and_body_frames_too():
 
 
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_rig_of_the_house_can_be_checked_and_has_full_rank(path):
+def test_every_rig_that_comes_along_can_be_checked_and_has_full_rank(path):
     rig = tl.load_rig(path)
     findings = check_rig(rig)
     assert findings[0].passed, findings[0]
     assert np.all([finding.text for finding in findings])
 
 
-def test_brakes_that_no_head_must_meet_are_told():
+def test_brakes_too_strong_for_a_head_are_reported():
     limits = next(finding for finding in check_rig(published()) if finding.name == "limits")
-    assert "with brakes 768 N together, so not for a head, which may feel 60 N" in limits.text
+    assert "with brakes 768 N together, so not for a head, which allows 60 N" in limits.text
     gentle = [dataclasses.replace(module, brake=4.0) for module in published().modules]
     assert "head" not in check_rig(dataclasses.replace(published(), modules=tuple(gentle)))[1].text

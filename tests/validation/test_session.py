@@ -8,15 +8,16 @@ import tensionlab as tl
 from tensionlab.errors import LogError
 from tensionlab.model.directions import grid18
 from tensionlab.model.layouts import ring_plus_top
+from tensionlab.validation.data_tables import OLD_NAMES
 from tensionlab.validation.protocol import Protocol
-from tensionlab.validation.session import FILE, Plan, validate
+from tensionlab.validation.session import FORMAT, JOURNAL_FILE, OLD_FORMAT, ValidationPlan, validate
 
 RIG = ring_plus_top(1.0)
 
 
 def plan(**changes):
     chosen = {"solver": "newton", "preset": "paper-like", "seed": 3} | changes
-    return Plan(RIG, protocol=Protocol(hold=0.35, directions=grid18()[::9]), **chosen)
+    return ValidationPlan(RIG, protocol=Protocol(hold=0.35, directions=grid18()[::9]), **chosen)
 
 
 def interrupted_after(count, total):
@@ -36,11 +37,11 @@ def test_interrupted_and_resumed_equals_uninterrupted(tmp_path):
     for count in (2, 9):
         _, part = validate(plan(), tmp_path / "parts", progress=interrupted_after(count, total))
         assert len(part) == count
-    with (tmp_path / "parts" / FILE).open("a") as file:
+    with (tmp_path / "parts" / JOURNAL_FILE).open("a") as file:
         file.write('{"number": 9, "dema')  # as a process leaves it that is killed
     _, parts = validate(plan(), tmp_path / "parts")
     assert parts == whole
-    assert (tmp_path / "parts" / FILE).read_text() == (tmp_path / "whole" / FILE).read_text()
+    assert (tmp_path / "parts" / JOURNAL_FILE).read_text() == (tmp_path / "whole" / JOURNAL_FILE).read_text()
 
 
 def test_what_is_complete_is_not_measured_again(tmp_path):
@@ -59,7 +60,7 @@ def test_another_validation_is_not_continued(tmp_path):
 
 def test_a_damaged_journal_is_named_by_its_line(tmp_path):
     validate(plan(), tmp_path)
-    file = tmp_path / FILE
+    file = tmp_path / JOURNAL_FILE
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:3], *lines[4:]]) + "\n")
     with pytest.raises(LogError, match="line 4: damaged"):
@@ -73,7 +74,20 @@ def test_a_damaged_journal_is_named_by_its_line(tmp_path):
 
 def test_the_journal_has_the_rig_itself(tmp_path):
     validate(plan(), tmp_path)
-    head = json.loads((tmp_path / FILE).read_text().splitlines()[0])
+    head = json.loads((tmp_path / JOURNAL_FILE).read_text().splitlines()[0])
     (tmp_path / "rig.toml").write_text(head["rig"])
     assert tl.load_rig(tmp_path / "rig.toml") == RIG
     assert head["simulated"] is True
+
+
+def test_a_journal_of_before_is_brought_up_to_date(tmp_path):
+    _, found = validate(plan(), tmp_path)
+    text = (tmp_path / JOURNAL_FILE).read_text()
+    old = text.replace(FORMAT, OLD_FORMAT)
+    for before, now in OLD_NAMES.items():
+        old = old.replace(f'"{now}"', f'"{before}"')
+    assert old != text
+    (tmp_path / JOURNAL_FILE).write_text(old)
+    _, again = validate(plan(), tmp_path, progress=lambda share: pytest.fail("measured again"))
+    assert again == found
+    assert (tmp_path / JOURNAL_FILE).read_text() == text

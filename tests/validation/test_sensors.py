@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.validation.external_sensor import FollowedFile, NetworkSensor, open_sensor
-from tensionlab.validation.readings import Readings, read_forces
+from tensionlab.validation.sensors import FileSensor, ForceParser, NetworkSensor, open_sensor, read_forces
 
 ATI = """"Start Time: 11/21/2026 9:00:00 AM"
 "RDT Sample Rate: 1000"
@@ -38,8 +37,8 @@ def test_a_table_of_ati_is_scaled_by_its_counts(tmp_path):
     ],
 )
 def test_other_tables_and_bare_numbers(text):
-    readings = Readings("there")
-    pieces = [readings.feed(piece) for piece in text]  # letter by letter
+    parser = ForceParser("there")
+    pieces = [parser.feed(piece) for piece in text]  # letter by letter
     assert np.concatenate(pieces).tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
@@ -56,14 +55,14 @@ def test_other_tables_and_bare_numbers(text):
 )
 def test_what_is_no_force_is_named_by_its_line(text, complaint):
     with pytest.raises(HardwareError, match=f"there, {complaint}" if complaint.startswith("line") else complaint):
-        Readings("there").feed(text)
+        ForceParser("there").feed(text)
 
 
 def test_a_file_is_followed_from_where_it_is(tmp_path):
     file = tmp_path / "live.csv"
     file.write_text("Fx,Fy,Fz\n9,9,9\n", encoding="utf-8")
     sensor = open_sensor(str(file))
-    assert isinstance(sensor, FollowedFile)
+    assert isinstance(sensor, FileSensor)
     with file.open("a", encoding="utf-8") as more:
         more.write("1,2,3\n4,5")
         more.flush()

@@ -1,0 +1,301 @@
+"""Files of data of the validation: recordings, trials, directions (Parquet) and published values (TOML).
+
+A recording has a row for each force that a rig rendered on a force sensor, trials a row for each simulated rig.
+`datasets/recordings/README.md` and `datasets/what-if/README.md` describe the columns.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab import records
+from tensionlab.arrays import Floats, Integers
+from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.files.reading import brief, read_toml
+from tensionlab.files.tables import ParquetTable, read_parquet
+from tensionlab.solvers.base import Status
+
+OLD_NAMES = {"replaced": "fallback_used", "hindered": "limited_modules", "angle_largest": "angle_max"}
+"""Names of columns, and of keys in the journal, in files of before, and what they are called now."""
+AXES = "xyz"
+FORCES = ("desired", "rendered", "measured")
+FORCE_COLUMNS = {"spread": float, "status": str, "fallback_used": bool, "samples": int, "limited_modules": str}
+"""Columns with one value for each force, and their types."""
+ENTRIES = {
+    "simulated": bool,
+    "rig": str,
+    "modules": list,
+    "solver": str,
+    "sensor": str,
+    "alignment": str,
+    "rotations": dict,
+    "rate": float,
+    "hold": float,
+}
+"""Entries of a recording's manifest, and their types."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Desired and measured forces, K of them, of a rig of m modules.
+
+    Attributes
+    ----------
+    desired : (K, 3) array
+        In N, in the rig's axes.
+    rendered : (K, 3) array
+        Force of the chosen tensions by the rig's model, in N.
+    measured : (K, 3) array
+        Mean of the sensor's samples while the force was held, less its zero, turned to the rig's axes, in N.
+    tensions : (K, m) array
+        As they were commanded, in N.
+    spread : (K,) array
+        Standard deviation of the samples along the axis where it is largest, in N.
+    status : (K,) array of `Status`
+        What is proved about the solver's choice.
+    fallback_used : (K,) array of bool
+        Whether the solver left its choice unproven, so that the exact solver's was sent.
+    samples : (K,) array
+        Number of samples in the mean.
+    limited_modules : (K,) array of str
+        Modules at a limit of their own, with spaces between.
+    manifest : dict
+        That of `tensionlab.records`, and under ``recording`` the entries of `ENTRIES`: whether it is simulated,
+        the rig and its modules by name, the solver, the sensor, the rotations from the sensor's axes to the rig's
+        by method (3 x 3) and which of them was applied (``alignment``), the sensor's rate in Hz, the hold in s.
+    """
+
+    desired: Floats
+    rendered: Floats
+    measured: Floats
+    tensions: Floats
+    spread: Floats
+    status: Integers
+    fallback_used: NDArray[np.bool_]
+    samples: Integers
+    limited_modules: NDArray[np.str_]
+    manifest: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        about = _checked_entries(self.manifest)
+        count, modules = len(self.desired), len(about["modules"])
+        shapes: dict[str, tuple[int, ...]] = {"tensions": (count, modules)}
+        shapes |= dict.fromkeys(FORCES, (count, 3)) | dict.fromkeys(FORCE_COLUMNS, (count,))
+        for name, shape in shapes.items():
+            if getattr(self, name).shape != shape:
+                raise ShapeError(f"a recording's {name} has shape {getattr(self, name).shape}, not {shape}")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no real module pulled."""
+        return bool(self.manifest["recording"]["simulated"])
+
+    @property
+    def error(self) -> Floats:
+        """Measured minus desired force: (K, 3) array in N."""
+        return self.measured - self.desired
+
+    def in_sensor_axes(self) -> Floats:
+        """Return the measured forces in the sensor's own axes: (K, 3) array in N."""
+        about = self.manifest["recording"]
+        rotation: Floats = np.array(about["rotations"][about["alignment"]], dtype=np.float64)
+        return self.measured @ rotation
+
+
+def write_recording(path: str | Path, recording: Recording) -> None:
+    """Write a recording.
+
+    Raises
+    ------
+    InputError
+        If it is simulated and the file's name does not say so, or the other way round.
+    """
+    if ("simulated" in Path(path).stem) != recording.simulated:
+        word = "simulated, so its name must say" if recording.simulated else "real, so its name must not say"
+        raise InputError(f'{path}: the recording is {word} "simulated"')
+    columns: dict[str, Any] = {"vector": np.arange(len(recording.desired))}
+    for name, parts in _parts(recording.manifest["recording"]["modules"]).items():
+        columns |= {f"{name}.{part}": getattr(recording, name)[:, i] for i, part in enumerate(parts)}
+    columns |= {name: getattr(recording, name) for name in FORCE_COLUMNS}
+    columns["status"] = [Status(each).name for each in recording.status]
+    records.write_parquet(path, columns, recording.manifest)
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a recording.
+
+    Raises
+    ------
+    DataError
+        If there is none; says which column or entry is missing.
+    """
+    table = _read_table(path, "a recording of forces (*.parquet)")
+    try:
+        about = _checked_entries(table.manifest)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
+    arrays: dict[str, Any] = {
+        name: np.column_stack([table.numbers(f"{name}.{part}", DataError) for part in each])
+        for name, each in _parts(about["modules"]).items()
+    }
+    arrays |= {
+        name: np.array(table.values(name, kind, DataError), dtype=kind) for name, kind in FORCE_COLUMNS.items()
+    }
+    if unknown := set(arrays["status"]) - set(Status.__members__):
+        raise DataError(f"{path}: status is {brief(min(unknown))}; there are {', '.join(Status.__members__)}")
+    arrays["status"] = np.array([Status[name] for name in arrays["status"]], dtype=np.int64)
+    try:
+        return Recording(**arrays, manifest=table.manifest)
+    except ShapeError as error:
+        raise DataError(f"{path}: {error}") from None
+
+
+def _read_table(path: str | Path, what: str) -> ParquetTable:
+    """Read a Parquet file; columns have their names of today."""
+    table = read_parquet(path, what, DataError)
+    names = table.columns.column_names
+    renamed = [name if OLD_NAMES.get(name) in names else OLD_NAMES.get(name, name) for name in names]
+    return table._replace(columns=table.columns.rename_columns(renamed))
+
+
+def _checked_entries(manifest: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return what a manifest says of a recording, checked."""
+    about = manifest.get("recording")
+    if not isinstance(about, Mapping):
+        raise DataError('the manifest of a recording has no entry "recording"')
+    for name, kind in ENTRIES.items():
+        value = about.get(name)
+        if not isinstance(value, kind) and not (kind is float and isinstance(value, int)):
+            raise DataError(f'the manifest of a recording needs recording["{name}"], a {kind.__name__}')
+    if not all(isinstance(each, str) for each in about["modules"]):
+        raise DataError("the manifest of a recording names modules by something that is no text")
+    for name, rotation in about["rotations"].items():
+        try:
+            sound = np.isfinite(matrix := np.array(rotation, dtype=np.float64)).all() and matrix.shape == (3, 3)
+        except (TypeError, ValueError):
+            sound = False
+        if not sound:
+            raise DataError(f'the recording\'s rotation "{name:.40}" is no matrix of 3 x 3 numbers')
+    if about["alignment"] not in about["rotations"]:
+        raise DataError(f'the recording has no rotation "{about["alignment"]:.40}", which was applied')
+    return about
+
+
+def _parts(modules: list[str]) -> dict[str, list[str]]:
+    """Return the names of the columns of each force, and of the tensions."""
+    return {name: [f"F{axis}" for axis in AXES] for name in FORCES} | {"tensions": list(modules)}
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Validation of one simulated rig.
+
+    Attributes
+    ----------
+    question : str
+        What differs: "preset", "error", "solver", "solver alone" (on a rig without errors), "side" or
+        "calibration".
+    choice : str
+        How: the preset's name, the only error that is there, the solver, the side of the triangle in m, what was
+        calibrated.
+    seed : int
+        Of the rig's errors: the same seed is the same rig.
+    vectors, exact : int
+        Number of forces; number of those that the nominal rig can render.
+    angle, angle_max : float
+        Between measured and desired force: mean and largest, in degrees.
+    magnitude, magnitude_error, vector : float
+        Means of the size of the measured force, of its absolute difference to the desired one, and of the length
+        of the error vector, in N.
+    within : float
+        Share of the angles up to 45 degrees.
+    """
+
+    question: str
+    choice: str
+    seed: int
+    vectors: int
+    exact: int
+    angle: float
+    angle_max: float
+    magnitude: float
+    magnitude_error: float
+    vector: float
+    within: float
+
+
+@dataclass(frozen=True)
+class Trials:
+    """Trials, in the order in which they are to be shown, and the manifest of the run that made them."""
+
+    rows: tuple[Trial, ...]
+    manifest: dict[str, Any]
+
+    def of(self, question: str) -> dict[str, list[Trial]]:
+        """Return the trials of a question, by choice."""
+        found: dict[str, list[Trial]] = {}
+        for row in self.rows:
+            if row.question == question:
+                found.setdefault(row.choice, []).append(row)
+        return found
+
+
+def write_trials(path: str | Path, rows: Sequence[Trial], manifest: dict[str, Any]) -> None:
+    """Write trials; raise `InputError` if the file's name does not say that they are simulated."""
+    if "simulated" not in Path(path).stem:
+        raise InputError(f'{path}: the trials are simulated, so its name must say "simulated"')
+    records.write_parquet(path, [dataclasses.asdict(row) for row in rows], {**manifest, "simulated": True})
+
+
+def read_trials(path: str | Path) -> Trials:
+    """Read trials; raise `DataError` if there are none."""
+    table = _read_table(path, "a table of trials (*.parquet)")
+    return Trials(tuple(table.rows(Trial, DataError)), table.manifest)
+
+
+def read_vectors(path: str | Path) -> Floats:
+    """Read unit vectors, (K, 3); raise `DataError` if there are none."""
+    table = _read_table(path, "a table of vectors (*.parquet)")
+    return np.column_stack([table.numbers(axis, DataError) for axis in AXES])
+
+
+@dataclass(frozen=True)
+class Value:
+    """Published number, with its unit (empty for a count) and meaning.
+
+    ``reading`` is how we read it where the publication leaves room; empty where it does not.
+    """
+
+    value: float
+    unit: str
+    meaning: str
+    reading: str = ""
+
+
+@dataclass(frozen=True)
+class Published:
+    """Protocol and results of a publication: values by name, and the source of them all."""
+
+    source: str
+    protocol: dict[str, Value]
+    results: dict[str, Value]
+
+
+def read_published(path: str | Path) -> Published:
+    """Read published values; raise `DataError`, which says what is missing or unknown, if there are none."""
+    tables = read_toml(path, "published values (*.toml)", DataError)
+    try:
+        parts = {
+            part: {name: Value(**entry) for name, entry in tables[part].items()}
+            for part in ("protocol", "results")
+        }
+        return Published(source=tables["source"], **parts)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DataError(f"{path}: no published values ({type(error).__name__}: {error})") from None

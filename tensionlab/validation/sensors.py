@@ -1,0 +1,233 @@
+"""Force sensors: their interface, their lines of text, and sensors behind a file or a TCP port.
+
+Lines are ATI's CSV, other tables, or bare numbers. ATI's demo programs write a start time, the sample rate, units
+and counts per unit, each in a line of its own, then a line that names the columns (``Fx``, ``Fy``, ``Fz`` among
+them) and then counts; cells may be in quotes. See "Demo CSV File Format" in ATI's manuals 9620-05 (Network
+Force/Torque Sensor System) and 9610-05 (Ethernet Axia). Other tables only need that line of names, in N. Without
+one, each line holds 3 or 6 numbers, forces first, in N. Lines that begin with # are comments, except for
+`SIMULATED`.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import socket
+import time
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import HardwareError, LinkError
+from tensionlab.files.reading import brief, read_text
+from tensionlab.files.tables import MAX_FILE_BYTES
+
+UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""
+SAMPLE_RATE_HZ = 1000
+FORCE_COLUMNS = ("fx", "fy", "fz")
+SIMULATED = "# simulated"
+"""First line of a simulated sensor, so that nobody takes it for a real one."""
+UNITS_N = {"n": 1.0, "newton": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
+SCHEMES = ("socket://", "tcp://")
+CHUNK_BYTES = 1 << 20
+TIMEOUT_S, POLL_S = 5.0, 0.01
+"""Limit of the connection and of the first numbers, and the time between looks."""
+
+
+class ForceSensor(Protocol):
+    """Force sensor that the cables pull on, and that measures by itself."""
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it is no real one."""
+
+    def take(self) -> Floats:
+        """Return the forces since the last call, (K, 3) in N, in the sensor's own axes, Z up."""
+
+    def close(self) -> None:
+        """Release it."""
+
+
+class ForceParser:
+    """Parser of lines with forces, fed in pieces of any size.
+
+    ``source`` names them in messages; ``simulated`` tells whether a line said so.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.simulated = False
+        self._source = source
+        self._rest = ""
+        self._line = 0
+        self._columns: list[int] | None = None
+        self._unit, self._counts = 1.0, 1.0
+
+    def feed(self, text: str) -> Floats:
+        """Return the forces of the lines that are complete now, (K, 3) in N.
+
+        Raises
+        ------
+        HardwareError
+            Naming source and line, if it has none.
+        """
+        *lines, self._rest = (self._rest + text).split("\n")
+        found = [force for line in lines if (force := self._parse(line)) is not None]
+        return np.array(found).reshape(-1, 3)
+
+    def _parse(self, line: str) -> list[float] | None:
+        self._line += 1
+        try:
+            cells = next(csv.reader([line.strip("\r\ufeff")]), [])
+        except csv.Error as problem:
+            raise self._error(str(problem)) from None
+        cells = [cell.strip() for cell in cells] if len(cells) > 1 else line.replace(";", " ").split()
+        if not any(cells) or cells[0].startswith("#"):
+            self.simulated |= line.strip() == SIMULATED
+            return None
+        names = [cell.lower().split()[0].split("(")[0].split("[")[0] if cell else "" for cell in cells]
+        if set(FORCE_COLUMNS) <= set(names):
+            self._columns = [names.index(name) for name in FORCE_COLUMNS]
+            return None
+        if self._columns is None:
+            if self._parse_preamble(line):
+                return None
+            if len(cells) not in (3, 6):
+                raise self._error(f"{len(cells)} numbers; 3 or 6 are expected where no line names Fx, Fy and Fz")
+            self._columns = [0, 1, 2]
+        try:
+            values = [float(cells[column]) * self._unit / self._counts for column in self._columns]
+        except (ValueError, IndexError, OverflowError):
+            values = [math.nan]
+        if not all(map(math.isfinite, values)):
+            raise self._error(f"{brief(line.strip())} has no three forces")
+        return values
+
+    def _parse_preamble(self, line: str) -> bool:
+        """Keep units and counts that ATI writes before the columns' names; tell whether this is such a line."""
+        text = line.strip("\r\ufeff\n").replace('"', " ").replace(",", " ").replace(":", " ").lower()
+        key, *words = [" ".join(text.split()), *text.split()]
+        if key.startswith("force units"):
+            unit = words[-1]
+            if unit not in UNITS_N:
+                raise self._error(f"forces in {brief(unit)}; known are {', '.join(UNITS_N)}")
+            self._unit = UNITS_N[unit]
+        elif key.startswith("counts per unit force"):
+            try:
+                self._counts = float(words[-1])
+            except ValueError:
+                self._counts = 0.0
+            if not 0.0 < self._counts < math.inf:
+                raise self._error(f"{brief(line.strip())} has no counts per unit of force")
+        return any(character.isalpha() for character in key.replace("e", "").replace("nan", ""))
+
+    def _error(self, problem: str) -> HardwareError:
+        return HardwareError(f"{self._source}, line {self._line}: {problem}")
+
+
+def read_forces(path: str | Path) -> Floats:
+    """Return the forces in a sensor's file, (K, 3) in N, in the sensor's own axes.
+
+    Raises
+    ------
+    HardwareError
+        Naming the file and the line, if it can't be read or there are none.
+    """
+    text = read_text(path, "a table of forces (*.csv)", HardwareError, MAX_FILE_BYTES)
+    found = ForceParser(str(path)).feed(text + "\n")
+    if not len(found):
+        raise HardwareError(f"{path}: no forces in it; a line must name the columns Fx, Fy and Fz")
+    return found
+
+
+class FileSensor:
+    """File that the sensor's own program writes during the validation, such as ATI's CSV.
+
+    What was in it before counts for the names of the columns alone. The program must write without delay: what
+    comes late is taken for a later force.
+
+    Raises
+    ------
+    HardwareError
+        If the file can't be read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._parser = ForceParser(str(path))
+        try:
+            self._file = Path(path).open(encoding="utf-8-sig", newline="")  # noqa: SIM115 - closed by close()
+        except OSError as error:
+            raise HardwareError(
+                f"{path}: cannot be read ({error.strerror}); have the sensor's program write there first"
+            ) from None
+        self.take()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its first line says so."""
+        return self._parser.simulated
+
+    def take(self) -> Floats:
+        """Return the forces since the last call."""
+        return self._parser.feed(self._file.read())
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class NetworkSensor:
+    """Sensor that sends a line of 3 or 6 numbers for each sample to whoever connects; `SCHEMES`, host and port.
+
+    Raises
+    ------
+    LinkError
+        If nobody is there, or nothing comes, or it is no address.
+    """
+
+    def __init__(self, url: str) -> None:
+        host, colon, port = url.partition("://")[2].rpartition(":")
+        if not (colon and host and port.isdecimal()):
+            raise LinkError(f"{url} is no address of a sensor; write it like socket://192.168.1.20:5005")
+        self._url, self._parser = url, ForceParser(url)
+        try:
+            self._socket = socket.create_connection((host, int(port)), TIMEOUT_S)
+        except (OSError, OverflowError) as error:
+            raise LinkError(f"{url}: no force sensor there ({error}); is it on?") from None
+        self._socket.setblocking(False)
+        end = time.monotonic() + TIMEOUT_S
+        while not len(self.take()):
+            if time.monotonic() > end:
+                self.close()
+                raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
+            time.sleep(POLL_S)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether its first line says so."""
+        return self._parser.simulated
+
+    def take(self) -> Floats:
+        """Return the forces since the last call; raise `LinkError` if the sensor has gone."""
+        pieces = [np.empty((0, 3))]
+        while True:
+            try:
+                content = self._socket.recv(CHUNK_BYTES)
+            except BlockingIOError:
+                return np.concatenate(pieces)
+            except OSError as error:
+                raise LinkError(f"{self._url}: the force sensor has gone ({error})") from None
+            if not content:
+                raise LinkError(f"{self._url}: the force sensor has hung up")
+            pieces.append(self._parser.feed(content.decode("ascii", "replace")))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+
+def open_sensor(where: str) -> ForceSensor:
+    """Open the sensor at a URL, or that writes a file; errors as those of `FileSensor` and `NetworkSensor`."""
+    return NetworkSensor(where) if where.startswith(SCHEMES) else FileSensor(where)

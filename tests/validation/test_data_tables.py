@@ -1,0 +1,130 @@
+import re
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from tensionlab import records
+from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.solvers.base import Status
+from tensionlab.validation.data_tables import (
+    ENTRIES,
+    OLD_NAMES,
+    Trial,
+    read_recording,
+    read_trials,
+    write_recording,
+    write_trials,
+)
+from tests.support.recorded import MODULES, made_up, made_up_trials
+
+DATASETS = Path(__file__).parents[2] / "datasets"
+RECORDINGS_CARD = DATASETS / "recordings" / "README.md"
+TRIALS_CARD = DATASETS / "what-if" / "README.md"
+
+
+def test_what_was_written_is_read_recording(tmp_path):
+    limited = np.where(np.arange(182) % 2, "top floor-1", "")
+    recording = replace(
+        made_up(), status=np.arange(182) % 4, fallback_used=np.arange(182) % 3 == 0, limited_modules=limited
+    )
+    write_recording(tmp_path / "a-simulated.parquet", recording)
+    found = read_recording(tmp_path / "a-simulated.parquet")
+    for field in fields(recording):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(recording, field.name))
+    assert found.simulated
+    table = pq.read_table(tmp_path / "a-simulated.parquet")
+    assert table["status"].to_pylist()[:4] == ["EXACT", "NEAREST", "ITERATION_LIMIT", "FAILED"]
+    assert table["vector"].to_pylist() == list(range(182))
+    np.testing.assert_array_equal(table["measured.Fy"], recording.measured[:, 1])
+
+
+def test_the_sensors_own_axes_are_one_rotation_away():
+    recording = made_up(turn=np.pi / 2)
+    # Turning the sensor's axes to the rig's maps its z onto x.
+    np.testing.assert_allclose(recording.in_sensor_axes()[:, 2], recording.measured[:, 0])
+    np.testing.assert_allclose(recording.in_sensor_axes()[:, 1], recording.measured[:, 1])
+
+
+def test_a_name_says_whether_it_is_simulated(tmp_path):
+    with pytest.raises(InputError, match="simulated, so its name must say"):
+        write_recording(tmp_path / "rig.parquet", made_up())
+    with pytest.raises(InputError, match="real, so its name must not say"):
+        write_recording(tmp_path / "rig-simulated.parquet", made_up(simulated=False))
+    write_recording(tmp_path / "rig.parquet", made_up(simulated=False))
+    assert not read_recording(tmp_path / "rig.parquet").simulated
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_an_entry_that_is_missing_is_named(name):
+    about = {key: value for key, value in made_up().manifest["recording"].items() if key != name}
+    with pytest.raises(DataError, match=name):
+        replace(made_up(), manifest={"recording": about})
+
+
+def test_shapes_that_do_not_fit_are_refused():
+    with pytest.raises(ShapeError, match=r"tensions has shape \(182, 3\), not \(182, 4\)"):
+        replace(made_up(), tensions=np.ones((182, 3)))
+
+
+def test_other_tables_are_no_recordings(tmp_path):
+    records.write_parquet(tmp_path / "a.parquet", [{"a": 1}], {})
+    with pytest.raises(DataError, match=r"a\.parquet: the manifest of a recording has no"):
+        read_recording(tmp_path / "a.parquet")
+    with pytest.raises(DataError, match=r"nothing\.parquet: no such file; give the path of a recording"):
+        read_recording(tmp_path / "nothing.parquet")
+
+
+def test_the_card_of_recordings_names_every_column_and_entry(tmp_path):
+    write_recording(tmp_path / "a-simulated.parquet", made_up())
+    text = RECORDINGS_CARD.read_text(encoding="utf-8")
+    named = set(re.findall(r"`([^`]+)`", text))
+    for column in pq.read_schema(tmp_path / "a-simulated.parquet").names:
+        name, _, part = column.partition(".")
+        known = f"{name}.MODULE" if part in MODULES else f"{name}.Fx" if part else name
+        assert known in named, column
+    assert named >= set(ENTRIES)
+    assert all(status.name in text for status in Status)
+
+
+def test_trials_that_were_written_are_read_trials(tmp_path):
+    rows = made_up_trials()
+    write_trials(tmp_path / "a-simulated.parquet", rows, {"call": "made up"})
+    found = read_trials(tmp_path / "a-simulated.parquet")
+    assert found.rows == tuple(rows)
+    assert found.manifest == {"call": "made up", "simulated": True}
+    solvers = found.of("solver")
+    assert list(solvers) == ["newton", "dykstra:10"]
+    assert [row.seed for row in solvers["newton"]] == list(range(20))
+
+
+def test_names_of_trials_say_that_they_are_simulated_and_other_tables_are_refused(tmp_path):
+    with pytest.raises(InputError, match="must say"):
+        write_trials(tmp_path / "a.parquet", made_up_trials(), {})
+    records.write_parquet(tmp_path / "b.parquet", [{"question": "solver"}], {})
+    with pytest.raises(DataError, match=r"b\.parquet: row 1: .angle. is missing"):
+        read_trials(tmp_path / "b.parquet")
+
+
+def test_the_card_of_trials_names_every_column():
+    card = TRIALS_CARD.read_text(encoding="utf-8")
+    assert all(f"`{field.name}`" in card for field in fields(Trial))
+
+
+@pytest.mark.parametrize("write", ["recordings", "trials"])
+def test_files_with_the_columns_of_before_are_read(tmp_path, write):
+    file = tmp_path / "a-simulated.parquet"
+    if write == "recordings":
+        write_recording(file, made_up())
+    else:
+        write_trials(file, made_up_trials(), {})
+    table, old = pq.read_table(file), {new: old for old, new in OLD_NAMES.items()}
+    renamed = table.rename_columns([old.get(name, name) for name in table.column_names])
+    pq.write_table(renamed.replace_schema_metadata(table.schema.metadata), file)
+    assert set(pq.read_schema(file).names) & set(OLD_NAMES)
+    if write == "recordings":
+        np.testing.assert_array_equal(read_recording(file).fallback_used, made_up().fallback_used)
+    else:
+        assert read_trials(file).rows == tuple(made_up_trials())
