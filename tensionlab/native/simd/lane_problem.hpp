@@ -21,7 +21,7 @@ struct SideBySide {
   int m;
   V structure[M][N], wrench[N], lower[M], upper[M], reference[M];
   V diagonal[N] = {};               // of W W', or 1
-  V gain = {}, asked = {};          // root of the largest square of a row, or 1; largest component of the wrench
+  V gain = {}, desired = {};        // root of the largest square of a row, or 1; largest component of the wrench
   V strongest = {}, furthest = {};  // largest limit, and reference
   V dear = {};                      // a cost |t - t0|^2 / 2 that few wrenches ask for
 
@@ -31,7 +31,7 @@ struct SideBySide {
     const V zero = V{}, one = zero + Real(1);
     const Real* row[L];
     V largest = zero;
-    asked = zero;
+    desired = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
       V square = zero;
@@ -43,7 +43,7 @@ struct SideBySide {
       diagonal[k] = square > zero ? square : one;
       largest = larger(largest, square);
       wrench[k] = gather<Real, L>([&](int l) { return source[l].wrench[k]; });
-      asked = larger(asked, magnitude(wrench[k]));
+      desired = larger(desired, magnitude(wrench[k]));
     }
     gain = square_root<Real, L>(largest > zero ? largest : one);
     if (limits_changed(source)) load_limits(source);

@@ -15,17 +15,17 @@ struct Coordinates {
   Real basis[N][N], structure[N * M], wrench[N];
 
   // The error counts by its plain length where every component is multiplied by its root.
-  void weigh(int m, const Real* given, const Real* asked, const Real* roots, Real* y) {
+  void weigh(int m, const Real* given, const Real* desired, const Real* roots, Real* y) {
     for (int k = 0; k < N; ++k) {
       for (int j = 0; j < N; ++j) basis[k][j] = k == j ? roots[k] : Real(0);
-      wrench[k] = roots[k] * asked[k];
+      wrench[k] = roots[k] * desired[k];
       y[k] /= roots[k];
       for (int i = 0; i < m; ++i) structure[k * m + i] = roots[k] * given[k * m + i];
     }
   }
 
   // The rows of W are orthonormal.
-  void whiten(int m, const Real* given, const Real* asked, Real rank_tolerance, Real* y) {
+  void whiten(int m, const Real* given, const Real* desired, Real rank_tolerance, Real* y) {
     const Whitening<Real, N, M> whitening(given, N, m, rank_tolerance);
     Real pull[M];
     for (int i = 0; i < m; ++i) {
@@ -36,7 +36,7 @@ struct Coordinates {
       wrench[r] = y[r] = 0;
       for (int k = 0; k < N; ++k) {
         basis[r][k] = r < whitening.rank ? whitening.rows[r][k] : Real(0);
-        wrench[r] += basis[r][k] * asked[k];
+        wrench[r] += basis[r][k] * desired[k];
       }
       for (int i = 0; i < m; ++i) {
         Real sum = 0;

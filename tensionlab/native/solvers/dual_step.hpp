@@ -83,7 +83,7 @@ class DualStep {
   void reload() {
     const V zero = V{}, one = zero + Real(1);
     problem_.load(source_);
-    least_size_ = smaller(problem_.asked, V(problem_.gain * problem_.strongest));
+    least_size_ = smaller(problem_.desired, V(problem_.gain * problem_.strongest));
     const V begun = gather<Real, L>([&](int l) { return begun_[l]; });
     const auto fresh = begun > zero;
     const auto nearest = begun > one;

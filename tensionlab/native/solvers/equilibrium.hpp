@@ -19,7 +19,7 @@ struct LooseCables {
   Real wrench[N];         // what is left for them
 
   // all: N x m, row by row.
-  LooseCables(const Real* all, const Real* asked, const Real* low, const Real* high, int m) {
+  LooseCables(const Real* all, const Real* desired, const Real* low, const Real* high, int m) {
     for (int i = 0; i < m; ++i) {
       if (!(low[i] < high[i])) continue;
       lower[count] = low[i];
@@ -27,7 +27,7 @@ struct LooseCables {
       index[count++] = i;
     }
     for (int k = 0; k < N; ++k) {
-      wrench[k] = asked[k];
+      wrench[k] = desired[k];
       for (int i = 0; i < m; ++i) wrench[k] -= low[i] < high[i] ? Real(0) : all[k * m + i] * low[i];
       for (int i = 0; i < count; ++i) structure[k * count + i] = all[k * m + index[i]];
     }

@@ -94,7 +94,7 @@ class NearestFace {
       bar(cable, likely);
     }
     measure();
-    size_ = larger(problem_.asked, V(problem_.gain * problem_.strongest));
+    size_ = larger(problem_.desired, V(problem_.gain * problem_.strongest));
     open_ = one;
     found_ = steps_ = zero;
   }
@@ -122,14 +122,14 @@ class NearestFace {
   TENSIONLAB_NOINLINE void look(bool early) {
     const V zero = V{}, one = zero + Real(1);
     const auto flat = flat_ > zero;
-    const auto asked = early ? open_ > zero : flat;
-    if (!any(asked)) return;
+    const auto wanted = early ? open_ > zero : flat;
+    if (!any(wanted)) return;
     V most, norm = zero;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) norm = larger(norm, magnitude(error_[k]));
     const V cable = best([&](int i) { return room_[i] * problem_.along(i, error_) + bar_[i]; }, most);
     const V clear = problem_.gain * (kNoise * size_ + kClear * norm);
-    const auto useful = asked & (most > clear);
+    const auto useful = wanted & (most > clear);
     const auto end = flat & (most <= clear);
     const auto sure = (most < -clear) & (norm > kError * size_) & (dependent_ == zero);
     found_ = end & sure ? one : found_;

@@ -56,7 +56,7 @@ class NewtonBatch {
       const std::size_t row = aside_[std::min(l, waiting_ - 1)];
       source[l] = problem(row);
       direction[l] = separation(row);
-      if (!plain_) measure_as_asked(coordinates_[l], source[l], direction_[l], direction[l]);
+      if (!plain_) measure_as_desired(coordinates_[l], source[l], direction_[l], direction[l]);
     }
     face.solve(source, direction);
     for (int l = 0; l < waiting_; ++l) {
@@ -76,7 +76,7 @@ class NewtonBatch {
   }
 
   // The problem in the coordinates of the policy; d, which separates, follows.
-  void measure_as_asked(Coordinates<double, N, kMaxCables>& coordinates, Source<double>& source, double* y,
+  void measure_as_desired(Coordinates<double, N, kMaxCables>& coordinates, Source<double>& source, double* y,
                         const double*& d) const {
     std::copy_n(d, N, y);
     d = y;
@@ -89,48 +89,48 @@ class NewtonBatch {
     source.wrench = coordinates.wrench;
   }
 
-  // A direction is given up only where the nearest force would not be exact. That is seldom asked: the separation
+  // A direction is given up only where the nearest force would not be exact. That is seldom needed: the separation
   // answers it but for wrenches that are nearly as good as rendered, and where the search for s has not ended.
   void give_up(std::size_t row) const {
-    const Source<double> asked = problem(row);
-    const double most = tolerance_ * larger(1.0, std::sqrt(dot<N>(asked.wrench, asked.wrench)));
+    const Source<double> source = problem(row);
+    const double most = tolerance_ * larger(1.0, std::sqrt(dot<N>(source.wrench, source.wrench)));
     const double* d = separation(row);
-    if (least_error(asked, d) > most || !(error_of(asked, tensions(row)) > most)) return;
+    if (least_error(source, d) > most || !(error_of(source, tensions(row)) > most)) return;
     double tensions_of_force[kMaxCables], proof[N];
     std::int64_t iterations;
     const auto m = static_cast<std::ptrdiff_t>(batch_.m);
     const Batch one{1,
                     N,
                     batch_.m,
-                    {asked.structure, N * m},
-                    {asked.wrench, N},
-                    {asked.lower, m},
-                    {asked.upper, m},
-                    {asked.reference, m},
+                    {source.structure, N * m},
+                    {source.wrench, N},
+                    {source.lower, m},
+                    {source.upper, m},
+                    {source.reference, m},
                     batch_.weights};
     NewtonBatch(one, Policy::force, rank_tolerance_, tolerance_, {tensions_of_force, proof, &iterations})
         .solve(0, 1);
     answer_.iterations[row] += iterations;
-    if (error_of(asked, tensions_of_force) <= most) std::copy_n(tensions_of_force, m, tensions(row));
+    if (error_of(source, tensions_of_force) <= most) std::copy_n(tensions_of_force, m, tensions(row));
   }
 
   // What any tensions miss of the wrench at least, as d shows.
-  double least_error(const Source<double>& asked, const double* d) const {
+  double least_error(const Source<double>& source, const double* d) const {
     double reach = 0;
     for (int i = 0; i < batch_.m; ++i) {
       double along = 0;
-      for (int k = 0; k < N; ++k) along += d[k] * asked.structure[k * batch_.m + i];
-      reach += along * (along > 0 ? asked.upper[i] : asked.lower[i]);
+      for (int k = 0; k < N; ++k) along += d[k] * source.structure[k * batch_.m + i];
+      reach += along * (along > 0 ? source.upper[i] : source.lower[i]);
     }
     const double length = std::sqrt(dot<N>(d, d));
-    return length > 0 ? (dot<N>(d, asked.wrench) - reach) / length : 0;
+    return length > 0 ? (dot<N>(d, source.wrench) - reach) / length : 0;
   }
 
-  double error_of(const Source<double>& asked, const double* tensions) const {
+  double error_of(const Source<double>& source, const double* tensions) const {
     double error[N];
-    std::copy_n(asked.wrench, N, error);
+    std::copy_n(source.wrench, N, error);
     for (int k = 0; k < N; ++k) {
-      for (int i = 0; i < batch_.m; ++i) error[k] -= asked.structure[k * batch_.m + i] * tensions[i];
+      for (int i = 0; i < batch_.m; ++i) error[k] -= source.structure[k * batch_.m + i] * tensions[i];
     }
     return std::sqrt(dot<N>(error, error));
   }

@@ -1,4 +1,4 @@
-// Points of a plane, and what can be asked of a convex polygon of them.
+// Points of a plane, and convex polygons of them.
 #pragma once
 
 #include <cmath>

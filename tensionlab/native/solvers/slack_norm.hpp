@@ -67,15 +67,15 @@ struct SlackNorm : Middle<Real, L, N, M> {
     const Real kappa = Real(prices.kappa), epsilon = Real(prices.epsilon), stiff = Real(2 * prices.gamma);
     const Real soft = std::sqrt(epsilon), steepest = 1 / soft + stiff;
     for (int k = 0; k < N; ++k) {
-      const V asked = magnitude(y[k]) / kappa;
-      const V least = larger(V(asked / steepest), V((asked - one) / stiff));
-      const V room = larger(V(one - asked * asked), zero + soft);
-      V found = larger(least, V(soft * smaller(asked, one) / square_root<Real, L>(room)));
-      auto open = asked > zero;
+      const V target = magnitude(y[k]) / kappa;
+      const V least = larger(V(target / steepest), V((target - one) / stiff));
+      const V room = larger(V(one - target * target), zero + soft);
+      V found = larger(least, V(soft * smaller(target, one) / square_root<Real, L>(room)));
+      auto open = target > zero;
       for (int round = 0; round < kRounds && any(open); ++round) {
         const V inverse = one / square_root<Real, L>(V(found * found + epsilon));
         const V bend = epsilon * inverse * inverse * inverse + stiff;
-        const V next = larger(V(found + (asked - found * inverse - stiff * found) / bend), least);
+        const V next = larger(V(found + (target - found * inverse - stiff * found) / bend), least);
         const V move = next - found;
         found = open ? next : found;
         open = open & (magnitude(move) > kLast * found + 4 * kUlp / bend);

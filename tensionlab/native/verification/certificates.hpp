@@ -55,14 +55,14 @@ class Verifier {
     }
     Finding finding{Verdict::iteration_limit, std::sqrt(error_square), std::numeric_limits<double>::quiet_NaN()};
     // Weights say which error to prefer where there must be one. They make no error vanish.
-    const double plain = dot(error, error), asked = dot(problem.wrench, problem.wrench);
-    if (std::isfinite(plain) && plain <= tolerance_ * tolerance_ * larger(1.0, asked)) {
+    const double plain = dot(error, error), desired = dot(problem.wrench, problem.wrench);
+    if (std::isfinite(plain) && plain <= tolerance_ * tolerance_ * larger(1.0, desired)) {
       for (int k = 0; k < N; ++k) separation[k] = 0;
       finding.status = Verdict::exact;
       finding.scale = 1;
       return finding;
     }
-    // Against what is rendered, not what is asked: a wrench far out of reach excuses nothing.
+    // Against what is rendered, not what is desired: a wrench far out of reach excuses nothing.
     const double tolerance = tolerance_ * std::sqrt(larger(heaviest, rendered_square));
     for (int k = 0; k < N; ++k) {
       if (!std::isfinite(separation[k])) separation[k] = 0;
