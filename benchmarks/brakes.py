@@ -1,4 +1,4 @@
-"""How much do brakes add, and how long does it take to choose them?
+"""Benchmark of brakes: the force that they add, and the time to choose them.
 
 ``python -m benchmarks.brakes`` (or ``make bench-brakes``): the mean force that stays unresisted
 when a user pushes against a wall, over all directions of the wall, and the time of one decision for eight modules.
@@ -25,7 +25,7 @@ BRAKE = 186.0
 
 
 def unresisted(rig: Rig, force: float, count: int = 10_000) -> list[float]:
-    """Which mean forces stay, in N, with the motors alone, with the best single brake alone, and with all?
+    """Return the mean unresisted forces, in N, of the motors alone, of the best single brake, and of all.
 
     And which share of the walls is held by all, and met within 45 degrees.
     """

@@ -1,4 +1,4 @@
-"""Is a damaged frame ever taken for a whole one? Streams of frames, damaged in many ways, through the codec.
+"""Fuzzing of the codec: streams of frames, damaged in many ways, of which none may be taken for a whole one.
 
 Errors of one and two bits are always found, wherever they are, and those of three bits that neither make nor
 remove a zero: no frame may pass with one. All other damage passes with a chance of 2^-16, or less where it hits
@@ -52,7 +52,7 @@ class Tally:
 
 
 def lengths() -> dict[Type, list[int]]:
-    """Which lengths may the payload of each type have?"""
+    """Return the lengths that the payload of each type may have."""
     found: dict[Type, list[int]] = {each: [] for each in Type}
     for each in Type:
         for length in range(MAX_PAYLOAD + 1):
@@ -66,7 +66,7 @@ LENGTHS = lengths()
 
 
 def draw_frame(rng: random.Random) -> Frame:
-    """Some frame that could be a message; a third of its bytes are zero, and many small, as in real ones."""
+    """Draw a frame that could be a message; a third of its bytes are zero, and many small, as in real ones."""
     kind = rng.choice(list(LENGTHS))
     content = rng.randbytes(rng.choice(LENGTHS[kind]))
     styles = rng.randbytes(len(content))

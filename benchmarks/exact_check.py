@@ -1,4 +1,4 @@
-"""Verdicts checked in exact rational arithmetic, by nothing but their definitions (`tensionlab.Allocation`)."""
+"""Statuses checked in exact rational arithmetic, by nothing but their definitions (`tensionlab.Allocation`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of whatever a document holds, so that spoilt documents get as far as files can carry them."""
+"""Encodings of documents as files, so that spoilt documents get as far as files can carry them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kinds of file that the program reads, for `file_fuzz`: what a good one holds, and who reads it."""
+"""Kinds of file that the program reads, for `file_fuzz`: the content of a good one, and its reader."""
 
 from __future__ import annotations
 

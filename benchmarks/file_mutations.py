@@ -1,4 +1,4 @@
-"""Ways to spoil a file: what is in it, as a tree of tables, lists and values, or its bytes."""
+"""Mutations of files: of their content, as a tree of tables, lists and values, or of their bytes."""
 
 from __future__ import annotations
 

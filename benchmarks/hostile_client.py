@@ -1,4 +1,4 @@
-"""Clients up to no good against `tensionlab serve`: does it stay up, within limits, and at its rate?
+"""Hostile clients against `tensionlab serve`, which must stay up, within limits, and at its rate.
 
 ``python -m benchmarks.hostile_client`` (or ``make hostile``) sends 100,000 messages, drawn by
 hypothesis from the schema and around it, as JSON and over OSC, to a rig and to a scenario on simulated modules.
@@ -170,7 +170,7 @@ def flood(url: str, port: int, seconds: float, tally: Tally) -> None:
 
 
 def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path) -> Tally:
-    """Send so many messages to one server; what came of it?
+    """Send so many messages to one server, and return a tally of what happened.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def a_round(speaker: Speaker, url: str, port: int, rig: Rig, count: int, number:
 
 
 def beyond(log: Path, rig: Rig) -> list[str]:
-    """Which tensions of a run were not within the rig's limits?"""
+    """Return descriptions of the tensions of a run that were outside the rig's limits."""
     run = read_run(log)
     lower, upper = rig.limits.lower, rig.limits.upper
     found = []

@@ -1,4 +1,4 @@
-"""Messages to a bridge, drawn from its schema and around it: what a client may say, nearly may, and may not."""
+"""Messages to a bridge, drawn from its schema and around it: valid, nearly valid, and invalid ones."""
 
 from __future__ import annotations
 

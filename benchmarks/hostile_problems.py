@@ -54,7 +54,7 @@ def _scaled(rng: np.random.Generator, n: int, m: int) -> Floats:
 
 
 def _turned(rng: np.random.Generator, n: int, m: int) -> Floats:
-    """A nearly flat rig whose plane is no coordinate plane: ``W t`` is rounded."""
+    """Draw a nearly flat rig whose plane is no coordinate plane: ``W t`` is rounded."""
     return np.asarray(np.linalg.qr(rng.normal(size=(n, n)))[0] @ _flat(rng, n, m))
 
 
@@ -92,7 +92,7 @@ def _tensions(rng: np.random.Generator, lower: Floats, upper: Floats) -> Floats:
 
 
 def _moved(rng: np.random.Generator, structure: Floats, wrench: Floats) -> Floats:
-    """The wrench itself, or off by much or by a hair: longer, along a component, or where the rig is weakest."""
+    """Return the wrench, or move it by much or by a hair: longer, along a component, or where the rig is weakest."""
     kind, by = rng.random(), 10.0 ** rng.uniform(-13.0, 0.5)
     length = float(np.linalg.norm(wrench))
     if kind < 0.4:

@@ -17,7 +17,7 @@ ENDING = 10.0
 
 
 def command(*words: object) -> list[str]:
-    """Which words call ``tensionlab`` with this interpreter?"""
+    """Return the command line that calls ``tensionlab`` with this interpreter."""
     return [sys.executable, "-m", "tensionlab", *(str(word) for word in words)]
 
 

@@ -1,4 +1,4 @@
-"""How much of the host's time does a run need? At 1 kHz with four modules, and at 100 Hz with seven.
+"""Benchmark of the runner: processor time of a run at 1 kHz with four modules, and at 100 Hz with seven.
 
 ``python -m benchmarks.runner`` (or ``make bench-runner``): the work of a cycle, which is what
 passes from its begin to the last set-point that is handed over, and its share of a processor.
@@ -35,7 +35,7 @@ class Turning:
     spent: list[float] = field(default_factory=list)
 
     def __call__(self, state: RigState) -> Demand:
-        """What to render now?"""
+        """Return the force to render now."""
         self.spent.append(time.thread_time())
         wrench = np.zeros(self.rig.n)
         wrench[:3] = np.cos(state.time), 0.2, np.sin(state.time)
@@ -45,7 +45,7 @@ class Turning:
 def bench(
     rig: Rig, group: ModuleGroup, rate: float, seconds: float, clock: Clock | None = None
 ) -> tuple[Statistics, float, float]:
-    """How does a run go, and which share of a processor do its cycles and the whole process take?"""
+    """Run, and return statistics and the shares of a processor of its cycles and of the whole process."""
     demand = Turning(rig)
     runner = Runner(rig, group, "newton", demand, RunSettings(rate=rate), clock=clock)
     whole, began = time.process_time(), time.monotonic()

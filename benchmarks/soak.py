@@ -1,4 +1,4 @@
-"""Does the runner hold up? Seven modules in their own processes behind bad links; and hosts that are killed.
+"""Soak test of the runner: seven modules in their own processes behind bad links, and hosts that are killed.
 
 ``python -m benchmarks.soak`` (or ``make soak``) takes ten minutes, and some more for the kills.
 """
@@ -39,13 +39,13 @@ OLDEST_LOST = 1.0
 
 
 def program() -> str:
-    """A program whose force goes round, slowly: a bad link is some 0.1 s behind."""
+    """Return a program whose force goes round, slowly: a bad link is some 0.1 s behind."""
     steps = [f"[[steps]]\nseconds = {STEP_SECONDS}\nwrench = {list(corner)}\nramp = true\n" for corner in CORNERS]
     return HEAD + "\n" + "\n".join(steps)
 
 
 def soak(seconds: float, folder: Path) -> Findings:
-    """Run on seven modules behind bad links; what does it show?
+    """Run on seven modules behind bad links, and return the findings.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def soak(seconds: float, folder: Path) -> Findings:
 
 
 def kills(count: int, folder: Path, seed: int = 0) -> list[str]:
-    """Kill hosts at random moments; which of their logs do not open, or lack more than a second?"""
+    """Kill hosts at random moments; return those of their logs that do not open, or lack more than a second."""
     draw, wrong = random.Random(seed), []
     rig = Path("datasets/rigs/bartels2026-validation.toml")
     with simulated(rig) as (links, _):

@@ -1,4 +1,4 @@
-"""What a long run on bad links must show: limits kept, nothing stale applied, the force that was asked for."""
+"""Checks of a long run on bad links: limits kept, nothing stale applied, the desired force rendered."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Findings:
     statuses: dict[str, int]
 
     def problems(self, oldest: float, largest_error: float) -> list[str]:
-        """Which of it must not be, if set-points may be seen so old (s), and forces off by such a share?"""
+        """Return what must not be, for a maximum age of set-points (s) and a maximum relative error of forces."""
         wrong = []
         if self.outside:
             wrong.append(f"{self.outside} tensions outside their limits")
@@ -64,7 +64,7 @@ class Findings:
 
 
 def examine(run: Run, recordings: Iterable[Path]) -> Findings:
-    """What does a run show?
+    """Return the findings of a run.
 
     The force is that of the tensions which the modules said they pull with, at the pose by their cable lengths,
     against the demand at the time the latest of their set-points was sent, where that was exact. Left out are
@@ -106,7 +106,7 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
 
 
 def followed(run: Run) -> Integers:
-    """In which cycle was the set-point sent that each module followed, by its telemetry, in each cycle?
+    """Return the cycle in which the set-point was sent that each module followed, by its telemetry.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def followed(run: Run) -> Integers:
 
 
 def outside_in(recording: Path, run: Run) -> int:
-    """How often was a running module made to pull with more or less than its limits, once it was taut?"""
+    """Count how often a running module pulled with more or less than its limits, once it was taut."""
     names = [module.name for module in run.rig.modules]
     count, taut = 0, False
     with recording.open(encoding="utf-8") as file:

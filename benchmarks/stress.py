@@ -1,4 +1,4 @@
-"""Is the exact solver ever wrong? Millions of random and awkward problems, each answer checked without it."""
+"""Stress test of the exact solver: millions of random and awkward problems, each answer checked without it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Draw:
     """Tensions inside the limits."""
 
     def wrench(self, stretch: Floats | float = 1.0) -> Floats:
-        """What the tensions inside the limits render, stretched."""
+        """Return the wrenches that the tensions inside the limits render, stretched."""
         rendered = times(self.structure, self.inside)
         return np.asarray(rendered * np.broadcast_to(stretch, len(rendered))[:, None])
 
@@ -119,12 +119,12 @@ class Tally:
             self.rounds[min(count, len(self.rounds) - 1)] += int(found)
 
     def quantile(self, share: float) -> int:
-        """Iterations that this share of the problems does not exceed."""
+        """Return the iterations that this share of the problems does not exceed."""
         return int(np.searchsorted(np.cumsum(self.rounds), share * self.problems))
 
 
 def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> dict[tuple[str, Nearest], Tally]:
-    """How often is the exact solver wrong, or without an answer, and how many iterations does it take?
+    """Solve random problems, and tally wrong and missing answers and iterations of the exact solver.
 
     Each batch draws its limits, wrench and reference (zero, the lower limits, the middle, or random). An answer is
     right if it is proved EXACT or NEAREST, keeps what `tensionlab.Allocation` promises of the status, and

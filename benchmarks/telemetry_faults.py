@@ -1,4 +1,4 @@
-"""Faults of telemetry that no module announces: are all of them noticed in a run, in time, and nothing else?
+"""Faults of telemetry that no module announces: a run must notice all of them in time, and nothing else.
 
 ``python -m benchmarks.telemetry_faults`` (or ``make faults``) plays runs of simulated modules, in
 lockstep, behind perfect links and behind ones as published, with one fault each or none.
@@ -251,7 +251,7 @@ def _judge(case: Case, victim: str, lost: dict[str, str], after: float, stale: i
 
 
 def _hand(rig: Rig, draw: np.random.Generator) -> Callable[[float], Pose]:
-    """A hand that goes round home, at up to 1 m/s."""
+    """Return the path of a hand that goes round home, at up to 1 m/s."""
     radius, rate = 0.1, draw.uniform(1.0, 10.0)
     first, second = np.linalg.qr(draw.normal(size=(rig.dimension, 2)))[0].T
 

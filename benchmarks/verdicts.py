@@ -1,4 +1,4 @@
-"""Does the exact solver always end, and is every verdict right? Hostile problems, checked in exact arithmetic.
+"""Hostile problems for the exact solver: it must end, and every status is checked in exact arithmetic.
 
 `check` verifies each verdict with fractions and times each problem; `watch` gives millions to a process of its
 own, for each instruction set, and stops it if one does not end.

@@ -1,4 +1,4 @@
-"""How stiff may a wall really be? One hand, one wall and a late loop, simulated; many at a time.
+"""Simulated stiffness limit of a wall: one hand, one wall and a delayed loop; many at a time.
 
 The hand is a mass with damping that is pushed against the wall by a constant force. It moves exactly between the
 steps (the force is constant meanwhile), so what the simulation finds is due to the loop alone.
@@ -46,7 +46,7 @@ class Track:
     step: float
 
     def energy(self) -> Floats:
-        """How much energy has the wall really taken from the hand by each step (..., steps first), in J?
+        """Return the energy that the wall has taken from the hand by each step (..., steps first), in J.
 
         A passive wall never has less than none.
         """
@@ -63,7 +63,7 @@ def simulate(
     step: float = 0.001,
     seconds: float = 4.0,
 ) -> Track:
-    """How do hands move against a wall that answers late?
+    """Simulate hands that move against a wall with a delay.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def simulate(
 def measured_bound(
     delays: Floats, damping: float = 0.0, hand: Hand | None = None, step: float = 0.001, seconds: float = 12.0
 ) -> Floats:
-    """Which stiffness of the wall is the largest that does not shake, in N/m?
+    """Return the largest stiffness of the wall that does not shake, in N/m.
 
     Each is tried on a grid of ratios to the predicted bound, 1 % apart, beginning a little beside the rest point.
 
