@@ -92,7 +92,7 @@ def _tensions(rng: np.random.Generator, lower: Floats, upper: Floats) -> Floats:
 
 
 def _moved(rng: np.random.Generator, structure: Floats, wrench: Floats) -> Floats:
-    """Return the wrench, or move it by much or by a hair: longer, along a component, or where the rig is weakest."""
+    """Return the wrench, or move it, much or by a hair: longer, along a component, or where the rig is weakest."""
     kind, by = rng.random(), 10.0 ** rng.uniform(-13.0, 0.5)
     length = float(np.linalg.norm(wrench))
     if kind < 0.4:
