@@ -1,4 +1,4 @@
-"""Recordings made up for tests: what a sensor would feel of a rig whose modules are off by a known amount."""
+"""Recordings made up for tests: forces that a sensor measures of a rig whose modules are off by a known amount."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ MODULES = ["floor-1", "floor-2", "floor-3", "top"]
 
 
 def made_up(gain=1.25, noise=0.3, turn=0.1, simulated=True, seed=0) -> Recording:
-    """182 forces of 1.5 N, felt too large, with noise, by a sensor that is turned about Y."""
+    """Return 182 forces of 1.5 N, measured too large, with noise, by a sensor that is turned about Y."""
     draw = np.random.default_rng(seed)
     desired = 1.5 * grid18()
     c, s = np.cos(turn), np.sin(turn)
@@ -50,7 +50,7 @@ QUESTIONS = {
 
 
 def made_up_trials(count=20) -> list[Trial]:
-    """So many rigs for each choice, spread about known numbers."""
+    """Return so many rigs for each choice, spread about known numbers."""
     draw = np.random.default_rng(0)
     return [
         Trial(

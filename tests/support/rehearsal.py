@@ -1,4 +1,4 @@
-"""A rig in this process whose links and modules can be made to fail in the middle of a run."""
+"""Rig in this process whose links and modules can be made to fail in the middle of a run."""
 
 from dataclasses import dataclass, field
 
@@ -22,7 +22,7 @@ TROUBLE = 0.5
 
 @dataclass
 class Rehearsal:
-    """A simulated world with a faulty link to each module."""
+    """Simulated world with a faulty link to each module."""
 
     rig: tl.Rig
     motion: object = None
@@ -42,16 +42,16 @@ class Rehearsal:
         return self.world.modules[list(self.links).index(name)]
 
     def demand(self, wrench=GENTLE, trouble=lambda: None):
-        """Ask for a wrench; make trouble once, at its time."""
+        """Return a demand of a wrench that makes trouble once, at its time."""
 
-        def asked(state):
+        def demand(state):
             self.cycles.append(state)
             if self.trouble_at is None and state.time >= TROUBLE:
                 self.trouble_at = self.world.time
                 return trouble() or Demand(wrench)
             return Demand(wrench)
 
-        return asked
+        return demand
 
     def runner(self, demand, solver="newton", log=None, clock=None, **settings):
         return Runner(
@@ -59,7 +59,7 @@ class Rehearsal:
         )
 
     def let_pass(self, until):
-        """Let time pass without a host; the most that the motor of a driven module then pulls with."""
+        """Let time pass without a host, and return the largest tension of a driven module then, in N."""
         self.world.advance(max(until - self.world.time, 0.0))
         samples = [module.sample for module in self.world.modules]
         return max([sample.commanded for sample in samples if sample.driver_on], default=0.0)

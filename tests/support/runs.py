@@ -1,4 +1,4 @@
-"""Runs without a runner, for the tests: real cycles of a real rig, allocated by a real solver."""
+"""Logs without a runner, for the tests: real cycles of a real rig, allocated by a real solver."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def new_log(path, rig, solver="newton", nearest=None, rate=50.0):
 
 
 def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=None) -> Iterator[Cycle]:
-    """The reference point goes round, and the force that is asked for too; one module may be lost half way."""
+    """Yield cycles in which point and desired force go round; one module may be lost half way."""
     random = np.random.default_rng(0)
     exact, own = tl.Allocator(rig.limits), tl.Allocator(rig.limits, solver, nearest=nearest)
-    told = np.full(rig.m, np.nan)
+    measured = np.full(rig.m, np.nan)
     sequence = 250
     for index in range(count):
         angle = 2 * np.pi * index / (2.0 * rate)
@@ -58,8 +58,8 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             found = own(structure, wrench)
         else:
             found = tl.allocate(structure, wrench, limits, solver, nearest=nearest)
-        replaced = bool(found.status == Status.ITERATION_LIMIT)
-        if replaced:
+        fallback_used = bool(found.status == Status.ITERATION_LIMIT)
+        if fallback_used:
             found = exact(structure, wrench) if active.all() else tl.allocate(structure, wrench, limits)
         sequence = (sequence + 1) % 256
         first = index == 0
@@ -71,7 +71,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             structure=structure,
             lengths=rig.lengths(position),
             speeds=random.normal(0.0, 0.01, rig.m),
-            tensions=told,
+            tensions=measured,
             ages=np.full(rig.m, np.inf) if first else random.uniform(0.005, 0.03, rig.m),
             delays=np.full(rig.m, np.nan) if first else random.uniform(0.01, 0.05, rig.m),
             active=active,
@@ -84,7 +84,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             upper_now=rig.limits.upper,
         )
         sent = np.where(active, found.tensions, np.nan)
-        told = np.where(active, np.float32(found.tensions), 0.0)
+        measured = np.where(active, np.float32(found.tensions), 0.0)
         yield Cycle(
             state=state,
             demand=Demand(
@@ -95,7 +95,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
             ),
             solver_wrench=wrench if wanted is not None else found.wrench,
             allocation=found,
-            fallback_used=replaced,
+            fallback_used=fallback_used,
             commanded=sent,
             sequences=np.where(active, sequence, -1),
             start_delay=float(random.exponential(2e-4)),
@@ -104,7 +104,7 @@ def cycles(rig, count, rate=50.0, solver="newton", nearest=None, size=2.0, lost=
 
 
 def logged(path, rig, count=200, **how):
-    """Write a run to a file; gives the cycles that are in it."""
+    """Write a run to a file, and return its cycles."""
     log = new_log(path, rig, **{key: how[key] for key in ("solver", "nearest", "rate") if key in how})
     log.modules({module.name: INFO for module in rig.modules})
     log.note("armed", "all modules are armed")

@@ -226,7 +226,7 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
     if now.faults:
         raise ModuleFault(
             f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and goes on pulling '
-            f"({now.state.name}); update its firmware, it must let go",
+            f"({now.state.name}); update its firmware, it must release its cable",
             name,
             now.faults,
         )

@@ -33,7 +33,7 @@ class Cycle:
     demand : Demand
     solver_wrench : (n,) array
         What of the desired wrench the solver is to render: all but what modules with an impedance, and lost ones
-        that have not let go yet, pull.
+        that have not released yet, pull.
     allocation : Allocation
         What the solver chose, verified; with tension 0 in modules that do not take part.
     fallback_used : bool
@@ -79,7 +79,7 @@ class Statistics:
     derated : dict of str to float
         Modules whose upper tension limit was lowered because their winding got warm, and the lowest, in N.
     lost : dict of str to str
-        Modules that dropped out, and why.
+        Modules, and why.
     ended : str
         What ended the run.
     emergency : bool

@@ -54,7 +54,7 @@ class Watchdog:
         self._closed = threading.Event()
         self._native = _native.Watchdog(
             "tensionlab: a native call keeps the interpreter and does not return, so the process ends; its "
-            "modules let go as their links close\n"
+            "modules release as their links close\n"
         )
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
 
