@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from tensionlab.errors import DataError, InputError
 
@@ -19,19 +19,22 @@ CANDIDATES = (Path(__file__).parent / "datasets", Path(__file__).parents[1] / "d
 SUMS = "SHA256SUMS"
 """A file that marks the folder as this package's: beside an installed package there may be others' `datasets`."""
 PROBLEMS = "problems"
-COUNT = 1000
+PROBLEM_COUNT = 1000
 """Problems that a problem set has."""
-
-
-class _Kind(NamedTuple):
-    """What files a folder has, and what reads them."""
-
-    suffix: str
-    read: Callable[[Path], Any]
+SUFFIXES = {
+    "rigs": ".toml",
+    "spaces": ".toml",
+    "vectors": ".parquet",
+    "published": ".toml",
+    "recordings": ".parquet",
+    "what-if": ".parquet",
+    "benchmarks": ".parquet",
+}
+"""Of the files in each folder."""
 
 
 def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:
-    """List the names of all data sets.
+    """List the names of all data sets, as `load` takes them.
 
     Parameters
     ----------
@@ -39,11 +42,6 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
         Such as "recordings": only those of one folder.
     folder : path or None
         Where the data sets are; None for those that come with this package.
-
-    Returns
-    -------
-    list of str
-        Names that `load` takes.
 
     Raises
     ------
@@ -53,11 +51,11 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
     from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
     where = _found(folder)
-    if kind is not None and kind not in (*_KINDS, PROBLEMS):
-        raise InputError(f"no data sets are called {kind!r}; there are {', '.join([*_KINDS, PROBLEMS])}")
+    if kind is not None and kind not in (*SUFFIXES, PROBLEMS):
+        raise InputError(f"no data sets are called {kind!r}; there are {', '.join([*SUFFIXES, PROBLEMS])}")
     stored = [
         f"{each}/{path.stem}"
-        for each, (suffix, _) in _KINDS.items()
+        for each, suffix in SUFFIXES.items()
         for path in sorted((where / each).glob(f"*{suffix}"))
     ]
     every = [*stored, *(f"{PROBLEMS}/{name}" for name in PROBLEM_SETS)]
@@ -101,9 +99,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     if kind == PROBLEMS:
         from tensionlab.benchmark.problem_sets import problem_set
 
-        return problem_set(stem, COUNT)
-    suffix, read = _KINDS[kind]
-    return read(_found(folder) / kind / f"{stem}{suffix}")
+        return problem_set(stem, PROBLEM_COUNT)
+    return _read(kind, _found(folder) / kind / f"{stem}{SUFFIXES[kind]}")
 
 
 def folder() -> Path:
@@ -129,54 +126,21 @@ def _found(named: str | Path | None) -> Path:
     return Path(named)
 
 
-def _rig(path: Path) -> Any:
-    from tensionlab.model.files import load_rig
-
-    return load_rig(path)
-
-
-def _space(path: Path) -> Any:
-    from tensionlab.workspace.layout.task import load_task
-
-    return load_task(path)
-
-
-def _vectors(path: Path) -> Any:
-    from tensionlab.validation.data_tables import read_vectors
-
-    return read_vectors(path)
-
-
-def _published(path: Path) -> Any:
-    from tensionlab.validation.data_tables import read_published
-
-    return read_published(path)
-
-
-def _recording(path: Path) -> Any:
-    from tensionlab.validation.data_tables import read_recording
-
-    return read_recording(path)
-
-
-def _trials(path: Path) -> Any:
-    from tensionlab.validation.data_tables import read_trials
-
-    return read_trials(path)
-
-
-def _results(path: Path) -> Any:
-    from tensionlab.benchmark import results
-
-    return results.read(path)
-
-
-_KINDS = {
-    "rigs": _Kind(".toml", _rig),
-    "spaces": _Kind(".toml", _space),
-    "vectors": _Kind(".parquet", _vectors),
-    "published": _Kind(".toml", _published),
-    "recordings": _Kind(".parquet", _recording),
-    "what-if": _Kind(".parquet", _trials),
-    "benchmarks": _Kind(".parquet", _results),
-}
+def _read(kind: str, path: Path) -> Any:
+    """Read a file of a kind."""
+    read: Callable[[Path], Any]
+    if kind == "rigs":
+        from tensionlab.model.files import load_rig as read
+    elif kind == "spaces":
+        from tensionlab.workspace.layout.task import load_task as read
+    elif kind == "vectors":
+        from tensionlab.validation.data_tables import read_vectors as read
+    elif kind == "published":
+        from tensionlab.validation.data_tables import read_published as read
+    elif kind == "recordings":
+        from tensionlab.validation.data_tables import read_recording as read
+    elif kind == "what-if":
+        from tensionlab.validation.data_tables import read_trials as read
+    else:
+        from tensionlab.benchmark.results import read
+    return read(path)

@@ -1,28 +1,4 @@
-"""Errors that tensionlab raises, as a tree.
-
-::
-
-    TensionlabError
-    ├── ShapeError (ValueError)              arrays whose shapes or entries cannot form a problem
-    ├── InputError (ValueError)              an argument or option that makes no sense; names it
-    ├── DataError (ValueError)               a file of data that cannot be used; names file, row and column
-    ├── RigError (ValueError)                a rig that cannot exist; names file, module and key
-    ├── UnknownSolver (LookupError)          a solver name that is not in the table
-    ├── PluginError (ImportError)            a solver of another distribution that cannot be used; names both
-    ├── SweepError (ValueError)              a sweep that cannot be made: rigs, poses, measures or store
-    ├── EffectError (ValueError)             a haptic effect that cannot be; names it and its parameter
-    ├── ScenarioError (ValueError)           a scenario that cannot be played; names its file and key
-    ├── WriteError (OSError)                 a file that cannot be written; names it, and says what to do
-    ├── MissingDependency (ImportError)      a library that is not installed; names the extra that brings it
-    ├── Unreachable                          an allocation that is not exact; carries the evidence
-    └── HardwareError                        what goes wrong with modules
-        ├── ProtocolError                    a frame or message that cannot be sent, or was not understood
-        ├── LinkError (OSError)              a link that cannot be opened, or broke; names its URL
-        ├── LinkTimeout (TimeoutError)       a module that does not answer; names it
-        ├── CalibrationError                 measurements that do not tell what they should; says which to add
-        ├── LogError                         a log that cannot be written or read; names its file
-        └── ModuleFault                      a module that refuses, or lets go; carries its name and the code
-"""
+"""Errors that tensionlab raises on purpose: `TensionlabError`, and those of modules, `HardwareError`, below it."""
 
 from __future__ import annotations
 
@@ -34,7 +10,7 @@ MAX_MESSAGE_CHARACTERS = 300
 
 
 class TensionlabError(Exception):
-    """The root of all errors that tensionlab raises on purpose."""
+    """Root of all errors that tensionlab raises on purpose."""
 
 
 class ShapeError(TensionlabError, ValueError):
@@ -50,39 +26,39 @@ class DataError(TensionlabError, ValueError):
 
 
 class RigError(TensionlabError, ValueError):
-    """A rig, or a rig file, that does not describe something one could build."""
+    """Rig, or rig file, that does not describe something one could build; names file, module and key."""
 
 
 class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
-    """A solver name that the table of solvers does not hold."""
+    """Solver name that the table of solvers does not hold."""
 
 
 class PluginError(TensionlabError, ImportError):
-    """A solver that another distribution offers and that cannot be used; the message names the distribution."""
+    """Solver that another distribution offers and that cannot be used; the message names the distribution."""
 
 
 class SweepError(TensionlabError, ValueError):
-    """A sweep that cannot be made; the message names the argument, or what is in the way of the store."""
+    """Sweep that cannot be made; the message names the argument, or what is in the way of the store."""
 
 
 class EffectError(TensionlabError, ValueError):
-    """A haptic effect, or what keeps it stable, with parameters that make no sense; names both."""
+    """Haptic effect, or what keeps it stable, with parameters that make no sense; names both."""
 
 
 class ScenarioError(TensionlabError, ValueError):
-    """A scenario that cannot be played; names its file and key."""
+    """Scenario that cannot be played; names its file and key."""
 
 
 class WriteError(TensionlabError, OSError):
-    """A file that cannot be written; the message names it, and says why and what to do."""
+    """File that cannot be written; the message names it, and says why and what to do."""
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
-    """An optional library that is not installed; the message names the extra that brings it."""
+    """Optional library that is not installed; the message names the extra that brings it."""
 
 
 class Unreachable(TensionlabError):  # noqa: N818 - pinned name
-    """Not every wrench was rendered exactly.
+    """Allocation that does not render every wrench exactly.
 
     Attributes
     ----------
@@ -100,31 +76,31 @@ class Unreachable(TensionlabError):  # noqa: N818 - pinned name
 
 
 class HardwareError(TensionlabError):
-    """The root of all that goes wrong with modules and the links to them."""
+    """Root of all that goes wrong with modules and the links to them."""
 
 
 class ProtocolError(HardwareError):
-    """A frame or a message that cannot be sent, or that was not understood."""
+    """Frame or a message that cannot be sent, or that was not understood."""
 
 
 class LinkError(HardwareError, OSError):
-    """A link that cannot be opened, or that has broken; the message names its URL."""
+    """Link that cannot be opened, or that has broken; the message names its URL."""
 
 
 class LinkTimeout(HardwareError, TimeoutError):  # noqa: N818 - pinned name
-    """A module that does not answer; the message names it and its link."""
+    """Module that does not answer; the message names it and its link."""
 
 
 class CalibrationError(HardwareError):
-    """Measurements that do not tell what was to be calibrated; the message says what to measure instead."""
+    """Measurements that do not determine what was to be calibrated; the message says what to measure instead."""
 
 
 class LogError(HardwareError):
-    """A log that cannot be written or read; the message names its file."""
+    """Log that cannot be written or read; the message names its file."""
 
 
 class ModuleFault(HardwareError):  # noqa: N818 - pinned name
-    """A module that refuses a command, or has let go.
+    """Module that refuses a command, or has released its cable.
 
     Attributes
     ----------

@@ -45,19 +45,18 @@ def brief(value: object) -> str:
 
 
 def read_bytes(
-    path: str | PathLike[str], what: str, error: type[TensionlabError], largest: int = MAX_TEXT_BYTES
+    path: str | PathLike[str], what: str, error: type[TensionlabError], max_bytes: int = MAX_TEXT_BYTES
 ) -> bytes:
     """Return the contents of a file.
 
     Parameters
     ----------
-    path : path
     what : str
         What kind of file is wanted, such as "a rig file (*.toml)", for messages.
     error : type
         Of the error that is raised.
-    largest : int
-        More bytes than this are refused.
+    max_bytes : int
+        More are refused.
 
     Raises
     ------
@@ -65,7 +64,7 @@ def read_bytes(
         Naming the file: it is not there, is a folder, cannot be read, or is too large.
     """
     pieces: list[bytes] = []
-    left = largest + 1
+    left = max_bytes + 1
     try:
         with Path(path).open("rb") as file:
             while left > 0 and (piece := file.read(min(left, PIECE_BYTES))):
@@ -80,19 +79,19 @@ def read_bytes(
     except ValueError as problem:  # a path that no system takes
         raise error(f"{brief(str(path))}: cannot be read ({problem}); give {what}") from None
     if left == 0:
-        raise error(f"{path}: has more than {largest:,} bytes; give {what}")
+        raise error(f"{path}: has more than {max_bytes:,} bytes; give {what}")
     return b"".join(pieces)
 
 
 def read_text(
-    path: str | PathLike[str], what: str, error: type[TensionlabError], largest: int = MAX_TEXT_BYTES
+    path: str | PathLike[str], what: str, error: type[TensionlabError], max_bytes: int = MAX_TEXT_BYTES
 ) -> str:
     """Return the text of a file in UTF-8, with or without a byte order mark.
 
     Parameters and errors as in `read_bytes`.
     """
     try:
-        return read_bytes(path, what, error, largest).decode("utf-8-sig")
+        return read_bytes(path, what, error, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise error(f"{path}: not UTF-8 text; save it as UTF-8, or give {what}") from None
 
@@ -105,18 +104,11 @@ def read_toml(path: str | PathLike[str], what: str, error: type[TensionlabError]
 def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str, Any]:
     """Return the keys and values of a TOML text.
 
-    Parameters
-    ----------
-    text : str
-    source : str
-        What the text is called in messages.
-    error : type
-        Of the error that is raised.
-
     Raises
     ------
     error
-        It is not valid TOML, too large, nested too deep, or has a whole number of more than 64 bits.
+        Calling the text ``source``: it is not valid TOML, too large, nested too deep, or has a whole number of
+        more than 64 bits.
     """
     if len(text) > MAX_TEXT_BYTES:
         raise error(f"{source}: has more than {MAX_TEXT_BYTES:,} characters; shorten it") from None

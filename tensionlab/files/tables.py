@@ -60,19 +60,12 @@ def read_table(
 
     Parameters
     ----------
-    path : path
     needed, optional : sequence of str
-        Columns that must and that may be there; a file with others is refused. Parts of the names before a comma
-        or a bracket do not count: names are compared as they are.
+        Columns that must and that may be there; a file with others is refused.
     error : type
         Of the error that is raised.
     what : str
         Which kind of file is wanted, for messages.
-
-    Returns
-    -------
-    dict of (K,) arrays
-        By column.
 
     Raises
     ------
@@ -128,7 +121,7 @@ def check_columns(
     for name in names:
         if name not in needed and name not in optional:
             known = ", ".join([*needed, *optional])
-            raise error(f'{source}: nobody knows what the column "{name:.40}" is; there may be {known}')
+            raise error(f'{source}: unknown column "{name:.40}"; there may be {known}')
 
 
 def number_of(word: str, where: str, error: type[TensionlabError]) -> float:
@@ -143,7 +136,7 @@ def number_of(word: str, where: str, error: type[TensionlabError]) -> float:
 
 
 class ParquetTable(NamedTuple):
-    """A Parquet file: its columns, and the manifest in its metadata."""
+    """Parquet file: its columns, and the manifest in its metadata."""
 
     source: str
     columns: Any
@@ -211,7 +204,7 @@ def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type
             raise error(f'{here}: "{name}" is missing')
         for name, value in values.items():
             if name not in hints:
-                raise error(f'{here}: nobody knows what "{name:.40}" is')
+                raise error(f'{here}: unknown key "{name:.40}"')
             if not _suits(value, hints[name]):
                 raise error(f'{here}: "{name}" is {brief(value)}; it must be of {_named(hints[name])}')
         found.append(kind(**values))

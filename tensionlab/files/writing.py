@@ -47,11 +47,7 @@ def unwritable(path: str | PathLike[str], error: OSError) -> WriteError:
 def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) -> None:
     """Check that a file can be written, before the work that makes it: some bytes are written beside its place.
 
-    Parameters
-    ----------
-    path : path
-    suffixes : sequence of str
-        Those that the file may have, in lower case; any if there are none.
+    It must have one of the suffixes, in lower case, if there are any.
 
     Raises
     ------
@@ -71,11 +67,7 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
 def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
     """Check that files can be written to a folder, which need not be there yet. Nothing is made.
 
-    Parameters
-    ----------
-    path : path
-    parents : bool
-        Whether the folder that it is to be made in need not be there either.
+    With ``parents``, the folder that it is to be made in need not be there either.
 
     Raises
     ------
@@ -94,13 +86,7 @@ def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
 
 
 def make_folder(path: str | PathLike[str]) -> Path:
-    """Make a folder, and those that it lies in, unless it is there.
-
-    Raises
-    ------
-    WriteError
-        If it cannot be made.
-    """
+    """Make a folder, and those that it lies in, unless it is there."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -202,27 +188,21 @@ def _probe(folder: Path) -> None:
 
 
 def acquire_lock(path: Path, timeout: float, extra: str) -> BaseFileLock | None:
-    """Lock a file, which is made if it is not there.
+    """Lock a file for this process, which is made if it is not there.
+
+    The system releases the locks of a process that ends.
 
     Parameters
     ----------
-    path : path
     timeout : float
-        How long to wait for somebody who holds it, in s.
+        How long to wait for another process that holds it, in s.
     extra : str
-        Of this package that brings what is needed, for messages.
+        Of this package that brings filelock, for messages.
 
     Returns
     -------
     lock or None
-        To be released; None if somebody else has it for longer than that.
-
-    Raises
-    ------
-    MissingDependency
-        If filelock is not installed.
-    OSError
-        If the file cannot be written.
+        To be released; None if another process has it for longer than that.
     """
     try:
         from filelock import FileLock, Timeout

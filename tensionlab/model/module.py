@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, as_floats
+from tensionlab.arrays import Floats, as_floats, tension_limits
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
 
@@ -251,9 +251,7 @@ class TensionLimits:
     upper: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        lower, upper = (
-            as_floats(f"tension limits: {name}", getattr(self, name)).copy() for name in ("lower", "upper")
-        )
+        lower, upper = as_floats("lower", self.lower), as_floats("upper", self.upper)
         if lower.ndim != 1 or lower.shape != upper.shape:
             raise ShapeError(
                 f"tension limits: lower has shape {lower.shape} and upper {upper.shape}; "
@@ -261,18 +259,7 @@ class TensionLimits:
             )
         if lower.size == 0:
             raise ShapeError("tension limits: no cable; give at least one lower and one upper limit")
-        for name, values in (("lower", lower), ("upper", upper)):
-            if not np.isfinite(values).all():
-                index = int(np.flatnonzero(~np.isfinite(values))[0])
-                raise ShapeError(f"tension limits: {name}[{index}] is {values[index]}; give a finite tension in N")
-        if (lower > upper).any():
-            index = int(np.flatnonzero(lower > upper)[0])
-            raise ShapeError(
-                f"tension limits: lower[{index}] = {lower[index]} is above upper[{index}] = {upper[index]}; "
-                "give lower <= upper, in N"
-            )
-        lower.setflags(write=False)
-        upper.setflags(write=False)
+        lower, upper = tension_limits((lower, upper))
         object.__setattr__(self, "lower", lower)
         object.__setattr__(self, "upper", upper)
 

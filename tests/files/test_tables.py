@@ -120,7 +120,7 @@ class Fact:
     ("row", "said"),
     [
         ({"name": "a"}, 'row 2: "value" is missing'),
-        ({"name": "a", "value": 1, "x": 2}, 'row 2: nobody knows what "x" is'),
+        ({"name": "a", "value": 1, "x": 2}, 'row 2: unknown key "x"'),
         ({"name": 3, "value": 1}, 'row 2: "name" is 3; it must be of str'),
         ({"name": "a", "value": True}, 'row 2: "value" is True'),
         ({"name": "a", "value": 1, "parts": (1.0, "x")}, 'row 2: "parts" is'),

@@ -24,7 +24,7 @@ def test_a_cable_without_choice_is_legal():
 @pytest.mark.parametrize(
     ("lower", "upper", "words"),
     [
-        ([0.5, 2.0, 0.5], [6.0, 1.0, 6.0], [r"lower\[1\] = 2.0", r"upper\[1\] = 1.0"]),
+        ([0.5, 2.0, 0.5], [6.0, 1.0, 6.0], [r"lower\[1\] = 2 N", r"upper\[1\] = 1 N"]),
         ([0.5, np.nan], [6.0, 6.0], [r"lower\[1\] is nan"]),
         ([0.5, 0.5], [np.inf, 6.0], [r"upper\[0\] is inf"]),
         ([0.5, 0.5], [6.0], [r"\(2,\)", r"\(1,\)"]),

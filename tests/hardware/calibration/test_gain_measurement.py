@@ -248,7 +248,7 @@ def test_record_and_sensor_come_back_from_files(bench, tmp_path):
         ("time,torque\n1,2\n", 'column "force" is missing'),
         ("time,force\n1,2\n2,x\n", r'line 3, column "force": \'x\' is no finite number'),
         ("time,force\n1,2\n2\n", "line 3 has 1 values for 2 columns"),
-        ("time,force,heat\n1,2,3\n", 'nobody knows what the column "heat" is'),
+        ("time,force,heat\n1,2,3\n", 'unknown column "heat"'),
         ("time,force,force\n1,2,3\n", 'column "force" is there twice'),
         ("time,force\n", "no numbers"),
         ("time,force\n" + "1,2\n" * 20, "times must grow"),
