@@ -15,7 +15,7 @@ IN_PLACE = {
     "files/writing.py",
     "cli/__init__.py",
     "hardware/client/locks.py",
-    "validation/journal.py",
+    "validation/session.py",
     "workspace/sweep/store.py",
 }
 WRITES = re.compile(
