@@ -43,7 +43,8 @@ STATUS_LEGEND = """\
 exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
 limit: unproven (iteration limit)   fail: the solver broke"""
 LEGEND = f"""\
-{STATUS_LEGEND}   error: desired minus rendered   angle: between the two forces
+{STATUS_LEGEND}
+error: desired minus rendered   angle: between the two forces
 gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
 call: one force, verification included   batch: all forces in one call, time for each"""
 
