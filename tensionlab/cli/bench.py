@@ -86,14 +86,14 @@ def bench(
     with output.progress("Measuring") as progress:
         written = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
     results = read(written)
-    with output.Keeper(quiet=json) as keeper:
-        _write(results, out, keeper)
+    with output.ResultWriter(quiet=json) as writer:
+        _write(results, out, writer)
         _print(results, out, json)
     if written != out:
         raise WriteError(f"{out}: cannot be written; the results are in {written}")
 
 
-def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
+def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
     """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
     from tensionlab.benchmark.report import report
@@ -108,9 +108,9 @@ def _write(results: Results, out: Path, keeper: output.Keeper) -> None:
     for name, draw in figures.items():
         paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
         with suppress(InputError):  # nothing to draw, such as no trajectory
-            if all(keeper.write("", path, partial(_draw, draw, results)) for path in paths):
+            if all(writer.write("", path, partial(_draw, draw, results)) for path in paths):
                 drawn.append(name)
-    keeper.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
+    writer.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
 
 
 def _draw(draw: Callable[[Results], Any], results: Results, path: Path) -> None:

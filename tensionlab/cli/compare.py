@@ -100,13 +100,13 @@ def compare(
         )
     rows = [dataclasses.asdict(row) for row in result.rows]
     manifest = output.manifest()
-    with output.Keeper(quiet=json) as keeper:
+    with output.ResultWriter(quiet=json) as writer:
         if plot:
             from tensionlab.plots import plot_comparison, save_figure
 
-            keeper.write("plot", plot, lambda path: save_figure(plot_comparison(result), path))
+            writer.write("plot", plot, lambda path: save_figure(plot_comparison(result), path))
         if out:
-            keeper.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
+            writer.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
         if json:
             output.print_json(
                 {

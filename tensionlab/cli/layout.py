@@ -54,11 +54,11 @@ def search(
         writing.require_writable(file)
     with output.progress("Layouts") as progress:
         found = task.run(progress)
-    with output.Keeper(quiet=json) as keeper:
+    with output.ResultWriter(quiet=json) as writer:
         written = [
             str(files[each.rig.m])
             for each in found.layouts
-            if files and keeper.write_text(each.rig.name, files[each.rig.m], each.to_toml())
+            if files and writer.write_text(each.rig.name, files[each.rig.m], each.to_toml())
         ]
         if json:
             output.print_json(

@@ -116,9 +116,9 @@ def replay(
         found = replays.replay(run, names, progress)
     rows = [dataclasses.asdict(row) for row in found.rows]
     manifest = {**output.manifest(), "run": run.manifest}
-    with output.Keeper(quiet=json) as keeper:
+    with output.ResultWriter(quiet=json) as writer:
         if out:
-            keeper.write("rows", out, lambda file: records.write_parquet(file, rows, manifest))
+            writer.write("rows", out, lambda file: records.write_parquet(file, rows, manifest))
         if json:
             output.print_json(
                 {

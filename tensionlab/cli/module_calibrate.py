@@ -119,8 +119,8 @@ def staircase(
 
     with _client(url) as client, output.progress("staircase") as progress:
         record = climb(client, progress)
-    with output.Keeper() as keeper:
-        keeper.write_text(
+    with output.ResultWriter() as writer:
+        writer.write_text(
             f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N", out, table_text(vars(record))
         )
 
@@ -251,8 +251,8 @@ def record(
         measured = record_lengths(
             group, rig, RealClock(), poses, seconds, lambda count: typer.echo(f"pose {count}", err=True)
         )
-    with output.Keeper() as keeper:
-        keeper.write_text(f"{len(measured)} poses", out, table_text(columns(rig, measured)))
+    with output.ResultWriter() as writer:
+        writer.write_text(f"{len(measured)} poses", out, table_text(columns(rig, measured)))
 
 
 @calibrate.command()
@@ -300,8 +300,8 @@ def anchors(
         "held_out": held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
     }
     how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
-    with output.Keeper(quiet=json) as keeper:
-        written = out and keeper.write_text("rig", out, rig_to_toml(calibrated_rig(rig, found, how)))
+    with output.ResultWriter(quiet=json) as writer:
+        written = out and writer.write_text("rig", out, rig_to_toml(calibrated_rig(rig, found, how)))
         if json:
             output.print_json(
                 {

@@ -110,10 +110,10 @@ def dump(
             typer.echo(text, nl=False)
     else:
         make_folder(folder)
-        with output.Keeper() as keeper:
+        with output.ResultWriter() as writer:
             for name, text in texts.items():
                 file = file_of(folder, name)
-                if keeper.write("", file, partial(write_text, text=text)):
+                if writer.write("", file, partial(write_text, text=text)):
                     typer.echo(file)
             exit_if_failed(failed)
     exit_if_failed(failed)

@@ -28,8 +28,8 @@ def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     """Show anchors, cable lengths at home and limits of a rig. Body frames stay at rest."""
     loaded = load_rig(path)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
-    with output.Keeper(quiet=json) as keeper:
-        _draw(loaded, plot, keeper)
+    with output.ResultWriter(quiet=json) as writer:
+        _draw(loaded, plot, writer)
         if json:
             output.print_json(
                 {
@@ -89,8 +89,8 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     loaded = load_rig(path)
     findings = check_rig(loaded)
     passed = all(finding.passed is not False for finding in findings)
-    with output.Keeper(quiet=json) as keeper:
-        _draw(loaded, plot, keeper)
+    with output.ResultWriter(quiet=json) as writer:
+        _draw(loaded, plot, writer)
         if json:
             checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
             output.print_json({"rig": loaded.name, "passed": passed, "checks": checks})
@@ -155,8 +155,8 @@ def export(
     output.console().print(f"model: {mjcf}, {loaded.m} tendons", soft_wrap=True)
 
 
-def _draw(loaded: Rig, plot: Path | None, keeper: output.Keeper) -> None:
+def _draw(loaded: Rig, plot: Path | None, writer: output.ResultWriter) -> None:
     if plot:
         from tensionlab.plots import plot_rig, save_figure
 
-        keeper.write("plot", plot, lambda path: save_figure(plot_rig(loaded), path))
+        writer.write("plot", plot, lambda path: save_figure(plot_rig(loaded), path))

@@ -86,8 +86,8 @@ def scenario(
     complete = seconds in (None, loaded.seconds) and not interrupted
     rows = check_scenario(played) if complete else ()
     found = check_directions(played.run)
-    with output.Keeper(quiet=json) as keeper:
-        keeper.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
+    with output.ResultWriter(quiet=json) as writer:
+        writer.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
         if json:
             output.print_json(
                 {

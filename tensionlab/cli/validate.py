@@ -96,8 +96,8 @@ def validate(
         )
         raise typer.Exit(output.INTERRUPTED)
     result = evaluate(setup, measurements)
-    with output.Keeper(quiet=True) as keeper:
-        report = _write(result, plan, sensor, out, keeper)
+    with output.ResultWriter(quiet=True) as writer:
+        report = _write(result, plan, sensor, out, writer)
         if json:
             output.print_json(report)
         else:
@@ -146,7 +146,7 @@ def _reached(
 
 
 def _write(
-    result: ValidationResult, plan: ValidationPlan, sensor: str, out: Path, keeper: output.Keeper
+    result: ValidationResult, plan: ValidationPlan, sensor: str, out: Path, writer: output.ResultWriter
 ) -> dict[str, object]:
     """Write report, table and recording, and return what the report says."""
     from tensionlab.validation.data_tables import write_recording
@@ -154,10 +154,10 @@ def _write(
 
     manifest = output.manifest(plan.seed if plan.preset else None)
     report = as_json(result, manifest)
-    keeper.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
-    keeper.write_text("report", out / "report.md", as_markdown(result))
-    keeper.write_text("table", out / "table.tex", as_latex(result))
+    writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
+    writer.write_text("report", out / "report.md", as_markdown(result))
+    writer.write_text("table", out / "table.tex", as_latex(result))
     recording = make_recording(result, plan.rig, sensor, manifest)
     name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
-    keeper.write("recording", out / name, lambda path: write_recording(path, recording))
+    writer.write("recording", out / name, lambda path: write_recording(path, recording))
     return report

@@ -112,13 +112,13 @@ def workspace(
             raise
         raise unwritable(out, error) from None
     found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in names]
-    with output.Keeper(quiet=json) as keeper:
+    with output.ResultWriter(quiet=json) as writer:
         if plot is not None:
             from tensionlab import plots
 
             drawn = names[0] if measures else DRAWN_METRIC
             draw: Callable[..., Any] = getattr(plots, f"plot_{view}")
-            keeper.write("plot", plot, lambda path: plots.save_figure(draw(data, metric=drawn), path))
+            writer.write("plot", plot, lambda path: plots.save_figure(draw(data, metric=drawn), path))
         if json:
             output.print_json(
                 {

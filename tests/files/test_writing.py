@@ -111,7 +111,7 @@ def test_a_folder_that_is_not_there_is_named_and_none_is_made(tmp_path):
 def test_all_that_the_package_writes_goes_through_this_door():
     found = set()
     for path in PACKAGE.rglob("*.py"):
-        text = path.read_text(encoding="utf-8").replace("writing.write_", "").replace("keeper.write_", "")
+        text = path.read_text(encoding="utf-8").replace("writing.write_", "").replace("writer.write_", "")
         if WRITES.search(text):
             found.add(path.relative_to(PACKAGE).as_posix())
     programs = {name for name in found if "__main__" in (PACKAGE / name).read_text(encoding="utf-8")}

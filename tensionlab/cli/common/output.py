@@ -42,8 +42,8 @@ def clip(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
     return f"{line[: length - end - 5]} ... {line[-end:]}"
 
 
-class Keeper:
-    """Writer of result files, which says where they are, or could not be written, after the results are shown.
+class ResultWriter:
+    """Writer of result files, which prints where they are, or are not, after the results.
 
     A context manager: its block shows the results.
 
