@@ -337,7 +337,7 @@ def test_a_stop_ends_the_run_and_ctrl_c_does_too():
         push(client, 0.3)
         client.send(Stop())
         assert running.wait(HANGS_S) == 0
-        assert "finished: stopped by the demand" in running.stdout.read()
+        assert "finished: stopped by the demand" in " ".join(running.stdout.read().split())
     with served() as (_, running):
         time.sleep(1.0)
         running.send_signal(signal.SIGINT)
