@@ -28,14 +28,14 @@ LETTERS = {"B": "u8", "H": "u16", "I": "u32", "Q": "u64", "f": "f32", "?": "flag
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = [list(head), *([str(cell) for cell in row] for row in rows)]
     lines.insert(1, ["---"] * len(lines[0]))
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def messages(from_module: bool) -> str:
-    """Which messages are there, with their bytes?"""
+    """Return the table of messages, with their bytes."""
     rows = [
         (f"`0x{number:02X}`", message.type.name, payload(message), described(message))
         for number, message in sorted(MESSAGES.items())
@@ -45,7 +45,7 @@ def messages(from_module: bool) -> str:
 
 
 def payload(message: type[Message]) -> str:
-    """Which fields has a message, in their order, and how many bytes?"""
+    """Return the fields of a message, in their order, and its size."""
     hints = get_type_hints(message, include_extras=True)
     letters = {name: hints[name].__metadata__[0] for name in get_annotations(message)}
     if not letters:
@@ -56,7 +56,7 @@ def payload(message: type[Message]) -> str:
 
 
 def described(message: type[Message]) -> str:
-    """What does a message say?"""
+    """Return the description of a message."""
     text = " ".join((getdoc(message) or "").split()).replace("``", "`")
     for other in MESSAGES.values():
         text = text.replace(f"`{other.__name__}`", other.type.name)
@@ -64,14 +64,14 @@ def described(message: type[Message]) -> str:
 
 
 def words(kind: type[IntEnum | IntFlag]) -> str:
-    """Which numbers stand for which words?"""
+    """Return the table of an enumeration."""
     names = [member.name or "" for member in kind]
     rows = zip([f"`{member.value}`" for member in kind], names, explained(DESCRIPTIONS[kind], names), strict=True)
     return table(("Number", "Name", "Meaning"), rows)
 
 
 def example() -> str:
-    """What does a frame look like, from its fields to the wire?"""
+    """Return the table of a frame, from its fields to the wire."""
     command, sequence = SetTension(session=0x1234, tension=3.0, ttl_ms=250), 7
     frame = command.frame(sequence)
     body = bytes([frame.type, frame.sequence]) + frame.payload
@@ -92,12 +92,12 @@ def example() -> str:
 
 
 def spaced(content: bytes) -> str:
-    """Bytes as one reads them."""
+    """Return bytes in hexadecimal."""
     return f"`{content.hex(' ').upper()}`"
 
 
 def parameters() -> str:
-    """What can be set on a module?"""
+    """Return the table of parameters."""
     rows = [
         (row.index, f"`{name}`", row.unit, f"{row.lower:g}", f"{row.upper:g}", f"{row.standard:g}", meaning)
         for (name, row), meaning in zip(
@@ -108,7 +108,7 @@ def parameters() -> str:
 
 
 def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
-    """What do these names mean? One that nobody explained is an error, and so is an explanation of nothing."""
+    """Return the description of each name; a missing one is an error, and so is one too many."""
     names = list(names)
     wrong = set(names) ^ set(meanings)
     if wrong:
@@ -117,13 +117,13 @@ def explained(meanings: Mapping[str, str], names: Iterable[str]) -> list[str]:
 
 
 def plant() -> str:
-    """What is the simulated hardware made of?"""
+    """Return the table of the simulated hardware."""
     rows = [(f"`{name}`", row.unit, f"{row.standard:g}", row.about) for name, row in PLANT.items()]
     return table(("Parameter", "Unit", "Value", "What it is, and where the value comes from"), rows)
 
 
 def transitions() -> str:
-    """What does each event do in each state?"""
+    """Return the table of the supervisor's transitions."""
     rows = []
     for event, row in zip(EVENTS, TRANSITIONS, strict=True):
         rows.append([event, *(to.name.lower() if accepted else "refused" for accepted, to in row)])
@@ -131,7 +131,7 @@ def transitions() -> str:
 
 
 def drawing() -> str:
-    """The supervisor, drawn: what leads from state to state. What changes nothing is left out."""
+    """Return a diagram of the supervisor, without transitions that change nothing."""
     arrows: dict[tuple[str, str], list[str]] = {}
     for event, row in zip(EVENTS, TRANSITIONS, strict=True):
         for state, (accepted, to) in zip(codes.State, row, strict=True):
@@ -142,7 +142,7 @@ def drawing() -> str:
 
 
 def figures() -> str:
-    """What did `firmware/check.py --write` measure?"""
+    """Return the table of what `firmware/check.py --write` measured."""
     measured = json.loads((FOLDER / "figures.json").read_text())
     arm, esp32, flips = (measured[name] for name in ("arm", "esp32", "flips"))
     rows = (
@@ -164,7 +164,7 @@ def figures() -> str:
 
 
 def sections() -> dict[str, dict[str, str]]:
-    """What do the tables of each document say?"""
+    """Return the tables of each document."""
     kinds = (
         codes.Code,
         codes.State,

@@ -44,6 +44,17 @@ def exponential(vector: Floats) -> Floats:
     return turn
 
 
+def fit_rotation(source: Floats, target: Floats) -> Floats:
+    """Return the rotation (d, d) that turns vectors (K, d) closest to others, without mirroring.
+
+    Kabsch 1976, Acta Crystallographica A32; Wahba's problem.
+    """
+    u, _, vt = np.linalg.svd(target.T @ source)
+    signs = np.ones(len(u))
+    signs[-1] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
+    return np.asarray(u @ np.diag(signs) @ vt, dtype=np.float64)
+
+
 def place(
     points: Floats, frames: Integers, origins: Sequence[Floats], rotations: Sequence[Floats | None]
 ) -> Floats:

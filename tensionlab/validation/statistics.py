@@ -16,6 +16,7 @@ import numpy as np
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
 from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
+from tensionlab.model.kinematics import fit_rotation
 
 MAX_ANGLE_DEG = 45.0
 """Every vector of the publication was within."""
@@ -52,9 +53,7 @@ def fit_rotation(desired: Floats, measured: Floats) -> Floats:
 
     It leaves no tilt. Parameters and return value as those of `fit_yaw`.
     """
-    u, _, vt = np.linalg.svd(desired.T @ measured)
-    mirrored = np.linalg.det(u) * np.linalg.det(vt) < 0.0
-    return np.asarray(u @ np.diag([1.0, 1.0, -1.0 if mirrored else 1.0]) @ vt)
+    return fit_rotation(measured, desired)
 
 
 def rotation_angle(rotation: Floats) -> float:

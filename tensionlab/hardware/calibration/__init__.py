@@ -1,1 +1,1 @@
-"""What a rig and its modules really are, from what was measured on them: newton per ampere, and the anchors."""
+"""Calibration: tension per ampere of a module, zero of cable lengths, and anchors of a rig."""

@@ -20,7 +20,7 @@ TILT = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Where the platform was.
+    """Poses of the platform.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Poses:
 
     @classmethod
     def at(cls, rig: Rig, position: Floats, rotation: Floats | None = None) -> Poses:
-        """Poses of a rig; not turned if no rotation is given."""
+        """Return poses of a rig; not turned if no rotation is given."""
         if not KINDS[rig.kind].turns:
             return cls(position, None)
         if rotation is None:
@@ -43,15 +43,15 @@ class Poses:
         return cls(position, rotation)
 
     def arms(self, rig: Rig) -> Floats | None:
-        """From the reference point to the attachments, in world axes, (K, m, d); None for a point."""
+        """Return vectors from reference point to attachments, in world axes, (K, m, d); None for a point."""
         return None if self.rotation is None else kinematics.rotate(self.rotation, rig.attachments)
 
     def take(self, index: Integers) -> Poses:
-        """Some of them."""
+        """Return some of the poses."""
         return Poses(self.position[index], None if self.rotation is None else self.rotation[index])
 
     def replaced(self, where: NDArray[np.bool_], other: Poses) -> Poses:
-        """These, with others where they are to be replaced; ``where`` is (K,)."""
+        """Return these poses with others in place of some; ``where`` is (K,)."""
         position = np.where(where[:, None], other.position, self.position)
         if self.rotation is None or other.rotation is None:
             return Poses(position, None)
@@ -59,7 +59,7 @@ class Poses:
 
 
 def advice(problem: Problem, shared: Floats, weak: Floats) -> str:
-    """At which poses would a motion of the anchors that went unseen be seen best? As words.
+    """Return the poses, as words, at which lengths would best show an unseen motion of the anchors.
 
     Tried are the corners and middles of a box somewhat smaller than the anchors', not turned and turned.
     """
@@ -80,7 +80,7 @@ def advice(problem: Problem, shared: Floats, weak: Floats) -> str:
 
 
 def rotations(angles: Floats) -> Floats:
-    """Which matrices are turns by an axis times an angle (K, 3), or by angles in the plane (K, 1), in rad?"""
+    """Return rotations by an axis times an angle (K, 3), or by angles in the plane (K, 1), in rad."""
     if angles.shape[-1] == 3:
         return kinematics.exponential(angles)
     return kinematics.planar_rotation(angles[..., 0])
@@ -95,7 +95,7 @@ def _words(position: Floats, angles: Floats) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted to what. Shared parameters are the anchors, row by row, and the offsets if there are any."""
+    """Lengths to be fitted, by shared parameters (anchors row by row, and offsets if there are any) and poses."""
 
     rig: Rig
     lengths: Floats
@@ -104,13 +104,13 @@ class Problem:
 
     @property
     def gauge(self) -> int:
-        """How many combinations of anchors no length depends on: the rigid motions, at unknown poses."""
+        """Number of combinations of anchors that no length depends on: rigid motions, at unknown poses."""
         d = self.rig.dimension
         return 0 if self.known else d * (d + 1) // 2
 
     @property
     def spare(self) -> int:
-        """How many of the lengths of one pose are left to speak of the anchors?"""
+        """Number of lengths of one pose that remain to determine anchors."""
         return self.rig.m - (0 if self.known else self.rig.n)
 
     @property
@@ -119,12 +119,12 @@ class Problem:
         return self.rig.m * (self.rig.dimension + self.offsets)
 
     def split(self, shared: Floats) -> tuple[Floats, Floats]:
-        """Anchors and offsets."""
+        """Return anchors and offsets."""
         m, d = self.rig.m, self.rig.dimension
         return shared[: m * d].reshape(m, d), shared[m * d :] if self.offsets else np.zeros(m)
 
     def fitted(self, shared: Floats, poses: Poses) -> Poses:
-        """Which poses fit the lengths best, given the rest?"""
+        """Return the poses that fit the lengths best, given the rest."""
         if self.known:
             return poses
         anchors, offsets = self.split(shared)
@@ -140,13 +140,13 @@ class Problem:
         return Poses(p, R)
 
     def residuals(self, shared: Floats, poses: Poses) -> Floats:
-        """Measured less modelled lengths, (K, m)."""
+        """Return measured less modelled lengths, (K, m)."""
         anchors, offsets = self.split(shared)
         modelled, _ = kinematics.cables(anchors, poses.position, poses.arms(self.rig))
         return self.lengths - offsets - modelled
 
     def jacobian(self, shared: Floats, poses: Poses) -> Floats:
-        """How do the lengths change with the shared parameters, (K, m, p), but for what the poses take up?"""
+        """Return the derivatives of the lengths by shared parameters, (K, m, p), less what the poses take up."""
         anchors, _ = self.split(shared)
         arms = poses.arms(self.rig)
         _, directions = kinematics.cables(anchors, poses.position, arms)
@@ -162,7 +162,7 @@ class Problem:
         return rows - q @ (np.swapaxes(q, -1, -2) @ rows)
 
     def misfit(self, shared: Floats, poses: Poses) -> float:
-        """How far off is a length that the poses do not explain, in m? Root mean square, for each spare one."""
+        """Return the root mean square error of the lengths that poses do not explain, in m."""
         error = self.residuals(shared, self.fitted(shared, poses))
         return math.sqrt(float(np.sum(error**2)) / (len(error) * self.spare))
 
@@ -182,7 +182,7 @@ NEIGHBOURS = 4
 
 
 def best_fit(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
-    """Which shared parameters and poses, near these, explain the lengths best in the least-squares sense?"""
+    """Return the shared parameters and poses, near these, that fit the lengths best by least squares."""
     shared, poses = _descend(problem, shared, problem.fitted(shared, poses))
     if not problem.known:
         for _ in range(RESTARTS):
@@ -195,7 +195,7 @@ def best_fit(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Po
 
 
 def _descend(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
-    """Levenberg-Marquardt in the shared parameters."""
+    """Minimise over the shared parameters by Levenberg-Marquardt."""
     error = problem.residuals(shared, poses)
     damping, longest = FIRST_DAMPING, float(problem.lengths.max())
     for _ in range(ITERATION_LIMIT):
@@ -218,7 +218,7 @@ def _descend(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Po
 
 
 def _restarted(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, Poses]:
-    """Is there a better answer when the poses that fit worst do not bend the anchors at first?
+    """Fit again, first without the poses that fit worst.
 
     Forward kinematics has many answers, and a pose on a wrong branch pulls all anchors with it.
     """
@@ -230,10 +230,7 @@ def _restarted(problem: Problem, shared: Floats, poses: Poses) -> tuple[Floats, 
 
 
 def _unflipped(problem: Problem, shared: Floats, poses: Poses) -> Poses:
-    """Which poses fit better if each is sought anew, from neighbours that fit well?
-
-    Forward kinematics has many answers; one on a wrong branch bends all anchors.
-    """
+    """Solve each pose again from neighbours that fit well, and return the better ones."""
     error = np.sum(problem.residuals(shared, poses) ** 2, axis=1)
     good = np.argsort(error)[: max(len(error) // 2, 1)]
     apart = np.linalg.norm(problem.lengths[:, None] - problem.lengths[None, good], axis=-1)

@@ -1,4 +1,4 @@
-"""Where are the anchors of a rig, going by the lengths of its cables?
+"""Calibration of the anchors of a rig from the lengths of its cables.
 
 At known poses each cable is by itself: its anchor is where its lengths meet (multilateration). At unknown ones a
 rig with more cables than freedoms calibrates itself: each pose brings m lengths and n unknowns, and what is left
@@ -24,6 +24,7 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
 from tensionlab.hardware.calibration.anchor_fit import Poses, Problem, advice, best_fit
 from tensionlab.hardware.calibration.gain import quantile
+from tensionlab.model.kinematics import fit_rotation
 from tensionlab.model.rig import Rig
 
 WEAK = 1e-5
@@ -34,7 +35,7 @@ VAGUE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class AnchorEstimate:
-    """Anchors found from cable lengths, and how sure they are.
+    """Anchors estimated from cable lengths, with their uncertainty.
 
     Attributes
     ----------
@@ -82,7 +83,7 @@ class AnchorEstimate:
 def calibrate_anchors(
     rig: Rig, lengths: Floats, poses: Poses | None = None, *, known: bool = False, offsets: bool = False
 ) -> AnchorEstimate:
-    """Where are the anchors?
+    """Estimate the anchors of a rig from cable lengths.
 
     Parameters
     ----------
@@ -149,10 +150,7 @@ def _onto_nominal(problem: Problem, shared: Floats, poses: Poses) -> tuple[Float
     anchors, offsets = problem.split(shared)
     nominal = problem.rig.anchors
     here, there = anchors.mean(axis=0), nominal.mean(axis=0)
-    u, _, vt = np.linalg.svd((anchors - here).T @ (nominal - there))
-    flip = np.ones(len(here))
-    flip[-1] = np.sign(np.linalg.det(u @ vt))
-    turn = vt.T @ np.diag(flip) @ u.T
+    turn = fit_rotation(anchors - here, nominal - there)
     moved = (anchors - here) @ turn.T + there
     rotation = None if poses.rotation is None else turn @ poses.rotation
     return (
@@ -162,7 +160,7 @@ def _onto_nominal(problem: Problem, shared: Floats, poses: Poses) -> tuple[Float
 
 
 def _judged(problem: Problem, shared: Floats, poses: Poses) -> AnchorEstimate:
-    """How sure is it? Raises if something cannot be seen."""
+    """Return the estimate with its uncertainty; raise if poses do not determine all anchors."""
     anchors, offsets = problem.split(shared)
     rows = problem.jacobian(shared, poses).reshape(-1, problem.size)
     # The gauge: the anchors do not move as one with respect to the nominal rig.
@@ -187,7 +185,7 @@ def _judged(problem: Problem, shared: Floats, poses: Poses) -> AnchorEstimate:
 
 
 def _rigid_motions(anchors: Floats, size: int) -> Floats:
-    """How do the shared parameters change in each rigid motion? (size, d (d + 1) / 2), about the centre."""
+    """Return the shared parameters' change in each rigid motion about the centre, (size, d (d + 1) / 2)."""
     m, d = anchors.shape
     arms = anchors - anchors.mean(axis=0)
     motions = [np.tile(axis, (m, 1)) for axis in np.eye(d)]
@@ -203,7 +201,7 @@ def _rigid_motions(anchors: Floats, size: int) -> Floats:
 
 
 def calibrated_rig(rig: Rig, found: AnchorEstimate, how: str) -> Rig:
-    """Which rig is it, then? The nominal one with the anchors found; its source says how."""
+    """Return the nominal rig with the anchors found; its source says how."""
     modules = tuple(
         replace(module, anchor=anchor) for module, anchor in zip(rig.modules, found.anchors, strict=True)
     )
@@ -215,12 +213,12 @@ FOLDS = 5
 
 
 def nominal_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool) -> float:
-    """How far off are lengths from those of the nominal rig, in m? As `Problem.misfit`."""
+    """Return the misfit of lengths to the nominal rig, in m, as `Problem.misfit`."""
     return Problem(rig, lengths, known, False).misfit(rig.anchors.ravel(), poses)
 
 
 def held_out_misfit(rig: Rig, lengths: Floats, poses: Poses, *, known: bool, offsets: bool) -> float:
-    """How far off are lengths from those of a rig that was calibrated without them, in m?
+    """Return the misfit of lengths to a rig that was calibrated without them, in m.
 
     Cross-validation: each fifth of the poses is left out once. NaN where the rest is too little to calibrate with.
     Arguments as those of `calibrate_anchors`.

@@ -1,4 +1,4 @@
-"""How many newtons does a module pull for each ampere, how much is lost to friction, and where is zero?
+"""Calibration of a module's tension per ampere, friction and zero, with confidence intervals.
 
 A cable that is just being reeled in under a weight w needs the current of ``k (I - I0) = w + f``; one that just
 begins to pay out, of ``k (I - I0) = w - f``. Half of the difference is the friction f, so k and the zero I0 are
@@ -24,7 +24,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number, and the interval that holds the true one with 95 % confidence; NaN where nothing can be said."""
+    """Number with the interval that holds the true one with 95 % confidence; NaN where it is not known."""
 
     value: float
     lower: float
@@ -40,13 +40,13 @@ class Estimate:
 
 
 def around(value: float, deviation: float, freedom: int) -> Estimate:
-    """Which interval belongs to an estimate, its standard deviation and so many degrees of freedom?"""
+    """Return the estimate of a value, its standard deviation and degrees of freedom."""
     width = quantile(freedom) * deviation
     return Estimate(value, value - width, value + width)
 
 
 def quantile(freedom: int) -> float:
-    """How many standard deviations is half an interval? Student's t; NaN without a degree of freedom."""
+    """Return half an interval in standard deviations (Student's t); NaN without a degree of freedom."""
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, (1.0 + CONFIDENCE) / 2.0)) if freedom > 0 else math.nan
@@ -73,7 +73,7 @@ class LinearFit:
 
 
 def fit(rows: Floats, values: Floats) -> LinearFit:
-    """Which coefficients explain the values best: ``rows @ coefficients = values``?
+    """Fit ``rows @ coefficients = values`` by least squares.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def fit(rows: Floats, values: Floats) -> LinearFit:
 
 
 def ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
-    """How sure is the quotient of two coefficients? By its first derivatives (delta method)."""
+    """Return the estimate of the quotient of two coefficients, by the delta method."""
     a, b = found.coefficients[top], found.coefficients[bottom]
     gradient = np.zeros(len(found.coefficients))
     gradient[top] += 1.0 / b
@@ -104,7 +104,7 @@ GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class Balance:
-    """A force at the cable, and the current that goes with it.
+    """Force at the cable, and the current that goes with it.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Balance:
 
 @dataclass(frozen=True)
 class GainEstimate:
-    """What a module's current means.
+    """Estimate of a module's tension per ampere.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class GainEstimate:
 
 
 def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstimate:
-    """Which N/A, friction and zero explain the currents that weights needed?
+    """Estimate N/A, friction and zero from the currents that weights needed.
 
     The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``.
 
@@ -171,11 +171,11 @@ def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstim
         )
     zero = around(fitted.coefficients[2], math.sqrt(fitted.covariance[2, 2]), fitted.freedom) if several else None
     gain = Estimate(1.0 / slope.value, 1.0 / slope.upper, 1.0 / slope.lower)
-    return _judged(balances, gain, ratio(fitted, 1, 0), zero, believed)
+    return _estimate(balances, gain, ratio(fitted, 1, 0), zero, believed)
 
 
 def gain_from_sensor(balances: Sequence[Balance], believed: float) -> GainEstimate:
-    """Which N/A, friction and zero explain the forces that a sensor showed at some currents?
+    """Estimate N/A, friction and zero from the forces that a sensor measured at some currents.
 
     Forces are fitted: ``F = k I - f direction - k I0``. A zero of the sensor itself shows as one of the current.
 
@@ -194,7 +194,7 @@ def gain_from_sensor(balances: Sequence[Balance], believed: float) -> GainEstima
             "together, and is pulling positive?"
         )
     friction = around(fitted.coefficients[1], deviations[1], fitted.freedom)
-    return _judged(balances, gain, friction, ratio(fitted, 2, 0), believed)
+    return _estimate(balances, gain, friction, ratio(fitted, 2, 0), believed)
 
 
 def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
@@ -210,7 +210,7 @@ def _columns(balances: Sequence[Balance]) -> tuple[Floats, Floats, Floats]:
     return force, current, direction
 
 
-def _judged(
+def _estimate(
     balances: Sequence[Balance], gain: Estimate, friction: Estimate, zero: Estimate | None, believed: float
 ) -> GainEstimate:
     force, current, direction = _columns(balances)

@@ -41,7 +41,7 @@ TREND = 0.5
 def weigh(
     client: ModuleClient, mass: float, repeats: int = 5, progress: Callable[[float], None] | None = None
 ) -> list[Balance]:
-    """Which currents lift a mass, and let it down?
+    """Measure the currents that lift a mass, and let it down.
 
     The mass stands or hangs still with its cable straight, and has 5 cm to rise. The module is stopped at the end.
 
@@ -53,7 +53,7 @@ def weigh(
     repeats : int
         How often it is let down and lifted.
     progress : callable, optional
-        Told the share that is done.
+        Called with the share that is done.
 
     Raises
     ------
@@ -106,12 +106,12 @@ def _require_weight(client: ModuleClient, mass: float) -> None:
 
 
 def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, damping: float = 0.0) -> float:
-    """Change the set-point, up to `most`, until the cable has moved so far. At which set-point did it start?"""
+    """Change the set-point, up to `most`, until the cable has moved so far; return that at which it started."""
     info, direction = puller.info, 1.0 if rate > 0.0 else -1.0
     puller.forget()
-    told = puller.hold(tension)
-    started, turned = None, direction * told.length
-    while (moved := turned - direction * told.length) < way:
+    telemetry = puller.hold(tension)
+    started, turned = None, direction * telemetry.length
+    while (moved := turned - direction * telemetry.length) < way:
         if started is None and moved > STARTED:
             started = tension
         tension += rate * PERIOD
@@ -121,17 +121,17 @@ def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, 
                 f'module "{puller.client.name}": at {tension:.2f} N its cable does not {what} yet; is the mass '
                 f"{why} than was said, or not free to move by 5 cm?"
             )
-        told = puller.hold(max(tension + damping * told.speed, info.tension_lower))
-        turned = max(turned, direction * told.length)  # it may still be on its way back
+        telemetry = puller.hold(max(tension + damping * telemetry.speed, info.tension_lower))
+        turned = max(turned, direction * telemetry.length)  # it may still be on its way back
     return tension if started is None else started
 
 
 def _calm(puller: Puller, tension: float) -> None:
     """Hold the mass with what friction needs no help for, until it is at rest."""
     puller.forget()
-    told = puller.hold(tension)
+    telemetry = puller.hold(tension)
     for _ in range(round(PATIENCE / PERIOD)):
-        told = puller.hold(max(tension + DAMPING * told.speed, puller.info.tension_lower))
+        telemetry = puller.hold(max(tension + DAMPING * telemetry.speed, puller.info.tension_lower))
         first, last = puller.heard[0].time_us, puller.heard[-1].time_us
         if (last - first) % (1 << 32) > 1e6 * STILL_FOR:
             if np.ptp([each.length for each in puller.heard]) < STILL:
@@ -145,18 +145,18 @@ def _calm(puller: Puller, tension: float) -> None:
 
 def _let_down(puller: Puller, tension: float) -> None:
     """Lower the mass for a second, slowly, so that it does not fall when the module stops."""
-    told = puller.hold(tension)
+    telemetry = puller.hold(tension)
     for _ in range(round(1.0 / PERIOD)):
         tension = max(tension - 4.0 * RAMP * PERIOD, puller.info.tension_lower)
-        told = puller.hold(max(tension + 4.0 * DAMPING * told.speed, puller.info.tension_lower))
+        telemetry = puller.hold(max(tension + 4.0 * DAMPING * telemetry.speed, puller.info.tension_lower))
 
 
 def _current_at_start(puller: Puller, direction: int) -> float:
-    """Which current did the module measure when the cable began to move?"""
+    """Return the current that the module measured when the cable began to move."""
     heard = puller.heard
-    time = 1e-6 * np.array([(told.time_us - heard[0].time_us) % (1 << 32) for told in heard])
-    current = np.array([told.current for told in heard])
-    way = direction * (np.median([told.length for told in heard[:10]]) - np.array([told.length for told in heard]))
+    time = 1e-6 * np.array([(each.time_us - heard[0].time_us) % (1 << 32) for each in heard])
+    current = np.array([each.current for each in heard])
+    way = direction * (np.median([each.length for each in heard[:10]]) - np.array([each.length for each in heard]))
     last_still = int(np.flatnonzero(way < STARTED)[-1])
     moving = slice(last_still + 1, None)
     if len(way[moving]) < FEWEST:
@@ -185,7 +185,7 @@ AGREEMENT = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Staircase:
-    """What the module measured meanwhile, in columns.
+    """Measurements of a module during a staircase of tensions, in columns.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class Staircase:
     direction: Floats
 
     def save(self, path: str | Path) -> None:
-        """Write it as CSV."""
+        """Write the columns as CSV."""
         write_table(path, vars(self))
 
 
@@ -216,12 +216,12 @@ COLUMNS = tuple(Staircase.__dataclass_fields__)
 
 
 def load_staircase(path: str | Path) -> Staircase:
-    """Which staircase was saved there? A `CalibrationError` says what is wrong with the file."""
+    """Return a saved staircase; a `CalibrationError` says what is wrong with the file."""
     return Staircase(**read_table(path, COLUMNS, error=CalibrationError))
 
 
 def load_sensor(path: str | Path) -> tuple[Floats, Floats]:
-    """Which times, in s, and forces, in N, did a sensor record? Columns ``time``, ``force``; pulling is positive.
+    """Return the times, in s, and forces, in N, of a file with columns ``time``, ``force``; pulling is positive.
 
     Raises
     ------
@@ -235,7 +235,7 @@ def load_sensor(path: str | Path) -> tuple[Floats, Floats]:
 
 
 def climb(client: ModuleClient, progress: Callable[[float], None] | None = None) -> Staircase:
-    """Which currents go with a staircase of tensions, up and down?
+    """Measure the currents of a staircase of tensions, up and down.
 
     The cable is tied to a force sensor that does not move. The module is stopped at the end, also after an error.
     """
@@ -248,8 +248,8 @@ def climb(client: ModuleClient, progress: Callable[[float], None] | None = None)
         start, tension = client.link.clock(), float(levels[0])
 
         def hold(step: int, direction: int) -> None:
-            told = puller.hold(tension)
-            rows.append((client.link.clock() - start, told.current, told.tension, step, direction))
+            telemetry = puller.hold(tension)
+            rows.append((client.link.clock() - start, telemetry.current, telemetry.tension, step, direction))
 
         for step, level in enumerate(way):
             direction = 1 if step < LEVELS else -1
@@ -264,7 +264,7 @@ def climb(client: ModuleClient, progress: Callable[[float], None] | None = None)
 
 
 def lag(record: Staircase, time: Floats, force: Floats) -> float:
-    """By how much is the sensor's clock ahead of the host's, in s? That at which force and current agree best.
+    """Return the lead of the sensor's clock over the host's, in s, at which force and current agree best.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def lag(record: Staircase, time: Floats, force: Floats) -> float:
 
 
 def balances(record: Staircase, time: Floats, force: Floats, ahead: float) -> list[Balance]:
-    """Which force goes with which current on each step? The first is left out: nothing led to it.
+    """Return the force and current of each step but the first.
 
     Raises
     ------

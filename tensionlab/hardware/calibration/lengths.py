@@ -30,7 +30,7 @@ TURNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
 
 
 def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
-    """Tell all modules how long their cables are: the platform is held at the rig's home.
+    """Set the cable lengths of all modules while the platform is held at the rig's home.
 
     Cables are pulled tight first. A module forgets its length at SAVE and when it restarts.
 
@@ -67,7 +67,7 @@ def record_lengths(
     seconds: float,
     found: Callable[[int], None] | None = None,
 ) -> Floats:
-    """Which lengths do the cables have wherever a person holds the platform still?
+    """Record the cable lengths wherever a person holds the platform still.
 
     The modules pull with the rig's lower limits, so that the cables are tight. A pose counts when all cables have
     been still for a while, and have other lengths than at each pose before.
@@ -137,7 +137,7 @@ def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float, look: Call
 
 
 def _raise(failed: Mapping[str, HardwareError]) -> None:
-    """Say which module did not confirm that it has stopped."""
+    """Raise the error of a module that did not confirm its stop."""
     for error in failed.values():
         raise error
 
@@ -153,12 +153,12 @@ def _telemetry(group: ModuleGroup) -> Sequence[Telemetry]:
 
 
 def columns(rig: Rig, lengths: Floats) -> dict[str, Floats]:
-    """Which table holds these lengths? A column a module, as `load_lengths` reads them."""
+    """Return a table of lengths, a column a module, as `load_lengths` reads them."""
     return {module.name: lengths[:, index] for index, module in enumerate(rig.modules)}
 
 
 def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
-    """Which lengths were measured, and at which poses if the file says so?
+    """Return the lengths of a file, and the poses if it has them.
 
     Parameters
     ----------

@@ -1,8 +1,7 @@
-"""One module, pulled with by the host for a while and stopped whatever happens."""
+"""Module that is armed by the host for a while, and stopped whatever happens."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
@@ -17,19 +16,19 @@ from tensionlab.hardware.runner.watchdog import ENDING, Interrupted, Interrupts
 PERIOD = 0.02
 """From one set-point to the next, in s."""
 TELEMETRY_MS = 10
-PATIENCE = 25
-"""How many periods without telemetry are too many."""
+MAX_SILENT_PERIODS = 25
+"""Without telemetry."""
 ARM_TRIES = 3
-HINDERED = {
+LIMITER_ADVICE = {
     Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
     Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
     Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
 }
-"""What keeps a module from pulling what it is told to, and what to do about it."""
+"""Limiters that keep a module from the commanded tension, and what to do about them."""
 
 
 class Puller:
-    """A module that is armed, and all that it says meanwhile.
+    """Armed module, and its telemetry meanwhile.
 
     Attributes
     ----------
@@ -46,45 +45,36 @@ class Puller:
         self.heard: list[Telemetry] = []
 
     def take(self, heard: Received[Message]) -> None:
-        """Keep what the module says."""
+        """Store telemetry."""
         if isinstance(heard.message, Telemetry):
             self.heard.append(heard.message)
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Discard the telemetry up to now."""
         self.heard.clear()
 
     def hold(self, tension: float) -> Telemetry:
-        """Pull with so many N for a period. What does the module say at its end?
+        """Pull with so many N for a period, and return the telemetry at its end.
 
         Raises
         ------
         HardwareError
             It says nothing, has let go, or cannot pull with as much.
         """
-        for _ in range(PATIENCE):
+        for _ in range(MAX_SILENT_PERIODS):
             self.client.set_tension(tension)
-            wait(self.client, PERIOD)
+            self.client.wait(PERIOD)
             self.client.check()
             if self.heard:
                 break
         else:
             raise HardwareError(f'module "{self.client.name}" sends no telemetry')
         latest = self.heard[-1]
-        if latest.limit in HINDERED:
+        if latest.limit in LIMITER_ADVICE:
             raise HardwareError(
-                f'module "{self.client.name}" does not pull with {tension:.2f} N: {HINDERED[latest.limit]}'
+                f'module "{self.client.name}" does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}'
             )
         return latest
-
-
-def wait(client: ModuleClient, seconds: float) -> None:
-    """Let time pass by the module's link: a simulated one goes on meanwhile, a real one does so anyway."""
-    end = client.link.clock() + seconds
-    client.listen(seconds)
-    left = end - client.link.clock()
-    if left > 1e-3:  # a simulated module goes by its steps
-        time.sleep(left)
 
 
 @contextmanager
@@ -139,7 +129,7 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
         client.on_message = before
         with suppress(HardwareError):
             client.telemetry_every(0)
-            wait(client, 0.3)  # until nothing pulls any more
+            client.wait(0.3)  # until nothing pulls any more
             if not info.calibrated:
                 client.set_parameter("calibrated", 0.0)
 
@@ -149,7 +139,7 @@ def _arm(client: ModuleClient, tension: float) -> None:
     for _ in range(ARM_TRIES):
         client.arm()
         client.set_tension(tension)
-        wait(client, 0.1)
+        client.wait(0.1)
         if client.state is not State.TIMEOUT:
             return
         client.stop()

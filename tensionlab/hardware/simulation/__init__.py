@@ -1,1 +1,1 @@
-"""Modules in this process or served by it, and what becomes of bytes and cables on the way."""
+"""Simulation: modules in this process or served by it, their links, and the motion that their cables hold."""

@@ -14,23 +14,10 @@ from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedMod
 
 @dataclass(frozen=True)
 class Conditions:
-    """How good is a link, in each of its two directions?
+    """Conditions of a link, in each of its two directions.
 
-    Attributes
-    ----------
-    latency : float
-        Least time that bytes take one way, in s.
-    jitter : float
-        They take up to so much longer, in s; evenly distributed, but no byte overtakes another.
-    drop : float
-        Share of the bytes that are lost, 0 to 1.
-    corrupt : float
-        Share of the bytes that arrive with one bit flipped, 0 to 1.
-
-    Raises
-    ------
-    HardwareError
-        For a number that cannot be.
+    Bytes take `latency` s and up to `jitter` s more, evenly distributed, and none overtakes another. Shares of
+    them, 0 to 1, are lost (`drop`) or arrive with one bit flipped (`corrupt`).
     """
 
     latency: float = 0.0
@@ -49,7 +36,7 @@ class Conditions:
 
 @dataclass
 class Channel:
-    """One direction of a link. What is put in comes out in the same order, some time later; None is its end."""
+    """Direction of a link: bytes come out in the same order, some time later; None is its end."""
 
     conditions: Conditions
     random: random.Random
@@ -63,7 +50,7 @@ class Channel:
         self._waiting.append((self._latest, content if content is None else self._damaged(content)))
 
     def take(self, now: float) -> list[bytes | None]:
-        """What has arrived by now?"""
+        """Return what has arrived by now."""
         arrived = []
         while self._waiting and self._waiting[0][0] <= now:
             arrived.append(self._waiting.popleft()[1])
@@ -71,11 +58,11 @@ class Channel:
 
     @property
     def due(self) -> float:
-        """When the next of it arrives, in s; infinite if nothing is on its way."""
+        """Time at which the next bytes arrive, in s; infinite if none are on their way."""
         return self._waiting[0][0] if self._waiting else float("inf")
 
     def clear(self) -> None:
-        """Forget what is on its way."""
+        """Discard what is on its way."""
         self._waiting.clear()
 
     def _damaged(self, content: bytes) -> bytes:
@@ -88,7 +75,7 @@ class Channel:
 
 
 class SimulatedLink:
-    """A simulated module of this process. Its time passes while somebody waits, and where it is advanced."""
+    """Link to a simulated module of this process, whose time passes while somebody waits, and in `advance`."""
 
     lockstep = True
 
@@ -112,11 +99,11 @@ class SimulatedLink:
         return content
 
     def clock(self) -> float:
-        """Time of the module, in s."""
+        """Return the module's time, in s."""
         return self.module.seconds
 
     def close(self) -> None:
-        """Let the firmware know that its link is gone."""
+        """Tell the firmware that its link is closed."""
         if self._open:
             self.module.close_link()
         self._open = False
@@ -129,24 +116,15 @@ class SimulatedLink:
 OPENERS["sim:"] = lambda: SimulatedLink(SimulatedModule())
 
 
-GRAIN = 1e-3
-"""How late bytes may be beyond their delay, in s; with a simulated module, a step of its firmware."""
+POLL_PERIOD_S = 1e-3
+"""How late bytes may be beyond their delay; with a simulated module, a step of its firmware."""
 
 
 class FaultyLink:
-    """A link whose bytes are late, lost and damaged; it can be cut, and frozen.
+    """Link around another, which it owns, whose bytes are late, lost and damaged; it can be cut, and frozen.
 
-    What is on its way moves on while somebody receives, or sends: there is a thread that reads each real link, and
-    the time of a simulated module passes only while somebody waits.
-
-    Parameters
-    ----------
-    inner : Link
-        The link that is made worse. It belongs to this one, which closes it.
-    conditions : Conditions
-        Of each of the two directions; perfect if left out.
-    seed : int
-        Of the accidents.
+    Bytes move on while somebody receives or sends: there is a thread that reads each real link, and the time of a
+    simulated module passes only while somebody waits. The seed is that of the damage.
     """
 
     def __init__(self, inner: Link, conditions: Conditions | None = None, *, seed: int = 0) -> None:
@@ -156,7 +134,7 @@ class FaultyLink:
         conditions = Conditions() if conditions is None else conditions
         self._outbound = Channel(conditions, random.Random(f"out {seed}"))
         self._inbound = Channel(conditions, random.Random(f"in {seed}"))
-        self._grain = STEP_S if inner.lockstep else GRAIN
+        self._grain = STEP_S if inner.lockstep else POLL_PERIOD_S
         self._turn = threading.Lock()  # one thread receives, others send
         self._cut = False
         self._frozen = False
@@ -170,7 +148,7 @@ class FaultyLink:
         self._deliver()
 
     def receive(self, timeout: float) -> bytes:
-        """Wait for bytes, and meanwhile let pass on what others sent."""
+        """Wait for bytes, and meanwhile deliver what others sent."""
         end = self.clock() + timeout
         while True:
             self._require_whole()
@@ -189,7 +167,7 @@ class FaultyLink:
                 return b""
 
     def clock(self) -> float:
-        """Time of the link inside, in s."""
+        """Return the time of the link inside, in s."""
         return self.inner.clock()
 
     def close(self) -> None:
@@ -197,7 +175,7 @@ class FaultyLink:
         self.inner.close()
 
     def cut(self) -> None:
-        """Break for good: whoever uses it gets a `LinkError`, and the module finds its link closed."""
+        """Break for good: users get a `LinkError`, and the module finds its link closed."""
         self._cut = True
         self.inner.close()
 
@@ -213,7 +191,7 @@ class FaultyLink:
         self._frozen = False
 
     def _deliver(self) -> None:
-        """Hand on what has arrived at the module's end by now."""
+        """Deliver what has arrived at the module's end by now."""
         with self._turn:
             for content in self._outbound.take(self.clock()):
                 if content:

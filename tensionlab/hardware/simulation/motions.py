@@ -28,12 +28,12 @@ LONGEST = 0.01
 
 
 class GuidedHand:
-    """Follows a pose without overshoot: positions of the hand and of body frames; rotations at once. A motion.
+    """Hand that follows a pose without overshoot: positions of hand and body frames; rotations at once.
 
     Parameters
     ----------
     guide : callable
-        Where it is to be, at a time in s. It starts there.
+        Returns the target pose at a time in s; the hand starts there.
     """
 
     def __init__(self, guide: Callable[[float], Pose]) -> None:
@@ -42,7 +42,7 @@ class GuidedHand:
         self._time = 0.0
 
     def __call__(self, time: float) -> Pose:
-        """Where is it at a time, which must not go back?"""
+        """Return the pose at a time, which must not go back."""
         wanted = self._guide(time)
         step, self._time = time - self._time, time
         position = self._follow("", wanted.position, step)
@@ -69,7 +69,7 @@ class GuidedHand:
 
 
 def position(rig: Rig, radius: float, period: float, now: float) -> Floats:
-    """Where is the point at a time, in m? On a circle around the rig's home, across the axis that points up."""
+    """Return the point at a time, in m: on a circle around the rig's home, across the axis that points up."""
     first, second = [axis for axis in range(3) if rig.dimension == 2 or "xyz"[axis] != rig.vertical][:2]
     angle = 2.0 * math.pi * now / period
     place: Floats = rig.home.copy()
@@ -79,13 +79,9 @@ def position(rig: Rig, radius: float, period: float, now: float) -> Floats:
 
 
 def cable_lengths(rig: Rig, radius: float, period: float) -> dict[str, Callable[[], float]]:
-    """How long is each cable now, by the time of day? So all processes of one machine agree.
+    """Return functions for the lengths of the cables now, by the time of day, so that processes agree.
 
-    Parameters
-    ----------
-    rig : Rig
-    radius, period : float
-        Of the circle in m, and of one turn in s.
+    The circle has a radius in m, and one turn a period in s.
 
     Raises
     ------

@@ -30,28 +30,28 @@ CHUNK = 65536
 
 
 class Port(Protocol):
-    """One client, or none. `url` is what pyserial's ``serial_for_url`` opens."""
+    """Port for one client at a time; `url` is what pyserial's ``serial_for_url`` opens."""
 
     url: str
 
     def files(self) -> list[int]:
-        """Which file descriptors to wait for?"""
+        """Return the file descriptors to wait for."""
 
     def connected(self) -> bool:
-        """Whether a client is there."""
+        """Return whether a client is connected."""
 
     def receive(self) -> bytes | None:
-        """What came since the last call? None if the client has gone since then."""
+        """Return the bytes since the last call; None if the client has gone since then."""
 
     def send(self, content: bytes) -> None:
         """Send what the client has room for; as over Bluetooth, the rest is lost."""
 
     def close(self) -> None:
-        """Let go of the client and the port."""
+        """Close the client and the port."""
 
 
 class TcpPort:
-    """A port of this machine. A second client is refused: its connection is closed at once.
+    """TCP port of this machine. A second client is refused: its connection is closed at once.
 
     Parameters
     ----------
@@ -78,15 +78,15 @@ class TcpPort:
         self.url = f"socket://{host}:{self._listener.getsockname()[1]}"
 
     def files(self) -> list[int]:
-        """Which file descriptors to wait for?"""
+        """Return the file descriptors to wait for."""
         return [each.fileno() for each in (self._listener, self._client) if each is not None]
 
     def connected(self) -> bool:
-        """Whether a client is there."""
+        """Return whether a client is connected."""
         return self._client is not None
 
     def receive(self) -> bytes | None:
-        """What came since the last call? None if the client has gone since then."""
+        """Return the bytes since the last call; None if the client has gone since then."""
         content = self._read()
         if content is None:
             self._hang_up()
@@ -100,7 +100,7 @@ class TcpPort:
                 self._client.send(content)
 
     def close(self) -> None:
-        """Let go of the client and the port."""
+        """Close the client and the port."""
         self._hang_up()
         self._listener.close()
 
@@ -131,7 +131,7 @@ class TcpPort:
 
 
 class PtyPort:
-    """A pseudo-terminal, as a serial port would be; `url` is its path. Whoever opens it is the client.
+    """Pseudo-terminal, as a serial port would be; `url` is its path. Whoever opens it is the client.
 
     Raises
     ------
@@ -152,15 +152,15 @@ class PtyPort:
         self._open = False
 
     def files(self) -> list[int]:
-        """Which file descriptors to wait for? None while nobody has it open: it would always be ready."""
+        """Return the file descriptors to wait for; none while it is not open: it would always be ready."""
         return [self._master] if self._open else []
 
     def connected(self) -> bool:
-        """Whether somebody has it open."""
+        """Return whether it is open."""
         return self._open
 
     def receive(self) -> bytes | None:
-        """What came since the last call? None if the client has gone since then."""
+        """Return the bytes since the last call; None if the client has gone since then."""
         poll = select.poll()
         poll.register(self._master, select.POLLIN)
         events = dict(poll.poll(0)).get(self._master, 0)
@@ -177,7 +177,7 @@ class PtyPort:
                 os.write(self._master, content)
 
     def close(self) -> None:
-        """Let go of the terminal."""
+        """Close the terminal."""
         os.close(self._master)
 
 
@@ -189,7 +189,7 @@ slowly on a busy machine."""
 
 
 class Recording:
-    """Writes how modules are, again and again. A context manager.
+    """Recording of the cables of simulated modules; a context manager.
 
     Parameters
     ----------
@@ -215,18 +215,18 @@ class Recording:
         self._due = 0.0
 
     def __enter__(self) -> Self:
-        """Keep the file open."""
+        """Return itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close it."""
+        """Close the file."""
         with suppress(OSError):  # that a row could not be written has been said
             self._file.close()
 
     def take(self, modules: Sequence[SimulatedModule]) -> None:
-        """Write how the modules are, if it is time to."""
+        """Write the state of the modules, if a period has passed."""
         now = time.time()
         if now < self._due:
             return
@@ -255,14 +255,14 @@ FAULT = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 @dataclass(frozen=True)
 class PlannedFault:
-    """What breaks, and how many s after the start."""
+    """Part that breaks, and how many s after the start."""
 
     part: str
     seconds: float
 
 
 def parse_fault(text: str) -> PlannedFault:
-    """Which fault does ``encoder@2s`` plan? Times are in s, or ms if that is said.
+    """Return the fault that a text such as ``encoder@2s`` plans; times are in s, or ms if that is written.
 
     Raises
     ------
@@ -276,7 +276,7 @@ def parse_fault(text: str) -> PlannedFault:
 
 
 class ServedModule:
-    """A simulated module at a port, behind a link of given conditions.
+    """Simulated module at a port, behind a link of given conditions.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ class ServedModule:
         self._steps = 0
 
     def serve(self, now: float) -> None:
-        """Do what is to be done by a time, in s since the start."""
+        """Run the module and its link until a time, in s since the start."""
         came = self.port.receive()
         if came is None:
             self._outbound.clear()
@@ -336,7 +336,7 @@ class ServedModule:
                 self.port.send(arrived)
 
     def due(self, now: float) -> float:
-        """When it is to be served again at the latest, in s since the start."""
+        """Return the latest time of the next call of `serve`, in s since the start."""
         tick = TICK if self.port.connected() else IDLE_TICK
         return min((int(now / tick + 1e-6) + 1) * tick, self._inbound.due, self._outbound.due)
 
@@ -393,7 +393,7 @@ def serve(
 
 
 def read_settings(path: Path) -> bytes | None:
-    """What did an earlier module store in the file? None if there is no such file.
+    """Return what an earlier module stored in a file; None if there is no such file.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS
 
 @dataclass(frozen=True)
 class PlantParameter:
-    """What the simulated hardware is made of, and where the number comes from."""
+    """Parameter of the simulated hardware, and where its value comes from."""
 
     unit: str
     lower: float
@@ -40,7 +40,7 @@ whether it is accepted, and the state after it."""
 
 @dataclass(frozen=True)
 class Sample:
-    """How a simulated module is now.
+    """State of a simulated module.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Trace:
-    """How a simulated module went: the columns of `Sample`, with a row after each step of the firmware."""
+    """States of a simulated module over time: columns as in `Sample`, a row after each step of the firmware."""
 
     seconds: NDArray[np.float64]
     distance: NDArray[np.float64]
@@ -106,7 +106,7 @@ class Trace:
 
 
 class SimulatedModule:
-    """What would a module do? Bytes in, bytes out, in lockstep with whoever calls `advance`.
+    """Simulated module: bytes in, bytes out, in lockstep with calls of `advance`.
 
     The firmware runs at 4 kHz, and time passes only in `advance` and `trace`. The far end of the cable is where
     they put it; nothing else moves it.
@@ -177,7 +177,7 @@ class SimulatedModule:
         self._module.advance(*self._steps(seconds, distance))
 
     def trace(self, seconds: float, distance: float | None = None) -> Trace:
-        """How does it go while time passes? As `advance`, with a row for each step of the firmware."""
+        """Let time pass as `advance` does, and return a row for each step of the firmware."""
         return Trace.from_table(self._module.trace(*self._steps(seconds, distance)))
 
     def pause(self, seconds: float) -> None:
@@ -194,18 +194,18 @@ class SimulatedModule:
 
     @property
     def sample(self) -> Sample:
-        """How the module is now."""
+        """State of the module now."""
         values = self._module.sample()
         return Sample(*values[:7], State(values[7]), Limit(values[8]), *values[9:])
 
     @property
     def faults(self) -> Fault:
-        """What the firmware finds wrong now, and what it found before and nobody cleared."""
+        """Faults that the firmware finds now, or found before and nobody cleared."""
         return Fault(self._module.faults())
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Which values does the firmware work with now, by the names in `PARAMETERS`?"""
+        """Values of the firmware's parameters now, by name."""
         return dict(zip(PARAMETERS, self._module.parameters(), strict=True))
 
     @property
@@ -241,7 +241,7 @@ def _require_distance(distance: float) -> None:
 
 
 class HangingMass(SimulatedModule):
-    """What would a module do with a mass on its cable, above a floor?
+    """Simulated module with a mass on its cable, above a floor.
 
     ``m x'' = m g - T``, with x down from the module and T the cable's tension; the floor takes all speed. Time and
     place pass as in `SimulatedModule`, but nobody else can move the far end.

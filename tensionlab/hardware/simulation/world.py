@@ -25,7 +25,7 @@ from tensionlab.model.rig import Rig
 
 
 def plant_of(module: Module) -> dict[str, float]:
-    """What is the hardware of a rig's module made of, where that is not as in `PLANT`?"""
+    """Return the hardware parameters of a rig's module that differ from `PLANT`."""
     spool = PLANT["radius"].standard if module.spool_radius is None else module.spool_radius
     return {
         "radius": spool,
@@ -43,10 +43,9 @@ def simulated_module(
     settings: bytes | None = None,
     plant: Mapping[str, float] | None = None,
 ) -> SimulatedModule:
-    """What would a module of a rig do?
+    """Return a simulated module of a rig, calibrated and with the rig's limits, as a maker would leave it.
 
-    It is set up as a maker would leave it: calibrated, and with the rig's limits. Stored settings take the place
-    of all that but the cable's length, which no module remembers.
+    Stored settings take the place of all that but the cable's length, which no module remembers.
 
     Parameters
     ----------
@@ -88,14 +87,14 @@ def simulated_module(
 
 
 def newton_per_ampere(module: Module) -> float:
-    """What does the firmware take the module's N/A for?"""
+    """Return the N/A that the firmware assumes for a module."""
     if module.newton_per_ampere is not None:
         return module.newton_per_ampere
     return PARAMETERS["newton_per_ampere"].standard
 
 
 def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:
-    """Have a command carried out, as if it had come over the link."""
+    """Carry out a command, as if it had come over the link."""
     simulated.receive(command.frame(0).pack())
     for frame in Decoder().feed(simulated.transmit()):
         answer = read(frame)
@@ -110,22 +109,22 @@ MOTION_STEP_S = 5e-3
 COMPLIANT_STEP_S = 1e-3
 """The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz."""
 Motion = Callable[[float], Pose]
-"""Where is what the cables hold, at a time in s?"""
+"""Pose of what the cables hold, at a time in s."""
 
 
 @runtime_checkable
 class CompliantMotion(Protocol):
-    """A motion that the cables change."""
+    """Motion that the cables change."""
 
     def __call__(self, time: float) -> Pose:
-        """Where is it, at a time that does not go back?"""
+        """Return the pose at a time that does not go back."""
 
     def apply_tensions(self, tensions: Floats) -> None:
-        """Take what the cables pull with from now on, (m,) in N."""
+        """Set the tensions of the cables from now on, (m,) in N."""
 
 
 class World:
-    """Simulated modules, and where the platform is that their cables hold.
+    """World of simulated modules and the platform that their cables hold.
 
     Parameters
     ----------
@@ -190,25 +189,17 @@ class World:
 
     @property
     def tensions(self) -> Floats:
-        """What the cables really pull with, in N."""
+        """True tensions of the cables, in N."""
         return np.array([module.sample.tension for module in self.modules])
 
     @property
     def wrench(self) -> Floats:
-        """What they really exert on the platform, in N and N·m."""
+        """True wrench on the platform, in N and N·m."""
         structure: Floats = self._rig.structure_matrix(*self.pose) @ self.tensions
         return structure
 
     def group(self, conditions: Conditions | None = None, seed: int = 0) -> ModuleGroup:
-        """Clients of these modules.
-
-        Parameters
-        ----------
-        conditions : Conditions, optional
-            Of their links, which are perfect if left out.
-        seed : int
-            Of the links' accidents.
-        """
+        """Return clients of these modules, over links of given conditions; the seed is that of their damage."""
         clients = []
         for index, (module, simulated) in enumerate(zip(self._rig.modules, self.modules, strict=True)):
             link: Link = SimulatedLink(simulated)
