@@ -16,7 +16,7 @@ import numpy as np
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import ShapeError
 from tensionlab.hardware.calibration.gain import Estimate, LinearFit, around, fit
-from tensionlab.model.kinematics import fit_rotation
+from tensionlab.model import kinematics
 
 MAX_ANGLE_DEG = 45.0
 """Every vector of the publication was within."""
@@ -53,7 +53,7 @@ def fit_rotation(desired: Floats, measured: Floats) -> Floats:
 
     It leaves no tilt. Parameters and return value as those of `fit_yaw`.
     """
-    return fit_rotation(measured, desired)
+    return kinematics.fit_rotation(measured, desired)
 
 
 def rotation_angle(rotation: Floats) -> float:
