@@ -1,7 +1,7 @@
-"""Is the firmware's core fit for a module? Sizes, forbidden symbols, code for the ESP32, sanitizers, fuzzing.
+"""Checks of the firmware's core: sizes, forbidden symbols, code for the ESP32, sanitizers, fuzzing.
 
-Run it from the root of the repository: ``make firmware-check``, or ``python firmware/check.py``. What a missing
-tool would have told is left out, and said so. With ``--write`` the figures go to `figures.json`.
+Run it from the root of the repository: ``make firmware-check``, or ``python firmware/check.py``. A check
+whose tool is missing is left out with a message. With ``--write`` the figures go to `figures.json`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class UnfitError(Exception):
 
 
 def run(*words: object) -> str:
-    """What does a command print? If it fails, that is the reason."""
+    """Return what a command prints, or raise with that as the reason."""
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise UnfitError(f"{words[0]} failed:\n{done.stderr[-4000:]}{done.stdout[-2000:]}")
@@ -61,12 +61,12 @@ def arm(folder: Path) -> Figures:
     whole = folder / "core.o"
     run("arm-none-eabi-ld", "-r", *objects, "-o", whole)
     text, data, bss, *_ = run("arm-none-eabi-size", whole).splitlines()[1].split()
-    asked = {line.split()[-1] for line in run("arm-none-eabi-nm", "-u", whole).splitlines() if line.strip()}
+    wanted = {line.split()[-1] for line in run("arm-none-eabi-nm", "-u", whole).splitlines() if line.strip()}
     frames = [line.split("\t") for path in folder.glob("*.su") for line in path.read_text().splitlines()]
     place, size, _ = max(frames, key=lambda frame: int(frame[1]))
-    if not asked <= ALLOWED:
+    if not wanted <= ALLOWED:
         raise UnfitError(
-            f"the core asks for {', '.join(sorted(asked - ALLOWED))}; it may ask for {', '.join(ALLOWED)}"
+            f"the core asks for {', '.join(sorted(wanted - ALLOWED))}; it may ask for {', '.join(ALLOWED)}"
         )
     if int(text) >= MOST_TEXT or int(data) + int(bss) >= MOST_BSS:
         raise UnfitError(
@@ -78,7 +78,7 @@ def arm(folder: Path) -> Figures:
         "text_bytes": int(text),
         "data_bytes": int(data),
         "bss_bytes": int(bss),
-        "asks_for": sorted(asked),
+        "asks_for": sorted(wanted),
         "deepest_frame_bytes": int(size),
         "deepest_frame": place.split(":", 3)[3].split("(")[0].split("::")[-1],
     }
@@ -126,26 +126,26 @@ def esp32(folder: Path) -> Figures:
 
 
 def flips(folder: Path) -> Figures:
-    """Flip every one and every two bits of frames of every length, as difficult as they come: do any pass?"""
+    """Flip every one and every two bits of frames of every length, and count those that pass."""
     program = folder / "flips"
     run("c++", "-std=c++17", "-O2", *STRICT, FUZZ / "flips.cpp", "-o", program)
-    told = re.findall(r"(\d+) flips, (\d+) passed", run(program, CONTENTS, 1))
-    (count, passed), (_, passed_1) = [(int(flipped), int(through)) for flipped, through in told]
+    counts = re.findall(r"(\d+) flips, (\d+) passed", run(program, CONTENTS, 1))
+    (count, passed), (_, passed_1) = [(int(flipped), int(through)) for flipped, through in counts]
     return {"flips": count, "passed": passed, "passed_protocol_1": passed_1}
 
 
 def fuzz(folder: Path, chunks: int) -> Figures:
-    """So many chunks of bytes to modules, under the address and undefined behaviour sanitizers: any finding?"""
+    """Feed chunks of bytes to modules under the address and undefined behaviour sanitizers."""
     program = folder / "fuzz"
     flags = ["-std=c++17", "-O1", "-g", *STRICT, f"-fsanitize={SANITIZERS}", "-fno-sanitize-recover=all"]
     run("c++", *flags, FUZZ / "fuzz.cpp", FUZZ / "driver.cpp", *CORE, "-o", program)
-    told = run(program, chunks, 1)
-    print(f"  {told.strip()}")
-    return {"chunks": int(told.split()[0]), "steps": int(told.split()[2])}
+    output = run(program, chunks, 1)
+    print(f"  {output.strip()}")
+    return {"chunks": int(output.split()[0]), "steps": int(output.split()[2])}
 
 
 def libfuzzer(folder: Path, seconds: int) -> Figures:
-    """The same, with scripts that libFuzzer writes to reach as much of the code as it can: any finding?"""
+    """Fuzz with libFuzzer, which follows coverage."""
     program, corpus = folder / "libfuzzer", folder / "corpus"
     corpus.mkdir()
     flags = ["-std=c++17", "-O1", "-g", f"-fsanitize=fuzzer,{SANITIZERS}", "-fno-sanitize-recover=all"]

@@ -112,7 +112,7 @@ MESSAGES = (
 
 
 def vectors() -> str:
-    """What does the file hold?"""
+    """Return the contents of the file."""
     entries = []
     for index, message in enumerate(MESSAGES):
         sequence = 17 * index % 256

@@ -1,7 +1,7 @@
 """Layout of a scenario to scale, seen from the side: floor, person, modules, cables, paths, surfaces and brakes.
 
 Drawn in a cabinet projection: what lies across the view keeps its lengths and angles, and depth goes up to the
-right, shortened. So sizes can be read off, and what stands behind one another is still told apart.
+right, shortened. So sizes can be read off, and what stands behind one another can still be distinguished.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def play(
     Raises
     ------
     HardwareError
-        What went wrong with a module; all have been told to stop then.
+        What went wrong with a module; all have been stopped then.
     """
     with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)

@@ -130,8 +130,8 @@ class Spidar:
 
     Minimises ``force |f - F t|² + torque |q - M t|² + mu |t - reference|²`` on the limits, exactly: f and F are
     the force rows of wrench and structure matrix, q and M the torque rows. With the usual reference 0 this is
-    Springhead's program for its SPIDAR haptic devices. A problem knows no units, so rows are told apart by their
-    number: up to three rows are all force, as for a point; of four to six the first three are force and the
+    Springhead's program for its SPIDAR haptic devices. A problem knows no units; the number of rows tells their
+    kinds: up to three rows are all force, as for a point; of four to six the first three are force and the
     others torque. On a planar platform, with its torque in row three, ``wrench_weights`` set the balance: they
     multiply both prices row by row.
 

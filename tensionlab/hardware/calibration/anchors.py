@@ -42,9 +42,9 @@ class AnchorEstimate:
     anchors : (m, d) array
         In world axes, in m.
     offsets : (m,) array
-        What each measured length is too long by, in m; zeros if they were not asked for.
+        What each measured length is too long by, in m; zeros if they are not fitted.
     covariance : (p, p) array
-        Of the anchors, row by row, and then of the offsets if they were asked for, in m². NaN without a degree of
+        Of the anchors, row by row, and then of the offsets if they are fitted, in m². NaN without a degree of
         freedom.
     sigma : float
         Estimated standard deviation of one measured length, in m; NaN without a degree of freedom.

@@ -143,13 +143,13 @@ def _raise(failed: Mapping[str, HardwareError]) -> None:
 
 
 def _telemetry(group: ModuleGroup) -> Sequence[Telemetry]:
-    told = []
+    reports = []
     for client in group.clients:
         heard = client.telemetry
         if heard is None or client.link.clock() - heard.time > 0.5:
             raise HardwareError(f'module "{client.name}" sends no telemetry')
-        told.append(heard.message)
-    return told
+        reports.append(heard.message)
+    return reports
 
 
 def columns(rig: Rig, lengths: Floats) -> dict[str, Floats]:

@@ -293,7 +293,7 @@ class ServedModule:
     settings_file : Path, optional
         Written when the module saves.
     far_end : callable, optional
-        How long the cable is in m, asked at each step; as at the start if left out.
+        Length of the cable in m, called at each step; as at the start if left out.
     """
 
     def __init__(

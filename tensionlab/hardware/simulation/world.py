@@ -105,7 +105,7 @@ def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:
 
 
 MOTION_STEP_S = 5e-3
-"""Time, in s, over which the cables' far ends move evenly; in between, the pose is asked for."""
+"""Time, in s, over which the cables' far ends move evenly; in between, the pose is computed."""
 COMPLIANT_STEP_S = 1e-3
 """The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz."""
 Motion = Callable[[float], Pose]
