@@ -196,7 +196,7 @@ def choose_locks(
     force: NDArray[float64],
     pushing: NDArray[bool_],
     held: NDArray[bool_],
-    crowding: NDArray[float64],
+    stiffness_ratio: NDArray[float64],
     limits: NDArray[float64],
     brake: NDArray[bool_],
     margin: float,

@@ -12,13 +12,13 @@ template <int Axes>
 using Numbers = nb::ndarray<const double, nb::numpy, nb::ndim<Axes>, nb::c_contig, nb::device::cpu>;
 
 nb::tuple choose_locks(const Numbers<3>& structure, const Numbers<2>& normal, const Numbers<1>& force,
-                       const Flags<1>& pushing, const Flags<2>& held, const Numbers<1>& crowding,
+                       const Flags<1>& pushing, const Flags<2>& held, const Numbers<1>& stiffness_ratio,
                        const Numbers<2>& limits, const Flags<1>& brake, double margin, int most, double price,
                        double hysteresis, double negligible, double rank_tolerance) {
   const std::size_t size = structure.shape(0), m = structure.shape(2);
   require_size(structure.shape(1), m);
   require(has_shape(normal, size, structure.shape(1)) && has_shape(force, size) && has_shape(pushing, size) &&
-              has_shape(crowding, size) && has_shape(held, size, m) && has_shape(limits, 3, m) &&
+              has_shape(stiffness_ratio, size) && has_shape(held, size, m) && has_shape(limits, 3, m) &&
               has_shape(brake, m),
           "normals, forces, flags, limits and brakes do not fit the structure matrices");
   const double ones[kMaxComponents] = {1, 1, 1, 1, 1, 1};
@@ -32,8 +32,8 @@ nb::tuple choose_locks(const Numbers<3>& structure, const Numbers<2>& normal, co
                      upper,
                      lower,
                      ones};
-  const Walls walls{motors,         force.data(), crowding.data(), limits.data() + 2 * m,
-                    pushing.data(), held.data(),  brake.data()};
+  const Walls walls{motors,      force.data(), stiffness_ratio.data(), limits.data() + 2 * m, pushing.data(),
+                    held.data(), brake.data()};
   const LockRule rule{margin, most, price, hysteresis, negligible};
   const LockAnswer answer{allocate<bool>(size * m), allocate<bool>(size * m), allocate<double>(size * m),
                           allocate<double>(size)};
@@ -45,7 +45,7 @@ nb::tuple choose_locks(const Numbers<3>& structure, const Numbers<2>& normal, co
     });
   }
   return nb::make_tuple(table_of(answer.locked, size, m), table_of(answer.tensions, size, m),
-                        vector_of(answer.unresisted, size), table_of(answer.able, size, m));
+                        vector_of(answer.unresisted, size), table_of(answer.available, size, m));
 }
 
 }  // namespace

@@ -11,12 +11,12 @@
 
 namespace tensionlab {
 
-// Walls: structure (size, n, m), normal (size, n), force and crowding (size), pushing (size), held (size, m);
-// lower, upper and stronger (m): the motors' limits, and the upper ones with a locked brake; brake (m): is there
-// one?
+// Walls: structure (size, n, m), normal (size, n), force and stiffness_ratio (size), pushing (size), held (size,
+// m); lower, upper and stronger (m): the motors' limits, and the upper ones with a locked brake; brake (m): is
+// there one?
 struct Walls {
   Batch motors;  // structure, normal as wrench, lower, upper
-  const double *force, *crowding, *stronger;
+  const double *force, *stiffness_ratio, *stronger;
   const bool *pushing, *held, *brake;
 };
 
@@ -27,7 +27,7 @@ struct LockRule {
 };
 
 struct LockAnswer {
-  bool *locked, *able;
+  bool *locked, *available;
   double *tensions, *unresisted;
 };
 
@@ -50,10 +50,10 @@ class LockSets {
       const bool own = walls_.held[first + static_cast<std::size_t>(i)];
       double outward = 0;
       for (int k = 0; k < walls_.motors.n; ++k) outward += structure_[k * m_ + i] * normal[k];
-      const bool able = walls_.brake[i] && outward > (own ? 0.0 : rule_.margin);
-      answer_.able[first + static_cast<std::size_t>(i)] = able;
+      const bool available = walls_.brake[i] && outward > (own ? 0.0 : rule_.margin);
+      answer_.available[first + static_cast<std::size_t>(i)] = available;
       if (own) held |= Set{1} << i;
-      if (able && force > 0 && (walls_.pushing[wall] || own)) may |= Set{1} << i;
+      if (available && force > 0 && (walls_.pushing[wall] || own)) may |= Set{1} << i;
     }
 
     best_ = std::numeric_limits<double>::infinity();
@@ -63,7 +63,7 @@ class LockSets {
       // No set can cost less than its locks do. Where the motors do, there is nothing to gain.
       const double bonus = held != 0 ? rule_.hysteresis : 0.0;
       for (int size = 1; size <= rule_.most && best_ > (rule_.price * size - bonus) * force; ++size) {
-        grow(may, walls_.crowding[wall]);
+        grow(may, walls_.stiffness_ratio[wall]);
         if (sets_.empty()) break;
         price(size, held, force, wall);
       }
@@ -74,13 +74,13 @@ class LockSets {
   double negligible(double force) const { return rule_.negligible * std::fmax(1.0, force); }
 
   // All sets of one cable more: each with every later cable. What is too stiff only becomes stiffer.
-  void grow(Set may, double crowding) {
+  void grow(Set may, double stiffness_ratio) {
     larger_.clear();
     for (const Set set : sets_) {
       for (int i = 0; i < m_; ++i) {
         const Set with = set | Set{1} << i;
         if ((may >> i & 1) == 0 || set >> i != 0) continue;
-        if (crowding == std::numeric_limits<double>::infinity() || stiffest(with) <= crowding) {
+        if (stiffness_ratio == std::numeric_limits<double>::infinity() || stiffest(with) <= stiffness_ratio) {
           larger_.push_back(with);
         }
       }
