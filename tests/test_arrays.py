@@ -97,7 +97,7 @@ def test_a_wrong_solver_or_policy_is_a_type_error(change: dict[str, Any]) -> Non
 
 @pytest.mark.parametrize("short", ["wrench", "lower", "upper", "reference", "weights"])
 @pytest.mark.parametrize(
-    "function", ["newton", "allocate", "judge", "dykstra", "polygon", "puncture", "slack_norm"]
+    "function", ["newton", "allocate", "verify", "dykstra", "polygon", "puncture", "slack_norm"]
 )
 def test_bindings_read_nothing_beyond_an_array(function: str, short: str) -> None:
     arrays = {
@@ -112,18 +112,18 @@ def test_bindings_read_nothing_beyond_an_array(function: str, short: str) -> Non
     rest: dict[str, list[Any]] = {
         "newton": [0, RANK_TOLERANCE, TOLERANCE],
         "allocate": [0, 1e100, TOLERANCE, RANK_TOLERANCE],
-        "judge": [np.ones((2, 3)), np.ones((2, 2)), 1, TOLERANCE, RANK_TOLERANCE],
+        "verify": [np.ones((2, 3)), np.ones((2, 2)), 1, TOLERANCE, RANK_TOLERANCE],
         "dykstra": [1e-6, 10, RANK_TOLERANCE],
         "polygon": [0, RANK_TOLERANCE],
         "puncture": [RANK_TOLERANCE],
         "slack_norm": [2.0, 1.0, 1.0, 1.0, 1.0, 1.0],
     }
-    if function in ("judge", "puncture"):
+    if function in ("verify", "puncture"):
         arrays["reference"] = arrays["lower"]
     taken = [
-        value for name, value in arrays.items() if function not in ("judge", "puncture") or name != "reference"
+        value for name, value in arrays.items() if function not in ("verify", "puncture") or name != "reference"
     ]
-    if short == "reference" and function in ("judge", "puncture"):
+    if short == "reference" and function in ("verify", "puncture"):
         return
     with pytest.raises(ValueError, match="fit"):
         getattr(_native, function)(*taken, *rest[function])

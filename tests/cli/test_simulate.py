@@ -264,7 +264,7 @@ def test_the_ports_that_were_asked_for_are_taken_in_turn():
         (["--listen", "192.0.2.1"], "cannot listen at 192.0.2.1"),
         (["none.toml"], "none.toml: no such file"),
         (["--modules", "none/modules.toml"], "no folder"),
-        ([str(ROOT / "datasets" / "rigs" / "cogiro.toml")], "tension_upper would be 5000 N"),
+        ([str(ROOT / "datasets" / "rigs" / "cogiro.toml")], "tension_upper is from 0.5 to 12 N; got 5000"),
     ],
 )
 def test_bad_input_is_status_2_and_says_what_to_do(words, message, capsys):

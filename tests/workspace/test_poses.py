@@ -187,7 +187,7 @@ def test_odd_boxes_and_paths_are_refused(call, error, words):
         ("poses.txt", "x,y\n1,2", "ends in .csv, .parquet, .npz"),
         ("poses.csv", "x,z\n1,2", 'column "y" is missing'),
         ("poses.csv", "x,y,z,rx\n1,2,3,4", "no column ry"),
-        ("poses.csv", "x,y,Z\n1,2,3", 'what the column "Z" is'),
+        ("poses.csv", "x,y,Z\n1,2,3", 'unknown column "Z"'),
         ("poses.csv", "x,y\n1,a", r"line 2, column \"y\": 'a' is no finite number"),
         ("poses.csv", "x,y\n1,", r"line 2, column \"y\": '' is no finite number"),
         ("poses.csv", "", 'column "x" is missing'),

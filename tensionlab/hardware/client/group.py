@@ -184,21 +184,26 @@ class ModuleGroup:
         failed: dict[ModuleClient, HardwareError] = {}
         waiting: dict[ModuleClient, int] = {}
         left = set(commands)
+        begins = [client.link.clock() for client in self.clients]
+
+        def elapsed() -> float:  # by the links' clocks, as the modules' own timeouts count
+            return max(client.link.clock() - begin for client, begin in zip(self.clients, begins, strict=True))
+
         alive = 0.0
         for timeout in PATIENT_TIMEOUTS_S:
             for client in left:
                 with _collecting(failed, client):
                     waiting[client] = client.send(commands[client], waiting.get(client))
-            end = time.monotonic() + timeout
-            while (left := {client for client in waiting if client not in failed}) and time.monotonic() < end:
+            end = elapsed() + timeout
+            while (left := {client for client in waiting if client not in failed}) and elapsed() < end:
                 for client in left:
                     client.listen()
                     with _collecting(failed, client):
                         if (found := client.answer(commands[client], waiting[client], kind)) is not None:
                             answers[client] = found
                             del waiting[client]
-                if time.monotonic() >= alive:
-                    alive = time.monotonic() + KEEP_ALIVE_PERIOD_S
+                if elapsed() >= alive:
+                    alive = elapsed() + KEEP_ALIVE_PERIOD_S
                     for client, tension in taut.items():
                         with _collecting(failed, client):
                             client.set_tension(tension)
