@@ -163,3 +163,16 @@ def test_too_many_cables_are_refused_before_any_work() -> None:
 def test_an_unknown_goal_is_refused_by_name() -> None:
     with pytest.raises(ValueError, match=r"goal='3-norm'.*centroid, 1-norm, 2-norm"):
         tl.Polygon("3-norm")  # type: ignore[arg-type]
+
+
+def test_each_goal_states_the_objective_that_its_answers_have() -> None:
+    objectives = {goal: tl.Polygon(goal.partition(":")[2]).objective for goal in GOALS}  # type: ignore[arg-type]
+    assert len(set(objectives.values())) == 3
+    W, w, limits = np.array([[1.0, 2.0, 2.0]]), [4.0], ([0.0] * 3, [3.0, 2.0, 1.5])
+    found = {goal: tensions(W, w, limits, goal) for goal in GOALS}
+    stated = {"sum of tensions": np.sum, "squared change from the reference": lambda t: np.sum(t**2)}
+    for words, measured in stated.items():
+        (goal,) = [goal for goal, text in objectives.items() if words in text]
+        others = [measured(found[other]) for other in GOALS if other != goal]
+        assert measured(found[goal]) <= min(others) + 1e-12
+        assert measured(found[goal]) < max(others) - 1e-3
