@@ -14,7 +14,7 @@ from tensionlab.errors import RigError
 from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
-from tensionlab.model.module import WORLD, Module, TensionLimits, vector
+from tensionlab.model.module import WORLD, Module, TensionLimits, require_name, vector
 from tensionlab.model.pose import Frame
 
 GENE_BORDER = 0.15
@@ -50,9 +50,8 @@ class Surface:
     frame: str = WORLD
 
     def __post_init__(self) -> None:
+        require_name(self.name, "surface", "name", "give every surface a name")
         here = f'surface "{self.name}"'
-        if not self.name:
-            raise RigError('surface: key "name" is empty; give every surface a name')
         corner = vector(self.corner, here, "corner")
         try:
             edges = as_floats("edges", self.edges).copy()

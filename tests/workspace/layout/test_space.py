@@ -70,6 +70,12 @@ def test_a_space_that_is_none_is_refused(make, message):
         make()
 
 
+def test_a_name_too_long_for_a_message_is_refused_in_a_short_one():
+    with pytest.raises(RigError, match=r'surface: key "name" is .* give at most') as refused:
+        Surface("a" * 3000, [-1, 0, -1], [[2, 0, 0], [0, 0, "x"]])
+    assert len(str(refused.value)) <= 300
+
+
 def test_genes_pick_surfaces_evenly_and_reach_the_ends_of_edges():
     genes = np.zeros((6, 1, 4))
     genes[:, 0, 0] = (np.arange(6) + 0.5) / 6
