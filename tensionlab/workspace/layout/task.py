@@ -148,7 +148,9 @@ def _space(table: SpaceFile) -> Space:
         faces = {face.name: face for face in room(table.room.size, table.room.centre)}
         for name in faces if table.room.faces is None else table.room.faces:
             if name not in faces:
-                raise RigError(f'[room]: key "faces" names {brief(name)}; the faces of a room are {", ".join(faces)}')
+                raise RigError(
+                    f'[room]: key "faces" names {brief(name)}; the faces of a room are {", ".join(faces)}'
+                )
             surfaces.append(faces[name])
     if not surfaces:
         raise RigError("no place for modules; give a [room] table or [[surfaces]] tables")
