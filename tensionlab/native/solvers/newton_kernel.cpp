@@ -77,7 +77,7 @@ class NewtonBatch {
 
   // The problem in the coordinates of the policy; d, which separates, follows.
   void measure_as_desired(Coordinates<double, N, kMaxCables>& coordinates, Source<double>& source, double* y,
-                        const double*& d) const {
+                          const double*& d) const {
     std::copy_n(d, N, y);
     d = y;
     if (policy_ == Policy::tension) {
