@@ -12,12 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import DataError, InputError
+from tensionlab.errors import InputError
+from tensionlab.files.reading import datasets_folder as folder
 
-CANDIDATES = (Path(__file__).parent / "datasets", Path(__file__).parents[1] / "datasets")
-"""Where the files may be: inside the installed package, or beside it in the source tree."""
-SUMS = "SHA256SUMS"
-"""A file that marks the folder as this package's: beside an installed package there may be others' `datasets`."""
+__all__ = ["folder", "load", "names"]
 PROBLEMS = "problems"
 PROBLEM_COUNT = 1000
 """Problems that a problem set has."""
@@ -101,20 +99,6 @@ def load(name: str, folder: str | Path | None = None) -> Any:
 
         return problem_set(stem, PROBLEM_COUNT)
     return _read(kind, _found(folder) / kind / f"{stem}{SUFFIXES[kind]}")
-
-
-def folder() -> Path:
-    """Return the folder of the data sets that come with this package.
-
-    Raises
-    ------
-    DataError
-        If it is not there.
-    """
-    for candidate in CANDIDATES:
-        if (candidate / SUMS).is_file():
-            return candidate
-    raise DataError(f"{CANDIDATES[0]}: the data sets are not here; install tensionlab again, or give a folder")
 
 
 def _found(named: str | Path | None) -> Path:

@@ -12,6 +12,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import DataError, InputError
+from tensionlab.files import reading
 from tensionlab.model.directions import grid18
 from tensionlab.validation.data_tables import Published, write_recording
 from tests.support.recorded import made_up
@@ -116,15 +117,15 @@ def test_a_name_that_is_not_there_is_refused_with_the_one_that_is_close():
 def test_without_the_folder_the_error_says_where_they_should_be(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="no such folder"):
         tl.datasets.load("vectors/grid18", tmp_path / "nowhere")
-    monkeypatch.setattr(tl.datasets, "CANDIDATES", (tmp_path,))  # not ours: no checksums
+    monkeypatch.setattr(reading, "DATASETS_FOLDERS", (tmp_path,))  # not ours: no checksums
     with pytest.raises(DataError, match="the data sets are not here; install tensionlab again"):
         tl.datasets.load("vectors/grid18")
 
 
 def test_a_copy_inside_the_package_is_found_like_the_source(tmp_path, monkeypatch):
-    monkeypatch.setattr(tl.datasets, "CANDIDATES", (tmp_path / "nowhere", DATASETS))
+    monkeypatch.setattr(reading, "DATASETS_FOLDERS", (tmp_path / "nowhere", DATASETS))
     assert tl.datasets.folder() == DATASETS
-    monkeypatch.setattr(tl.datasets, "CANDIDATES", (DATASETS, tmp_path / "nowhere"))
+    monkeypatch.setattr(reading, "DATASETS_FOLDERS", (DATASETS, tmp_path / "nowhere"))
     assert tl.datasets.folder() == DATASETS
 
 

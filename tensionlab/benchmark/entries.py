@@ -39,19 +39,9 @@ NAN = float("nan")
 class Entry:
     """A solver with a setting.
 
-    Attributes
-    ----------
-    solver : str
-        A name of `tensionlab.SOLVERS`, or of `BASELINES`.
-    setting : {"proved", "default", "tight"}
-        "proved" for a built-in solver: through the interface, its answer verified. A baseline has its defaults, or
-        is as accurate as its options make it.
-    nearest : str or None
-        The policy; None if it honours none.
-    objective : str
-        What it minimises.
-    missing : str
-        Why it cannot take part; empty if it can.
+    The name is one of `tensionlab.SOLVERS` or `BASELINES`. A built-in solver is "proved": through the interface,
+    its answer verified. A baseline has its defaults, or is as accurate ("tight") as its options make it.
+    ``missing`` says why an entry cannot take part.
     """
 
     solver: str
@@ -72,23 +62,11 @@ class Entry:
 
 
 def entries(reachable: Literal["all", "none", "mixed"], solvers: Sequence[str] | None = None) -> list[Entry]:
-    """Return the entries of a problem set.
+    """Return the entries of a problem set, of the named solvers or of all.
 
     Where every wrench is feasible a solver runs once, with the policy that is its own; elsewhere it runs with each
-    policy that it honours. Baselines run at their defaults and, if they have such options, tight.
-
-    Parameters
-    ----------
-    reachable : {"all", "none", "mixed"}
-        Which wrenches of the set can be rendered.
-    solvers : sequence of str, optional
-        Names as in `tensionlab.SOLVERS` and `BASELINES`; None for all. A built-in family by its bare name is its
-        default variant.
-
-    Raises
-    ------
-    UnknownSolver
-        If there is no such name.
+    policy that it honours. Baselines run at their defaults and, if they have such options, tight. A built-in
+    family by its bare name is its default variant.
     """
     installed = every_solver()
     if solvers is None:
@@ -229,13 +207,7 @@ def _one(problem: Problem, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def load_daqp() -> Any:
-    """Return DAQP's own module.
-
-    Raises
-    ------
-    MissingDependency
-        If it is not installed.
-    """
+    """Return DAQP's own module; MissingDependency if it is not installed."""
     try:
         import daqp
     except ImportError as error:
@@ -258,12 +230,8 @@ class DirectDaqp:
     """DAQP by its own Python module, the fastest baseline, on least ``|t|²`` with ``W t = w`` and the limits.
 
     Source: Arnström, Bemporad and Axehill, "A dual active-set solver for embedded quadratic programming using
-    recursive LDL' updates", 2022.
-
-    Parameters
-    ----------
-    settings : {"default", "tight"}
-        Its own defaults, or those of `tensionlab.solvers.baselines.TIGHT`.
+    recursive LDL' updates", 2022. The settings are its own defaults, or those of
+    `tensionlab.solvers.baselines.TIGHT`.
     """
 
     settings: Literal["default", "tight"] = "default"

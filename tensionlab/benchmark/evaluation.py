@@ -49,15 +49,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much time to spend.
-
-    Attributes
-    ----------
-    seconds : float
-        An entry's share of time in each set. One that needs longer is evaluated on fewer problems.
-    repeats : int
-        Timed calls for each problem.
-    """
+    """How much time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each."""
 
     seconds: float
     repeats: int

@@ -28,17 +28,10 @@ SEPARATION_SIZES = (1e1, 1e3, 1e5)
 
 @dataclass(frozen=True)
 class Optimum:
-    """The best tensions for B problems, and which of them are verified.
+    """The best tensions (B, m) for B problems, and the wrenches (B, n) that they render.
 
-    Attributes
-    ----------
-    tensions : (B, m) array
-    wrench : (B, n) array
-        Rendered by them.
-    reachable : (B,) array of bool
-        Whether that is the desired wrench.
-    verified : (B,) array of bool
-        Whether the status is verified, and the tensions are proved to be the smallest that render their wrench.
+    ``reachable`` (B,): whether that is the desired one. ``verified`` (B,): whether the status is verified, and the
+    tensions are proved to be the smallest that render their wrench.
     """
 
     tensions: Floats
@@ -66,15 +59,10 @@ def optimum(problem: Problem) -> Optimum:
 
 
 def _polished(problem: Problem, tensions: Floats, reachable: Flags) -> tuple[Floats, Floats]:
-    """Solve the equations of the tensions again, and return by how much they change with the wrench.
+    """Solve the equations of the tensions again, and return by how much they change with the wrench, (B,) in N/N.
 
-    Returns
-    -------
-    tensions : (B, m) array
-        With the least change of the cables off their limits that renders the wrench; unchanged where that
-        would break a limit, or where the wrench is infeasible.
-    sensitivity : (B,) array
-        Largest change of the tensions, in N, for a change of the wrench by 1 N.
+    Cables off their limits change by the least that renders the wrench; none does where that would break a limit,
+    or where the wrench is infeasible.
     """
     low, high = at_limits(problem, tensions)
     loose = problem.structure * ~(low | high)[:, None, :]
@@ -85,23 +73,12 @@ def _polished(problem: Problem, tensions: Floats, reachable: Flags) -> tuple[Flo
 
 
 def excess_error(problem: Problem, best: Optimum, tensions: Floats) -> Floats:
-    """Return how much larger than possible the error is that the policy minimises.
+    """Return how much larger than possible, (B,) in N, the error is that the problems' policy minimises.
 
-    Parameters
-    ----------
-    problem : Problem
-        B problems, with the policy.
-    best : Optimum
-        Of the same policy.
-    tensions : (B, m) array
-        Inside their limits, in N.
-
-    Returns
-    -------
-    (B,) array
-        In N, below 0 never by more than rounding. Where the wrench is feasible, the norm of what is missing;
-        else the policy's error minus the minimum: the norm of what is missing ("force"), the distance to the
-        equilibrium space ("tension"), or the distance to the longest wrench in the direction ("direction").
+    Below 0 never by more than rounding. Where the wrench is feasible, the norm of what is missing; else the
+    policy's error minus the minimum: the norm of what is missing ("force"), the distance to the equilibrium space
+    ("tension"), or the distance to the longest wrench in the direction ("direction"). The tensions are inside
+    their limits.
     """
     rendered = times(problem.structure, tensions)
     if problem.nearest == "direction":
@@ -115,28 +92,14 @@ def excess_error(problem: Problem, best: Optimum, tensions: Floats) -> Floats:
 
 
 def distance_bound(problem: Problem, tensions: Floats, separation: Floats | None = None) -> Floats:
-    """Return an upper bound of the distance from tensions to the optimum of the same wrench.
+    """Return an upper bound, (B,) in N, of the distance from tensions to the optimum of the same wrench.
 
     The optimum are the tensions closest to the reference. For any multipliers y, tensions t are the optimum of a
     reference near t0: the one that is moved by ``e = t - t0 - W'y`` between the limits, by the negative part of
     that at lower limits, and by the positive part at upper ones, because t then meets the optimality conditions.
     Both optima are projections onto the same convex set, which bring points no further apart (Moreau, 1965):
-    ``|e|`` bounds the distance.
-
-    Parameters
-    ----------
-    problem : Problem
-        B problems; their wrenches don't matter.
-    tensions : (B, m) array
-        Inside their limits, in N.
-    separation : (B, n) array, optional
-        Directions that separate the desired wrenches, to which the multipliers of infeasible ones tend. They
-        save time.
-
-    Returns
-    -------
-    (B,) array
-        In N; infinite where no multipliers were found.
+    ``|e|`` bounds the distance; it is infinite where no multipliers were found. The problems' wrenches don't
+    matter. Directions (B, n) that separate them, to which the multipliers of infeasible ones tend, save time.
     """
     transposed = np.swapaxes(problem.structure, 1, 2)
     low, high = at_limits(problem, tensions)

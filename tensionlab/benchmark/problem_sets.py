@@ -6,7 +6,7 @@ The objective of all of them is the least ``|t|²`` of tensions t inside their l
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -38,20 +38,10 @@ PATH_SAMPLES = (50, 1000)
 
 @dataclass(frozen=True)
 class Group:
-    """Problems of one shape.
+    """Problems of one shape: structure (B, n, m), wrench (B, n) and tension limits, (B, m) or (m,), in N and N·m.
 
-    Attributes
-    ----------
-    label : str
-        Such as "m = 8" or "ipanema-1".
-    structure : (B, n, m) array
-    wrench : (B, n) array
-        In N (and N·m).
-    lower, upper : (B, m) or (m,) arrays
-        Tension limits in N.
-    path_mm : (B,) array or None
-        Length of the path so far along a trajectory, in mm; consecutive rows are consecutive samples of 1 ms.
-        None: the problems have no order.
+    The label is such as "m = 8" or "ipanema-1". Along a trajectory, whose rows are samples of 1 ms, ``path_mm``
+    (B,) is the length of the path so far; it is None where the problems have no order.
     """
 
     label: str
@@ -64,17 +54,7 @@ class Group:
 
 @dataclass(frozen=True)
 class ProblemSet:
-    """Problems that test one property.
-
-    Attributes
-    ----------
-    name : str
-    title : str
-        What it is and what it tests, in one line.
-    groups : tuple of Group
-    reachable : {"all", "none", "mixed"}
-        Which wrenches can be rendered, by construction.
-    """
+    """Problems that test one property, which the title tells; ``reachable``: which wrenches can be rendered."""
 
     name: str
     title: str
@@ -83,28 +63,22 @@ class ProblemSet:
 
 
 def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
-    """Return the problems of a set.
+    """Return the problems of a set, by its name in `PROBLEM_SETS`; the same seed gives the same.
 
-    Parameters
-    ----------
-    name : str
-        A name in `PROBLEM_SETS`.
-    count : int
-        About so many problems in all, spread evenly over the groups, at least one in each. `published` always
-        has 364, and `trajectory` at least 50 a group.
-    seed : int
-        The same seed gives the same problems.
-
-    Raises
-    ------
-    InputError
-        If no set has that name, or count or seed is too small.
+    There are about as many as the count, spread evenly over the groups, at least one in each. `published` always
+    has 364, and `trajectory` at least 50 a group.
     """
-    if name not in PROBLEM_SETS:
-        raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
+    require_known([name])
     if count < 1 or seed < 0:
         raise InputError(f"problem set {name!r}: count {count} must be 1 or more, and seed {seed} 0 or more")
     return PROBLEM_SETS[name](count, seed)
+
+
+def require_known(names: Iterable[str]) -> None:
+    """Refuse names of problem sets that do not exist."""
+    for name in names:
+        if name not in PROBLEM_SETS:
+            raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
 
 
 def _published(count: int, seed: int) -> ProblemSet:
@@ -233,16 +207,8 @@ def _scaled(group: Group, factor: Floats) -> Group:
 def largest_scale(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Floats:
     """Return the largest factor (B,) by which each wrench can be scaled and still be feasible.
 
-    From the available wrench sets; no solver is involved. At least 1 but for rounding.
-
-    Parameters
-    ----------
-    structure : (B, n, m) array
-        Structure matrices of rank n.
-    wrench : (B, n) array
-        Feasible wrenches, none of them zero.
-    lower, upper : (B, m) or (m,) arrays
-        Tension limits in N.
+    From the available wrench sets; no solver is involved. The wrenches (B, n) are feasible and none is zero, so it
+    is at least 1 but for rounding; the structure matrices (B, n, m) have rank n.
     """
     normals, offsets = half_spaces(structure, (lower, upper))
     along = (normals @ wrench[..., None])[..., 0]
@@ -255,14 +221,8 @@ def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
 
     Each is ``minimise x'Px/2 + q'x subject to Ax = b, lb <= x <= ub`` of the tensions x, so that P is the
     identity, q zero, A the structure matrix, b the wrench. In the columns that qpbenchmark's `ParquetTestSet`
-    reads: matrices row by row in one list, G and h None because there are no other inequalities.
-
-    Returns
-    -------
-    list of dict
-        One for each problem: ``name`` (set, group and row: unique within the set), ``P``, ``q``, ``G``, ``h``,
-        ``A``, ``b``, ``lb``, ``ub``, and for readers that know the set ``group`` and ``path_mm`` (None where
-        the problems have no order).
+    reads: matrices row by row in one list, G and h None because there are no other inequalities. The name is of
+    set, group and row. For readers that know the set there are ``group`` and ``path_mm``, as in `Group`.
     """
     rows: list[dict[str, Any]] = []
     for group in problems.groups:

@@ -121,20 +121,9 @@ EVIDENCE = ("call_s", "errors", "violations", "gaps", "path_mm", "path_tensions"
 class BatchRow:
     """Seconds of a problem in a large batch, each the best of the rounds; NaN where DAQP is not installed.
 
-    Attributes
-    ----------
-    components, cables, count : int
-    reachable : bool
-        Whether all wrenches are feasible, or none.
-    one_core_s, all_cores_s : float
-        In one `allocate` call, verification included, on one thread and on ``cores``.
-    cores : int
-    daqp_c_s : float
-        Set-up and solve by DAQP's own clock, without its Python wrapper.
-    daqp_loop_s : float
-        A Python loop over DAQP's own module, its arrays ready.
-    gap_max : float
-        Largest difference between both tensions, in N; NaN for infeasible wrenches, where DAQP has none.
+    In one `allocate` call, verification included, on one thread and on ``cores``; set-up and solve by DAQP's own
+    clock, without its Python wrapper; and in a Python loop over DAQP's own module, its arrays ready. ``gap_max``
+    is the largest difference of the tensions, in N; NaN where wrenches are infeasible, for which DAQP has none.
     """
 
     components: int
@@ -174,13 +163,9 @@ class CallRow:
 class Results:
     """All rows of a benchmark, and its manifest.
 
-    Attributes
-    ----------
-    rows : tuple of Row
-    manifest : dict
-        That of `tensionlab.records`, and under ``bench`` what the report needs of the run:
-        ``sets`` (by name: title, reachable, groups, problems, verified), ``plan``, ``instruction_set``,
-        ``processor_share``, ``batches`` and ``calls``.
+    The manifest is that of `tensionlab.records`, and under ``bench`` has what the report needs of the run:
+    ``sets`` (by name: title, reachable, groups, problems, verified), ``plan``, ``instruction_set``,
+    ``processor_share``, ``batches`` and ``calls``.
     """
 
     rows: tuple[Row, ...]

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tensionlab import datasets
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
+from tensionlab.files.reading import datasets_folder
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.model.rig import Rig
@@ -88,19 +88,10 @@ def streams(name: str, shapes: list[tuple[int, int]], count: int, seed: int) -> 
 
 
 def near_singular(rng: np.random.Generator, n: int, m: int, condition: Floats) -> Floats:
-    """Draw structure matrices (B, n, m) of random rigs with given conditions.
+    """Draw structure matrices (B, n, m) of random rigs with given conditions (B,), each 100 or more.
 
     A point rig (n = 3) is nearly singular because its cables are nearly in the plane z = 0, a platform (n = 6)
     because it is small.
-
-    Parameters
-    ----------
-    rng : Generator
-    n : {3, 6}
-    m : int
-        Cables of each rig, n or more.
-    condition : (B,) array
-        Largest over smallest singular value of each matrix, 100 or more.
     """
     matrices = np.empty((len(condition), n, m))
     left = np.arange(len(condition))
@@ -134,32 +125,15 @@ def _columns(directions: Floats, arms: Floats | None) -> Floats:
 
 
 def find_rig(name: str) -> Rig:
-    """Load a rig that comes with the package, by its name in `datasets/rigs`.
-
-    Raises
-    ------
-    DataError, RigError
-        If the data sets are not there, or the rig is not among them.
-    """
-    return load_rig(datasets.folder() / "rigs" / f"{name}.toml")
+    """Load a rig that comes with the package, by its name in `datasets/rigs`."""
+    return load_rig(datasets_folder() / "rigs" / f"{name}.toml")
 
 
 def desired_wrenches(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:
-    """Return the wrenches with which cables exert these forces and hold the weight.
+    """Return the wrenches (B, n) with which cables exert forces (B, 3), in N, and hold the weight.
 
-    Parameters
-    ----------
-    rig : Rig
-        In space. One whose platform has a mass must have an axis that is up.
-    force : (B, 3) array
-        In N, exerted on the centre of mass, or on the reference point if that is not known.
-    rotation : (B, 3, 3) array or None
-        Platform to world; None is the identity.
-
-    Returns
-    -------
-    (B, n) array
-        In N (and N·m, about the reference point).
+    The forces act on the centre of mass, or on the reference point if that is not known; torques are about the
+    latter. The rotations (B, 3, 3) are from platform to world.
     """
     total: Floats = force if rig.platform is None else force + rig.platform.mass * GRAVITY_M_S2 * rig.upward
     if rig.n == 3:
@@ -175,11 +149,6 @@ def workspace_samples(rng: np.random.Generator, rig: Rig, count: int) -> tuple[F
     robot holds its weight, and pushes with a random force and a random torque: the force up to `PUSH_SHARE` of its
     largest tension, the torque up to that on an arm as long as the attachments are away on average. Draws
     whose wrench is infeasible are drawn again. The rig is of kind platform, without body frames.
-
-    Raises
-    ------
-    RigError
-        If hardly any pose can hold its wrench.
     """
     half = BOX_SHARE * np.abs(rig.anchors - rig.home).max(axis=0)
     strongest = float(rig.limits.upper.max())
@@ -206,21 +175,10 @@ def border_path(
     """Draw one loop around a point of the border of a rig's workspace.
 
     Straight from home in a random direction there is a point where the wrench stops being feasible; the loop is
-    an oval around that point, first through the inside, at one pose. One sample is one millisecond.
-
-    Parameters
-    ----------
-    rng : Generator
-    rig : Rig
-        In space, without body frames.
-    count : int
-        Samples; the loop is closed by the next one.
-    speed : float
-        In m/s, on average; the length of the loop is that times its duration.
-    size : float
-        Of the force, in N; its direction is random. The weight, if there is one, is held as well.
-    turning : bool
-        Whether the force swings by `SWING` to either side on the way.
+    an oval around that point, first through the inside, at one rotation. One sample is one millisecond, and the
+    loop, which the sample after the last would close, is as long as the mean speed, in m/s, makes it. The force of
+    the given size, in N, has a random direction, from which it swings by `SWING` on the way if it is turning. The
+    weight is held as well. The rig is in space, without body frames.
 
     Returns
     -------
@@ -229,11 +187,6 @@ def border_path(
         In N (and N·m).
     length : (count,) array
         Of the path so far, in mm.
-
-    Raises
-    ------
-    RigError
-        If no loop is found that lies partly within the workspace.
     """
     angle = np.pi + 2.0 * np.pi * np.arange(count) / count
     oval = np.stack([np.cos(angle), OVAL_WIDTH * np.sin(angle)])

@@ -24,7 +24,7 @@ from tensionlab import records
 from tensionlab.benchmark import results, speed
 from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.evaluation import Effort, evaluate_set
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set
+from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, require_known
 from tensionlab.errors import InputError, TensionlabError, WriteError
 from tensionlab.files import writing
 
@@ -71,9 +71,7 @@ class Plan:
             raise InputError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
         if self.solvers is not None and not self.solvers:
             raise InputError("no solver is named; leave the option out for all of them")
-        for name in self.sets:
-            if name not in PROBLEM_SETS:
-                raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
+        require_known(self.sets)
         if self.count < 1 or self.seed < 0 or not self.seconds > 0 or self.repeats < 1:
             raise InputError(
                 f"count {self.count} and repeats {self.repeats} must be 1 or more, seconds {self.seconds} "
@@ -89,13 +87,7 @@ def plan(
     seed: int = 0,
     quick: bool = False,
 ) -> Plan:
-    """Return the plan of a full benchmark, or of a quick one of two minutes.
-
-    Raises
-    ------
-    InputError, UnknownSolver
-        If a name is unknown or a number impossible.
-    """
+    """Return the plan of a full benchmark, or of a quick one of two minutes."""
     names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
     chosen = None if solvers is None else tuple(solvers)
     if quick:
@@ -111,23 +103,8 @@ def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float
 def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
     """Run a benchmark in a process of its own, and return the folder with its results.
 
-    Parameters
-    ----------
-    what : Plan
-    folder : path
-        Where `results.FILE` and ``manifest.json`` go; made if it is not there. If they cannot be written there in
-        the end, they go to a temporary folder.
-    call : sequence of str
-        The command line, for the manifest.
-    progress : callable
-        Called with the share that is done.
-
-    Raises
-    ------
-    WriteError
-        If the folder cannot be written to.
-    TensionlabError
-        If the process broke; its messages have gone to stderr.
+    `results.FILE` and ``manifest.json`` go to the folder, which is made if it is not there; if they cannot be
+    written there in the end, to a temporary one. The call is the command line, for the manifest.
     """
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)

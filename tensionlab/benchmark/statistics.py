@@ -39,20 +39,10 @@ def maximum(values: Floats) -> float:
 
 
 def jumps(tensions: Floats, path_mm: Floats) -> Floats:
-    """Return the change of tension for each millimetre of a path.
+    """Return the largest change of a tension from each sample of a path to the next, (B - 1,) in N/mm.
 
-    Parameters
-    ----------
-    tensions : (B, m) array
-        Along the path, in N; NaN where there is no answer.
-    path_mm : (B,) array
-        Length of the path so far, in mm.
-
-    Returns
-    -------
-    (B - 1,) array
-        Largest change of a cable from each sample to the next, in N/mm; NaN where either is missing or the
-        path stands still.
+    From tensions (B, m) and the length of the path so far (B,). NaN where there is no answer or the path stands
+    still.
     """
     change, way = np.abs(np.diff(tensions, axis=0)).max(axis=1), np.diff(path_mm)
     return np.asarray(np.divide(change, way, out=np.full(len(way), np.nan), where=way > 0))
@@ -61,21 +51,12 @@ def jumps(tensions: Floats, path_mm: Floats) -> Floats:
 def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]) -> list[Floats]:
     """Return the performance profile of each entry: how much slower it is than the fastest, problem by problem.
 
+    Of C entries on P problems, all (P, C): the times, and whether an entry solved or tried a problem. For each
+    entry, ratios of its times to the fastest entry that solved the same problem, sorted; infinite where it failed.
+    The share of ratios not above x is its profile at x. Neither problems that nobody solved count, nor those that
+    an entry did not try.
+
     Source: Dolan and Moré, "Benchmarking optimization software with performance profiles", 2002.
-
-    Parameters
-    ----------
-    seconds : (P, C) array
-        Time of each entry for each problem.
-    solved, tried : (P, C) arrays
-        Whether it solved the problem, and whether it tried. A problem that it did not try counts neither for nor
-        against it.
-
-    Returns
-    -------
-    list of arrays, one for each entry
-        Ratios of its times to the fastest entry that solved the same problem, sorted; infinite where it
-        failed. The share of ratios not above x is its profile at x. Problems that nobody solved don't count.
     """
     times = np.where(solved, seconds, np.inf)
     best = times.min(axis=1, initial=np.inf)

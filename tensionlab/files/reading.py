@@ -16,8 +16,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import DataError, TensionlabError
 
+DATASETS_FOLDERS = tuple(parent / "datasets" for parent in Path(__file__).parents[1:3])
+"""Where this package's data sets may be: inside the installed package, or beside it in the source tree."""
+CHECKSUMS = "SHA256SUMS"
+"""A file that marks the folder as this package's: beside an installed package there may be others' `datasets`."""
 MAX_TEXT_BYTES = 1_000_000
 """Of a file that describes something, such as a rig; a large one has some ten thousand."""
 MAX_NESTING = 32
@@ -36,6 +40,22 @@ MAX_SHOWN = 80
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = _short.maxlong = 60
 _short.maxlevel = 3
+
+
+def datasets_folder() -> Path:
+    """Return the folder of the data sets that come with this package.
+
+    Raises
+    ------
+    DataError
+        If it is not there.
+    """
+    for folder in DATASETS_FOLDERS:
+        if (folder / CHECKSUMS).is_file():
+            return folder
+    raise DataError(
+        f"{DATASETS_FOLDERS[0]}: the data sets are not here; install tensionlab again, or give a folder"
+    )
 
 
 def brief(value: object) -> str:
