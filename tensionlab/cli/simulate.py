@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.cli.common import options
+from tensionlab.cli.common.modules import until_interrupted
 from tensionlab.files import writing
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -118,7 +118,7 @@ def simulate(
     """
     from tensionlab.hardware.client.group import modules_to_toml
     from tensionlab.hardware.simulation.links import Conditions
-    from tensionlab.hardware.simulation.serve import PtyPort, Recording, ServedModule, TcpPort, serve
+    from tensionlab.hardware.simulation.serve import PtyPort, Recording, ServedModule, Server, TcpPort, serve
     from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
     from tensionlab.scenarios import load_scenario
     from tensionlab.validation.simulated_sensor import SensorServer
@@ -175,11 +175,10 @@ def simulate(
         if modules is not None:
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
-        signals: list[int] = []
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda number, _: signals.append(number))
-        typer.echo(text)
-        serve(served, speed, lambda: bool(signals), watchers, math.inf if person is None else COMPLIANT_STEP_S)
+        server = Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
+        with until_interrupted() as interrupted:
+            typer.echo(text)
+            serve(server, interrupted)
 
 
 def _modules(

@@ -356,40 +356,75 @@ class ServedModule:
             writing.write_bytes(self._settings_file, self._settings)
 
 
-def serve(
-    modules: Sequence[ServedModule],
-    speed: float,
-    stopped: Callable[[], bool],
-    watchers: Sequence[Callable[[Sequence[SimulatedModule]], None]] = (),
-    longest: float = math.inf,
-) -> None:
-    """Let time pass in all modules, `speed` times as fast as here, until it is to stop.
+class Server:
+    """Server of simulated modules, whose time passes `speed` times as fast as that of the clock.
 
-    After each step, ``watchers`` see the modules. One thread for all: a module needs some 3 % of a processor, and
-    they can't keep each other from running. Deadlines are absolute, so that no delay adds to another. No step is
-    longer than ``longest`` s, for watchers that the modules pull. Ports are closed at the end.
+    One thread for all: a module needs some 3 % of a processor, and they can't keep each other from running.
+    Deadlines are absolute, so that no delay adds to another.
+
+    Parameters
+    ----------
+    modules : sequence of ServedModule
+    speed : float
+    watchers : sequence of callable
+        See the modules after each step.
+    longest : float
+        Of a step, in s, for watchers that the modules pull.
+    clock : callable
+        Time here, in s.
     """
-    start, now = time.monotonic(), 0.0
-    try:
-        while not stopped():
-            due = min(served.due(now) for served in modules)
-            files = [file for served in modules for file in served.port.files()]
-            wait = max(start + due / speed - time.monotonic(), 0.0)
-            select.select(files, [], [], min(wait, IDLE_TICK))
-            then, now = now, (time.monotonic() - start) * speed
-            late = now - due - LATE
-            if late > 0.0:
-                start += late / speed
-                now -= late
-            pieces = max(math.ceil((now - then) / longest), 1)
-            for piece in range(1, pieces + 1):
-                for served in modules:
-                    served.serve(then + (now - then) * piece / pieces)
-                for watch in watchers:
-                    watch([served.module for served in modules])
-    finally:
-        for served in modules:
+
+    def __init__(
+        self,
+        modules: Sequence[ServedModule],
+        speed: float = 1.0,
+        watchers: Sequence[Callable[[Sequence[SimulatedModule]], None]] = (),
+        longest: float = math.inf,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._modules, self._speed, self._watchers, self._longest = modules, speed, watchers, longest
+        self._clock = clock
+        self._start, self._now = clock(), 0.0
+
+    def files(self) -> list[int]:
+        """Return the file descriptors to wait for."""
+        return [file for served in self._modules for file in served.port.files()]
+
+    def wait(self) -> float:
+        """Return how long to wait for them until the next step, in s here."""
+        return min(max(self._start + self._due() / self._speed - self._clock(), 0.0), IDLE_TICK)
+
+    def step(self) -> None:
+        """Let time pass in all modules up to now."""
+        then, due = self._now, self._due()
+        now = (self._clock() - self._start) * self._speed
+        late = now - due - LATE
+        if late > 0.0:
+            self._start += late / self._speed
+            now -= late
+        self._now = now
+        pieces = max(math.ceil((now - then) / self._longest), 1)
+        for piece in range(1, pieces + 1):
+            for served in self._modules:
+                served.serve(then + (now - then) * piece / pieces)
+            for watch in self._watchers:
+                watch([served.module for served in self._modules])
+
+    def close(self) -> None:
+        """Close all ports."""
+        for served in self._modules:
             served.port.close()
+
+    def _due(self) -> float:
+        return min(served.due(self._now) for served in self._modules)
+
+
+def serve(server: Server, stopped: Callable[[], bool]) -> None:
+    """Serve in real time until it is to stop; all ports are closed at the end."""
+    with contextlib.closing(server):
+        while not stopped():
+            select.select(server.files(), [], [], server.wait())
+            server.step()
 
 
 def read_settings(path: Path) -> bytes | None:

@@ -1,6 +1,5 @@
 """A served module, without a network: what it does at which time."""
 
-import time
 from collections import deque
 
 import numpy as np
@@ -21,9 +20,11 @@ from tensionlab.hardware.protocol.messages import (
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
     IDLE_TICK,
+    LATE,
     TICK,
     PlannedFault,
     ServedModule,
+    Server,
     parse_fault,
     read_settings,
     serve,
@@ -150,7 +151,7 @@ def test_serving_ends_when_it_is_told_to_and_closes_the_ports():
     port, module = FakePort(), SimulatedModule()
     port.coming.append(Hello().frame(1).pack())
     turns = iter([False] * 5 + [True])
-    serve([ServedModule(module, port)], 1.0, lambda: next(turns))
+    serve(Server([ServedModule(module, port)]), lambda: next(turns))
     assert port.closed
     assert isinstance(port.got[0], Info)
     assert port.got[0].state is State.IDLE
@@ -178,16 +179,51 @@ def test_a_plan_that_is_none_is_refused(text):
         parse_fault(text)
 
 
-def test_after_a_stall_time_passes_in_pieces_for_those_who_watch():
-    served, times, ended = ServedModule(SimulatedModule(), FakePort()), [], []
+@pytest.fixture
+def here():
+    """Clock of this computer, set by hand: its time in s is the first number."""
+    return [100.0]
 
-    def watch(modules):
-        if len(times) in (20, 40):
-            time.sleep(0.015)  # less than the server may be late, so that no time is lost
-        times.append(modules[0].seconds)
-        if len(times) == 80:
-            ended.append(True)
 
-    serve([served], 1.0, lambda: bool(ended), [watch], 1e-3)
+def server(here, module, **how):
+    return Server([ServedModule(module, FakePort())], clock=lambda: here[0], **how)
+
+
+@pytest.mark.parametrize("speed", [1.0, 20.0, 0.5])
+def test_time_passes_as_fast_as_it_is_to(here, speed):
+    module = SimulatedModule()
+    serving = server(here, module, speed=speed)
+    for _ in range(5000):
+        assert 0.0 <= serving.wait() <= TICK / speed + 1e-9
+        here[0] += 0.0002
+        serving.step()
+    assert module.seconds == pytest.approx(speed * 1.0, abs=2 * STEP_S)
+
+
+def test_a_delay_adds_to_no_other_unless_it_is_long(here):
+    module = SimulatedModule()
+    serving = server(here, module)
+    for delay in (0.015, 0.001, 0.015, 0.001):  # less than the server may be late
+        here[0] += delay
+        serving.step()
+    assert module.seconds == pytest.approx(0.032, abs=2 * STEP_S)
+    here[0] += 5.0
+    serving.step()
+    assert module.seconds == pytest.approx(0.032 + LATE, abs=2 * TICK)
+    before = module.seconds
+    for _ in range(100):
+        here[0] += TICK
+        serving.step()
+    assert module.seconds - before == pytest.approx(0.1, abs=2 * TICK)
+
+
+def test_after_a_stall_time_passes_in_pieces_for_those_who_watch(here):
+    times = []
+    serving = server(
+        here, SimulatedModule(), watchers=[lambda modules: times.append(modules[0].seconds)], longest=1e-3
+    )
+    for stall in (1e-3, 15e-3, 1e-3, 0.5, 1e-3):
+        here[0] += stall
+        serving.step()
     assert np.diff(times).max() <= 1e-3 + STEP_S + 1e-9
-    assert len(times) >= 80
+    assert times[-1] == pytest.approx(0.039, abs=2 * TICK)
