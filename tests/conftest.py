@@ -25,6 +25,16 @@ def run(capsys):
     return call
 
 
+@pytest.fixture
+def simulated_time(monkeypatch):
+    """Time of runs and verbs that passes only while they sleep: `SimulatedTime`."""
+    from tests.support.simulated_time import SimulatedTime
+
+    here = SimulatedTime()
+    monkeypatch.setattr("tensionlab.hardware.runner.settings.time", here)
+    return here
+
+
 @pytest.fixture(scope="session")
 def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one."""

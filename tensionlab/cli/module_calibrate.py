@@ -213,7 +213,7 @@ def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
         f"Hold the platform at {output.vector(rig.home)} m, not turned. Its cables are pulled tight.", err=True
     )
     with _group(rig, modules) as group:
-        before = zero_lengths(group, rig, RealClock())
+        before = zero_lengths(group, rig, RealClock(group.clients))
     after = rig.lengths(rig.home, frames=rig.at_rest)
     changes = list(zip((module.name for module in rig.modules), before, after, strict=True))
     if json:
@@ -249,7 +249,12 @@ def record(
     rig = load_rig(path)
     with _group(rig, modules) as group:
         measured = record_lengths(
-            group, rig, RealClock(), poses, seconds, lambda count: typer.echo(f"pose {count}", err=True)
+            group,
+            rig,
+            RealClock(group.clients),
+            poses,
+            seconds,
+            lambda count: typer.echo(f"pose {count}", err=True),
         )
     with output.ResultWriter() as writer:
         writer.write_text(f"{len(measured)} poses", out, table_text(columns(rig, measured)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import time
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,17 +46,19 @@ def monitor(
     """
     from rich.live import Live
 
+    from tensionlab.hardware.runner.settings import RealClock
+
     urls = find_links(links, modules)
     with ExitStack() as stack:
         clients, failed = _connect(urls, stack)
-        end = time.monotonic() + seconds
+        clock = RealClock(clients.values())
+        end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
         live = Live(_telemetry_table(clients, failed), console=output.console(), auto_refresh=False)
         with until_interrupted() as interrupted, live if shown else nullcontext():
-            while clients.keys() - failed.keys() and not interrupted() and time.monotonic() < end:
-                time.sleep(REFRESH_PERIOD_S)
+            while clients.keys() - failed.keys() and not interrupted() and clock.now() < end:
+                clock.wait_until(clock.now() + REFRESH_PERIOD_S)
                 for name, client in clients.items():
-                    client.listen(REFRESH_PERIOD_S)
                     _check(name, client, failed)
                 live.update(_telemetry_table(clients, failed), refresh=shown)
         if json:

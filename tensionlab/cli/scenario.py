@@ -139,7 +139,7 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
         opened.enter_context(OscServer(client, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
         tracker = tracked_pose(client)
     group = opened.enter_context(closing(connect(scenario.rig, links)))
-    return ScenarioModules(group, RealClock(), links, tracker, client=client)
+    return ScenarioModules(group, RealClock(group.clients), links, tracker, client=client)
 
 
 def _list(json: bool) -> None:

@@ -215,5 +215,7 @@ def validate(
         modules.close()
     else:
         first = max(before - 1, 0)
-        measure(plan.rig, opened[0], RealClock(), opened[1], plan.solver, plan.protocol, keep, first)
+        measure(
+            plan.rig, opened[0], RealClock(opened[0].clients), opened[1], plan.solver, plan.protocol, keep, first
+        )
     return setup, journal.measurements

@@ -160,7 +160,8 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
         links = dict.fromkeys((module.name for module in rig.modules), "sim:")
         return Reached(world.group(), WorldClock(world, paced=True), links)
     links = module_links(rig, modules)
-    return Reached(connect(rig, links), RealClock(), links)
+    group = connect(rig, links)
+    return Reached(group, RealClock(group.clients), links)
 
 
 def print_simulated() -> None:

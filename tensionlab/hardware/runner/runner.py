@@ -123,7 +123,7 @@ class Runner:
         self._taut = GuardedAllocator(rig.limits, EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
         self.log = log
-        self._clock = RealClock() if clock is None else clock
+        self._clock = RealClock(modules.clients) if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
         self._derating = Derating(
             rig.limits, np.full(rig.m, np.inf), self._names

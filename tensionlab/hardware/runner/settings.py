@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, Protocol, get_args
 
 from tensionlab.allocation import Nearest
 from tensionlab.errors import HardwareError
+from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.world import World
 
 OnLoss = Literal["stop", "continue"]
@@ -88,9 +90,18 @@ class Clock(Protocol):
 
 
 class RealClock:
-    """Monotonic clock of the system."""
+    """Monotonic clock of the system.
+
+    Parameters
+    ----------
+    clients : iterable of ModuleClient, optional
+        The simulated ones of this process among them run while somebody waits for the clock.
+    """
 
     real_time = True
+
+    def __init__(self, clients: Iterable[ModuleClient] = ()) -> None:
+        self._simulated = [client for client in clients if client.link.lockstep]
 
     def now(self) -> float:
         """Return the time."""
@@ -98,9 +109,12 @@ class RealClock:
 
     def wait_until(self, when: float) -> None:
         """Sleep until that time."""
-        left = when - time.monotonic()
+        left = max(when - time.monotonic(), 0.0)
+        ends = [client.link.clock() + left for client in self._simulated]
         if left > 0.0:
             time.sleep(left)
+        for client, end in zip(self._simulated, ends, strict=True):
+            client.listen(max(end - client.link.clock(), 0.0))
 
 
 class WorldClock:
