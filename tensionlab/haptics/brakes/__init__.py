@@ -1,1 +1,1 @@
-"""One-way brakes: cones, choice, contact, maps."""
+"""One-way brakes: choice, contact, maps."""

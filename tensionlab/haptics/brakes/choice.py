@@ -27,10 +27,11 @@ from tensionlab import _native
 from tensionlab.allocation import RANK_TOLERANCE, TOLERANCE
 from tensionlab.arrays import Floats, as_floats, common_axes, finite
 from tensionlab.errors import InputError, ShapeError
-from tensionlab.haptics.brakes.cones import Flags
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
+
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

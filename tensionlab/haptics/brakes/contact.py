@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike
 from tensionlab.allocation import TOLERANCE
 from tensionlab.arrays import Floats, finite
 from tensionlab.errors import InputError
-from tensionlab.haptics.brakes.choice import LOCK_RULE, LockRule, LockSet, choose_locks
-from tensionlab.haptics.brakes.cones import Flags
+from tensionlab.haptics.brakes.choice import LOCK_RULE, Flags, LockRule, LockSet, choose_locks
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 

@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear, nnls
 import tensionlab as tl
 from tensionlab.errors import ShapeError
 from tensionlab.haptics.brakes.choice import LOCK_RULE, LockRule, brake_map, brake_strengths, choose_locks
-from tensionlab.haptics.brakes.cones import blocks_withdrawal, brake_reaction, traps
 from tensionlab.model.directions import circle, fibonacci
+from tests.support.brake_cones import blocks_withdrawal, brake_reaction, traps
 
 FOUR = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
 CUBE = tl.load_rig("datasets/rigs/cube-8.toml")

@@ -11,6 +11,8 @@ A brake never acts: its reaction is there only while something pulls against it,
 are for points, whose wrench is a force, and broadcast over leading axes. Velocities are those of the point as
 seen from the anchors; where anchors move, ``u_i·(v - v_anchor,i)`` takes the place of ``u_i·v``.
 
+The choice of brakes is tested against them.
+
 Source: Farkas, "Theorie der einfachen Ungleichungen", 1902; Moreau, "Décomposition orthogonale d'un espace
 hilbertien selon deux cônes mutuellement polaires", 1962.
 """
@@ -21,13 +23,12 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats, common_axes, finite
 from tensionlab.errors import ShapeError
+from tensionlab.haptics.brakes.choice import Flags
 from tensionlab.model import pose
-
-Flags = NDArray[np.bool_]
 
 TOLERANCE = 1e-9
 """What counts as zero of a unit vector."""
