@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.haptics.effects.parameters import Damping, PositiveMass, require_parameters
+from tensionlab.haptics.effects.parameters import Damping, Parameters, PositiveMass
 from tensionlab.haptics.rendering.stability import stiffness_bound
 
 Law = Callable[[int, Floats, Floats], Floats]
@@ -21,7 +21,7 @@ Law = Callable[[int, Floats, Floats], Floats]
 
 
 @dataclass(frozen=True)
-class Hand:
+class Hand(Parameters):
     """How is the hand? Mass in kg, damping in N s/m, and the constant force with which it pushes, in N.
 
     0.3 kg, 2 N s/m and 2 N are defaults of this project. The wall is where the position is below zero. Hands that
@@ -31,9 +31,6 @@ class Hand:
     mass: PositiveMass = 0.3
     damping: Damping = 2.0
     push: float | Floats = 2.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
 
 @dataclass(frozen=True, eq=False)

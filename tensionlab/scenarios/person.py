@@ -15,10 +15,10 @@ from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
 from tensionlab.haptics.bridge.client_state import HAND
 from tensionlab.haptics.effects.parameters import (
+    Parameters,
     PositiveDamping,
     PositiveMass,
     PositiveStiffness,
-    require_parameters,
 )
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
@@ -42,7 +42,7 @@ Track = Callable[[Mapping[str, Floats], float], None]
 
 
 @dataclass(frozen=True)
-class PersonPlan:
+class PersonPlan(Parameters):
     """Parameters of a simulated person: a mass on a spring and a damper whose other end follows a script.
 
     That is the equilibrium point of an arm (Hogan 1985, "The mechanics of multi-joint posture and movement
@@ -60,14 +60,13 @@ class PersonPlan:
         Origins of the frames that modules ride on. They do not turn.
     """
 
+    refusal = ScenarioError
+
     mass: PositiveMass
     stiffness: PositiveStiffness
     damping: PositiveDamping
     script: Script
     bodies: Mapping[str, Script] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        require_parameters(self, ScenarioError)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
 from tensionlab.haptics.effects import Plane
 from tensionlab.haptics.effects.described import effect_of, read
 from tensionlab.haptics.effects.effect import Effect, norm, normalized
-from tensionlab.haptics.effects.parameters import Length, PositiveForce, require_dimension, require_parameters
+from tensionlab.haptics.effects.parameters import Length, Parameters, PositiveForce, require_dimension
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
@@ -46,7 +46,7 @@ PHASE_KEYS = {"name": str, "begin": float, "end": float}
 
 
 @dataclass(frozen=True)
-class BrakeTarget:
+class BrakeTarget(Parameters):
     """Surface at which brakes stop the hand or the head: a wall, or the end of a reach; exactly one of them.
 
     Parameters
@@ -63,6 +63,8 @@ class BrakeTarget:
         Of the brakes by themselves; the delay of the loop comes on top.
     """
 
+    refusal = ScenarioError
+
     force: PositiveForce
     plane: Plane | None = None
     reach: Length | None = None
@@ -70,7 +72,7 @@ class BrakeTarget:
     timing: Timing = TIMING
 
     def __post_init__(self) -> None:
-        require_parameters(self, ScenarioError)
+        super().__post_init__()
         if (self.plane is None) == (self.reach is None):
             raise ScenarioError("a hold has a plane or a reach: give one of them")
 

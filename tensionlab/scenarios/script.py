@@ -10,29 +10,27 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import ScenarioError
 from tensionlab.files.reading import brief
-from tensionlab.haptics.effects.parameters import Frequency, Point, Time, require_parameters
+from tensionlab.haptics.effects.parameters import Frequency, Parameters, Point, Time
 
 
 @dataclass(frozen=True)
-class Waypoint:
+class Waypoint(Parameters):
     """Position in m at a time in s since the start."""
+
+    refusal = ScenarioError
 
     time: Time
     position: Point
 
-    def __post_init__(self) -> None:
-        require_parameters(self, ScenarioError)
-
 
 @dataclass(frozen=True)
-class Sway:
+class Sway(Parameters):
     """Small motion to and fro: amplitudes in m, one an axis, and a frequency in Hz."""
+
+    refusal = ScenarioError
 
     amplitude: Point
     frequency: Frequency = 0.4
-
-    def __post_init__(self) -> None:
-        require_parameters(self, ScenarioError)
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,15 @@ from tensionlab.haptics.effects.parameters import (
     Force,
     Length,
     ModuleFrequency,
+    Parameters,
     Point,
     QuadraticDamping,
     Stiffness,
-    require_parameters,
 )
 
 
 @dataclass(frozen=True)
-class Viscous:
+class Viscous(Parameters):
     """Viscous damping: ``F = -b v``. Continuous; passive.
 
     Parameters
@@ -36,16 +36,13 @@ class Viscous:
 
     damping: Damping = 2.0
 
-    def __post_init__(self) -> None:
-        require_parameters(self)
-
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the drag."""
         return Rendered(-self.damping * motion.velocity)
 
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(Parameters):
     """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive.
 
     Parameters
@@ -61,9 +58,6 @@ class Spring:
     centre: Point = ORIGIN
     stiffness: Stiffness = 30.0
     damping: Damping = 0.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the pull to the centre."""
@@ -86,7 +80,7 @@ class Spring:
 
 
 @dataclass(frozen=True)
-class Water:
+class Water(Parameters):
     """Water: drag, and a lift.
 
     ``F = s (-b v - c |v| v + F_b up)``, where s goes from 0 at the surface to 1 at a depth of ``mixing``, as a
@@ -114,9 +108,6 @@ class Water:
     lift: Force = 1.0
     mixing: Length = 0.02
 
-    def __post_init__(self) -> None:
-        require_parameters(self)
-
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return drag and lift."""
         share = smoothstep(-self.surface.height(motion.position) / self.mixing)
@@ -126,7 +117,7 @@ class Water:
 
 
 @dataclass(frozen=True)
-class Vibration:
+class Vibration(Parameters):
     """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
 
     It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
@@ -146,9 +137,6 @@ class Vibration:
     axis: Direction = (0.0, 0.0, 1.0)
     amplitude: Force = 1.0
     frequency: ModuleFrequency = 40.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push or pull at the motion's time."""

@@ -24,11 +24,11 @@ from tensionlab.haptics.effects.parameters import (
     FrictionCoefficient,
     Length,
     LengthOrNone,
+    Parameters,
     Point,
     PositiveForce,
     PositiveStiffness,
     Stiffness,
-    require_parameters,
 )
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -36,7 +36,7 @@ UP = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(Parameters):
     """Flat surface.
 
     Parameters
@@ -50,9 +50,6 @@ class Plane:
     point: Point = ORIGIN
     normal: Direction = UP
 
-    def __post_init__(self) -> None:
-        require_parameters(self)
-
     @cached_property
     def n(self) -> Floats:
         """The unit normal (d,)."""
@@ -64,7 +61,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(Parameters):
     """Flat wall: a spring and a damper that only push.
 
     ``F = n max(0, K d - B n·v)`` where the penetration d > 0, else 0. Continuous in the position for a hand at
@@ -83,9 +80,6 @@ class Wall:
     plane: Plane = Plane()
     stiffness: Stiffness = 300.0
     damping: Damping = 2.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push, in contact."""
@@ -108,7 +102,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Magnet:
+class Magnet(Parameters):
     """Magnetic surface, which draws the hand near and holds it there.
 
     At the distance h: towards the surface, ``K h`` for ``h < h_1``, else ``F_1 (h_max - h)/(h_max - h_1)``, and
@@ -134,9 +128,6 @@ class Magnet:
     reach: Length = 0.10
     stiffness: PositiveStiffness = 300.0
     damping: Damping = 1.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     @property
     def peak(self) -> float:
@@ -190,7 +181,7 @@ class Bristle(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Friction:
+class Friction(Parameters):
     """Dry friction: a bristle that holds the hand, and gives way when pulled too hard.
 
     The implicit return mapping (Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto 2006, "Admittance and impedance
@@ -218,7 +209,7 @@ class Friction:
     damping: Damping = 2.0
 
     def __post_init__(self) -> None:
-        require_parameters(self)
+        super().__post_init__()
         if self.dynamic > self.static:
             raise EffectError(
                 f"Friction: dynamic is {self.dynamic}, above static, {self.static}; give dynamic <= static"
@@ -261,7 +252,7 @@ def _tangential(vector: Floats, normal: Floats | None) -> Floats:
 
 
 @dataclass(frozen=True)
-class Ripples:
+class Ripples(Parameters):
     """Even ripples across a surface under a load: the slope of their sides.
 
     With x the way along the direction and F_n the load, ``-F_n (2 pi A/l) cos(2 pi x/l)`` for ripples of height A
@@ -287,9 +278,6 @@ class Ripples:
     period: Length = 0.004
     height: LengthOrNone = 0.0003
     stiffness: Stiffness = 10_000.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     def across(self, normal: Floats) -> Floats:
         """Return the unit vector across them, along a surface with this normal (d,); zero where there is none."""

@@ -1,8 +1,8 @@
 """Parameters of effects: type, dimension, unit and physical range of each, stated once beside its name.
 
-A parameter is annotated with a type of this module, such as ``stiffness: Stiffness``. `require_parameters` refuses
-what lies outside when an object is made; `require_dimension` refuses vectors that are not of a rig's space;
-`tools.generate_bridge_docs` writes the ranges into BRIDGE.md.
+A parameter of a `Parameters` class is annotated with a type of this module, such as ``stiffness: Stiffness``;
+`require_dimension` refuses vectors that are not of a rig's space; `tools.generate_bridge_docs` writes the ranges
+into BRIDGE.md.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, get_args, get_type_hints
 
 from pydantic import Strict
 
@@ -123,7 +123,6 @@ Time = Annotated[Number, Range("s", -CLOCK_S, CLOCK_S)]
 TimeOrEver = Annotated[Number, Range("s", -math.inf, CLOCK_S)]
 TimeOrNever = Annotated[Number, Range("s", -CLOCK_S, math.inf)]
 Duration = Annotated[Number, Range("s", 1e-4, CLOCK_S)]
-DurationOrNone = Annotated[Number, Range("s", 0.0, CLOCK_S)]
 Frequency = Annotated[Number, Range("Hz", 1e-3, 1e4)]
 ModuleFrequency = Annotated[Number, Range("Hz", 1e-3, 500.0)]
 """Of a vibration: modules refuse more."""
@@ -154,20 +153,20 @@ def _bounds(kind: type) -> dict[str, Bound]:
     return found
 
 
-def require_parameters(owner: object, refusal: type[TensionlabError] = EffectError) -> None:
-    """Refuse parameters outside their physical range; None is a parameter that is left out.
+class Parameters:
+    """Base of dataclasses whose annotated parameters are checked as they are made.
 
-    Parameters
-    ----------
-    owner : object
-        Of a class whose parameters are annotated.
-    refusal : type
-        What is raised, naming the class and the parameter.
+    A parameter outside its physical range raises ``refusal``, which names the class and the parameter; None is a
+    parameter that is left out.
     """
-    for name, bound in bounds(type(owner)).items():
-        value = getattr(owner, name)
-        if value is not None and not bound.allows(value):
-            raise refusal(f"{type(owner).__name__}: {name} is {brief(value)}; give {bound}")
+
+    refusal: ClassVar[type[TensionlabError]] = EffectError
+
+    def __post_init__(self) -> None:
+        for name, bound in bounds(type(self)).items():
+            value = getattr(self, name)
+            if value is not None and not bound.allows(value):
+                raise self.refusal(f"{type(self).__name__}: {name} is {brief(value)}; give {bound}")
 
 
 def require_dimension(owner: object, dimension: int, where: str) -> None:

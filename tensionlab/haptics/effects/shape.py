@@ -21,10 +21,10 @@ from tensionlab.haptics.effects.parameters import (
     Damping,
     Edges,
     Length,
+    Parameters,
     Point,
     Range,
     Stiffness,
-    require_parameters,
 )
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
@@ -48,7 +48,7 @@ class HalfSpace:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(Parameters):
     """Ball; in the plane, a disc. At its very centre, out is the last axis.
 
     Parameters
@@ -62,9 +62,6 @@ class Sphere:
     centre: Point = ORIGIN
     radius: Length = 0.10
 
-    def __post_init__(self) -> None:
-        require_parameters(self)
-
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
         arm = position - np.asarray(self.centre)
@@ -74,7 +71,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Parameters):
     """Box along the axes. Inside, out is through the nearest face; of equally near ones, the first axis's.
 
     Parameters
@@ -89,7 +86,7 @@ class Box:
     size: Edges = (0.2, 0.2, 0.2)
 
     def __post_init__(self) -> None:
-        require_parameters(self)
+        super().__post_init__()
         if len(self.centre) != len(self.size):
             raise EffectError(f"Box: size is {self.size}; give {len(self.centre)} edges, as its centre has axes")
 
@@ -107,7 +104,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Distance:
+class Distance(Parameters):
     """Field from a function that gives the distance alone; the direction out comes from central differences.
 
     Parameters
@@ -121,9 +118,6 @@ class Distance:
     of: Callable[[Floats], Floats]
     step: Annotated[float, Range("m", 1e-9, 1.0)] = 1e-5
 
-    def __post_init__(self) -> None:
-        require_parameters(self)
-
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
         shifts = self.step * np.eye(position.shape[-1])
@@ -132,7 +126,7 @@ class Distance:
 
 
 @dataclass(frozen=True)
-class VirtualCoupling:
+class VirtualCoupling(Parameters):
     """Spring and damper between the hand and a proxy: ``F = K_c (proxy - p) - B_c v``.
 
     Whatever holds the proxy, the hand meets no more than K_c and B_c; so they alone decide whether it is stable
@@ -148,9 +142,6 @@ class VirtualCoupling:
 
     stiffness: Stiffness = 400.0
     damping: Damping = 0.0
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     def force(self, motion: Motion, proxy: Floats) -> Floats:
         """Return the force (..., d) on the hand, in N."""

@@ -24,13 +24,13 @@ from tensionlab.haptics.effects.parameters import (
     LengthOrNone,
     Mass,
     ModuleFrequency,
+    Parameters,
     Rate,
     Share,
     Stiffness,
     TimeOrEver,
     TimeOrNever,
     Times,
-    require_parameters,
 )
 
 GRAVITY_M_S2 = 9.81
@@ -44,7 +44,7 @@ class WeightMotion(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Weight:
+class Weight(Parameters):
     """Mass in the hand: gravity, and its inertia, ``F = m (g - a)``.
 
     a is the change of the velocity, low-passed (first order), each component clipped; then the whole rises from 0
@@ -74,9 +74,6 @@ class Weight:
     grasped: TimeOrEver = -math.inf
     ramp: Duration = 0.1
 
-    def __post_init__(self) -> None:
-        require_parameters(self)
-
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the pull down, and against the acceleration."""
         if not isinstance(memory, WeightMotion):
@@ -90,7 +87,7 @@ class Weight:
 
 
 @dataclass(frozen=True)
-class Recoil:
+class Recoil(Parameters):
     """Shot: a kick that rises at once and fades.
 
     After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
@@ -121,7 +118,7 @@ class Recoil:
     rate: Rate = 10.0
 
     def __post_init__(self) -> None:
-        require_parameters(self)
+        super().__post_init__()
         if (np.diff(self.shots) < (1.0 - 1e-9) / self.rate).any():
             raise EffectError(
                 f"Recoil: shots are {brief(self.shots)}; give times in order, {1.0 / self.rate:g} s apart or more"
@@ -147,7 +144,7 @@ class Recoil:
 
 
 @dataclass(frozen=True)
-class Bow:
+class Bow(Parameters):
     """Bow, for the hand that draws it. The motion is that hand's, seen from the bow's.
 
     Drawn by ``x = max(0, |p| - brace)``, it pulls towards the bow's hand with ``F = min(F_max, F_0 + k x)``; a
@@ -199,7 +196,7 @@ class Bow:
     fade: Duration = 0.050
 
     def __post_init__(self) -> None:
-        require_parameters(self)
+        super().__post_init__()
         if self.valley == 1.0:
             raise EffectError("Bow: valley is 1; give a share below 1, so that it lets off before it is drawn")
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.effect import Motion, norm
-from tensionlab.haptics.effects.parameters import PositiveForce, Range, require_parameters
+from tensionlab.haptics.effects.parameters import Parameters, PositiveForce, Range
 from tensionlab.haptics.rendering.passivity import Observed, PassivityController
 
 MAX_FORCE_N = 1000.0
@@ -88,7 +88,7 @@ class StageMemory(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stages:
+class Stages(Parameters):
     """Stages that every force passes.
 
     Effects see the low-passed velocity; their force is limited, changes only so fast, and then the passivity
@@ -109,9 +109,6 @@ class Stages:
     cutoff: Annotated[float, Range("Hz", 0.0, 1e12, positive=True)] = 60.0
     slew: Annotated[float, Range("N/s", 0.0, 1e12, positive=True)] = 200.0
     max_force: PositiveForce = MAX_FORCE_N
-
-    def __post_init__(self) -> None:
-        require_parameters(self)
 
     def smooth(self, motion: Motion, memory: StageMemory | None) -> Motion:
         """Return the motion with its velocity low-passed, for the effects."""
