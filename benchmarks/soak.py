@@ -1,6 +1,7 @@
-"""Soak test of the runner: seven modules in their own processes behind bad links, and hosts that are killed.
+"""Soak test of the runner: seven modules behind bad links, and hosts that are killed.
 
-``python -m benchmarks.soak`` (or ``make soak``) takes ten minutes, and some more for the kills.
+``python -m benchmarks.soak`` (or ``make soak``) plays ten minutes on a simulated clock, and kills hosts in
+processes of their own. The same seed gives the same log.
 """
 
 from __future__ import annotations
@@ -11,70 +12,65 @@ import sys
 import time
 from pathlib import Path
 
-from benchmarks.processes import each_simulated, process, simulated
-from benchmarks.soak_checks import Findings, examine
+import numpy as np
+
+from benchmarks.processes import process, simulated
+from benchmarks.soak_checks import Findings, LimitWatch, examine
+from tensionlab.demand import Pose
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.runner.program import Program, Step
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import RunSettings, WorldClock
+from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.motions import position
+from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
+from tensionlab.records import manifest
 
 RIG = Path("datasets/rigs/seven-modules.toml")
-LINK = ("--latency-ms", 30, "--jitter-ms", 10, "--drop-pct", 1, "--corrupt-pct", 0.1)
-"""Of each module: per cent of the bytes."""
-ORBIT = ("--orbit", "0.05,10")
-"""The hand goes round, 5 cm from its home, once in 10 s."""
+LINK = Conditions(latency=0.030, jitter=0.010, drop=0.01, corrupt=0.001)
+"""Of each module: shares of the bytes."""
+ORBIT_M, ORBIT_S = 0.05, 10.0
+"""The hand goes round, so far from its home, once in so long."""
 TTL, LARGEST_ERROR = 0.5, 0.05
 ON_THE_WAY = 0.1
 """How long a set-point, and then the telemetry that tells of it, are on their way, in s."""
-HEAD = """name = "the force goes round"
-repeat = true
-
-[[steps]]
-seconds = 1.0
-wrench = [0.0, -0.5, -1.5]
-"""
-CORNERS = ((1.5, 0.3, 0.0), (0.0, 0.8, 1.5), (-1.5, 0.3, 0.0), (0.0, -0.5, -1.5))
-STEP_SECONDS = 15.0
+START = (0.0, -0.5, -1.5)
+CORNERS = ((1.5, 0.3, 0.0), (0.0, 0.8, 1.5), (-1.5, 0.3, 0.0), START)
+START_SECONDS, STEP_SECONDS = 1.0, 15.0
+"""The force goes round slowly: a bad link is some 0.1 s behind."""
 OLDEST_LOST = 1.0
 """A log may lack the last second before its host was killed."""
 
 
-def program() -> str:
-    """Return a program whose force goes round, slowly: a bad link is some 0.1 s behind."""
-    steps = [f"[[steps]]\nseconds = {STEP_SECONDS}\nwrench = {list(corner)}\nramp = true\n" for corner in CORNERS]
-    return HEAD + "\n" + "\n".join(steps)
-
-
-def soak(seconds: float, folder: Path) -> Findings:
-    """Run on seven modules behind bad links, and return the findings.
+def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
+    """Run on seven simulated modules behind bad links, and return the findings.
 
     Parameters
     ----------
     seconds : float
-    folder : Path
-        Gets the log, the recordings and what the run needs.
-
-    Raises
-    ------
-    HardwareError
-        If a process does not do what it is to.
+        Of simulated time.
+    log : Path
+        A file that is not there yet.
+    seed : int
+        Of sensors, links and numbers of messages.
     """
     rig = load_rig(RIG)
-    recordings = [folder / f"{module.name}.csv" for module in rig.modules]
-    calls: list[tuple[object, ...]] = [
-        (RIG, "--only", module.name, "--seed", index, *LINK, *ORBIT, "--record", recording)
-        for index, (module, recording) in enumerate(zip(rig.modules, recordings, strict=True))
-    ]
-    (folder / "program.toml").write_text(program(), encoding="utf-8")
-    log = folder / "soak.mcap"
-    log.unlink(missing_ok=True)
-    with each_simulated(calls) as links:
-        (folder / "modules.toml").write_text(modules_to_toml(links), encoding="utf-8")
-        words = ("--modules", folder / "modules.toml", "--program", folder / "program.toml", "--log", log)
-        with process("run", RIG, *words, "--ttl", TTL, "--seconds", seconds, "--json") as host:
-            said, complaint = host.communicate(timeout=seconds + 120.0)
-    if host.returncode != 0:
-        print(said, complaint, file=sys.stderr)
-    return examine(read_run(log), recordings)
+    world = World(rig, lambda time: Pose(position(rig, ORBIT_M, ORBIT_S, time), frames=rig.at_rest), seed)
+    watch = LimitWatch(rig.limits)
+    world.watch = watch
+    steps = [Step(START_SECONDS, np.array(START))]
+    steps += [Step(STEP_SECONDS, np.array(corner), ramp=True) for corner in CORNERS]
+    program = Program("the force goes round", tuple(steps), repeat=True)
+    settings = RunSettings(ttl=TTL)
+    links = dict.fromkeys((module.name for module in rig.modules), "sim:")
+    record = RunLog(log, rig, manifest(["benchmarks.soak"], seed=seed), "newton", settings, links)
+    Runner(rig, world.group(LINK, seed), "newton", program, settings, log=record, clock=WorldClock(world)).run(
+        seconds
+    )
+    return examine(read_run(log), watch.outside)
 
 
 def kills(count: int, folder: Path, seed: int = 0) -> list[str]:
@@ -107,10 +103,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--kills", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/soak"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    found = soak(options.seconds, options.out)
+    log = options.out / "soak.mcap"
+    log.unlink(missing_ok=True)
+    found = soak(options.seconds, log, options.seed)
     print(
         f"{found.cycles} cycles on seven modules, {found.statuses}\n"
         f"force: {100 * found.largest_error:.2f} % off at most, 99 % of {found.compared} within "

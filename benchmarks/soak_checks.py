@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from tensionlab.arrays import Integers
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit, State
+from tensionlab.hardware.simulation.simulated_module import Trace
+from tensionlab.model.module import TensionLimits
 from tensionlab.solvers.base import Status
 
 ROUNDING = 1e-5
@@ -30,7 +30,7 @@ class Findings:
         Of the force that the modules said they pull with, as a share of the demand in force: the largest, and that
         which 99 % stay below.
     outside : int
-        Tensions outside the limits, sent or, by the recordings, pulled with.
+        Tensions outside the limits, sent or pulled with.
     went_back : int
         Times a module followed an older set-point than one before.
     oldest : float
@@ -63,7 +63,7 @@ class Findings:
         return wrong
 
 
-def examine(run: Run, recordings: Iterable[Path]) -> Findings:
+def examine(run: Run, outside: int = 0) -> Findings:
     """Return the findings of a run.
 
     The force is that of the tensions which the modules said they pull with, at the pose by their cable lengths,
@@ -74,8 +74,8 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     Parameters
     ----------
     run : Run
-    recordings : iterable of Path
-        Of the simulated modules, as `tensionlab simulate --record` writes them.
+    outside : int
+        Tensions outside the limits that modules were seen to pull with.
     """
     source = followed(run)
     known = (source >= 0).all(axis=1)
@@ -90,8 +90,7 @@ def examine(run: Run, recordings: Iterable[Path]) -> Findings:
     errors = np.linalg.norm(pulled - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
     sent = run.commanded[np.isfinite(run.commanded)]
     lower, upper = run.rig.limits.lower, run.rig.limits.upper
-    outside = int(((run.commanded < lower) | (run.commanded > upper)).sum())
-    outside += sum(outside_in(path, run) for path in recordings)
+    outside += int(((run.commanded < lower) | (run.commanded > upper)).sum())
     ages = (run.time[:, None] - run.time[source] - run.ages)[known]
     return Findings(
         cycles=len(run),
@@ -123,17 +122,20 @@ def followed(run: Run) -> Integers:
     return found
 
 
-def outside_in(recording: Path, run: Run) -> int:
-    """Count how often a running module pulled with more or less than its limits, once it was taut."""
-    names = [module.name for module in run.rig.modules]
-    count, taut = 0, False
-    with recording.open(encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["state"] != State.RUNNING.name:
-                taut = False
-                continue
-            index = names.index(row["module"])
-            lower, upper = run.rig.limits.lower[index], run.rig.limits.upper[index]
-            taut = taut or float(row["commanded"]) >= lower - ROUNDING
-            count += bool(taut and not lower - ROUNDING <= float(row["commanded"]) <= upper + ROUNDING)
-    return count
+class LimitWatch:
+    """Watch of a world that counts how often a running module leaves its limits, from above 0 N when it begins."""
+
+    def __init__(self, limits: TensionLimits) -> None:
+        self._lower, self._upper = limits.lower - ROUNDING, limits.upper + ROUNDING
+        self._taut = np.zeros(limits.lower.size, dtype=bool)
+        self.outside = 0
+
+    def __call__(self, traces: Sequence[Trace]) -> None:
+        """Count in the latest steps of all modules."""
+        for index, trace in enumerate(traces):
+            running = trace.state == State.RUNNING
+            taut = running & (trace.commanded >= self._lower[index])
+            before = np.concatenate(([self._taut[index]], taut[:-1]))
+            slackened = before & running & ~taut
+            self.outside += int((slackened | (running & (trace.commanded > self._upper[index]))).sum())
+            self._taut[index] = taut[-1]

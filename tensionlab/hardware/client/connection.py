@@ -61,6 +61,8 @@ class Connection:
         The module's name in error messages.
     link : Link or str
         A link, or the URL of one.
+    seed : int, optional
+        Of the numbers that messages and sessions begin with, for a simulation that is to be the same again.
 
     Attributes
     ----------
@@ -74,7 +76,7 @@ class Connection:
         Called with each unrequested message.
     """
 
-    def __init__(self, name: str, link: Link | str) -> None:
+    def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
         self.name = name
         self.link = open_link(link) if isinstance(link, str) else link
         self.telemetry: Received[Telemetry] | None = None
@@ -83,8 +85,9 @@ class Connection:
         self.faults = Fault(0)
         self.on_message: Callable[[Received[Message]], None] | None = None
         self._decoder = Decoder()
-        self._sequence = random.randrange(256)
-        self._set_point = self._armed = random.randrange(256)
+        self._random = random.Random(seed)
+        self._sequence = self._random.randrange(256)
+        self._set_point = self._armed = self._random.randrange(256)
         self._listener: Protocol1Listener | None = None
         self._answers: dict[int, Message | ProtocolError] = {}
         self._refused: Acknowledge | None = None  # the latest refused set-point

@@ -183,7 +183,7 @@ class ModuleGroup:
         answers: dict[ModuleClient, AnswerType] = {}
         failed: dict[ModuleClient, HardwareError] = {}
         waiting: dict[ModuleClient, int] = {}
-        left = set(commands)
+        left = list(commands)
         begins = [client.link.clock() for client in self.clients]
 
         def elapsed() -> float:  # by the links' clocks, as the modules' own timeouts count
@@ -195,7 +195,7 @@ class ModuleGroup:
                 with _collecting(failed, client):
                     waiting[client] = client.send(commands[client], waiting.get(client))
             end = elapsed() + timeout
-            while (left := {client for client in waiting if client not in failed}) and elapsed() < end:
+            while (left := [client for client in waiting if client not in failed]) and elapsed() < end:
                 for client in left:
                     client.listen()
                     with _collecting(failed, client):

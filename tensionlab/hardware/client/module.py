@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -40,8 +39,8 @@ SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 class ModuleClient(Connection):
     """Client of one module: a `Connection`, and the `session` of the last `arm`."""
 
-    def __init__(self, name: str, link: Link | str) -> None:
-        super().__init__(name, link)
+    def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
+        super().__init__(name, link, seed)
         self.session = 0
 
     def __enter__(self) -> Self:
@@ -79,7 +78,7 @@ class ModuleClient(Connection):
     def ping(self) -> tuple[float, int]:
         """Return the round-trip time of a message, in s, and the module's clock, in us."""
         began = self.link.clock()
-        pong = self.request(Ping(random.getrandbits(64)), Pong)
+        pong = self.request(Ping(self._random.getrandbits(64)), Pong)
         return self.link.clock() - began, pong.time_us
 
     def arm(self) -> None:
@@ -89,7 +88,7 @@ class ModuleClient(Connection):
 
     def begin_session(self) -> None:
         """Draw the session of the next `Arm`; a module accepts each only once."""
-        self.session = random.randrange(1, 1 << 16)
+        self.session = self._random.randrange(1, 1 << 16)
 
     def wait(self, seconds: float) -> None:
         """Let time pass by the module's link: a simulated module runs meanwhile, a real one does so anyway."""

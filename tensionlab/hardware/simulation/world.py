@@ -199,13 +199,13 @@ class World:
         return structure
 
     def group(self, conditions: Conditions | None = None, seed: int = 0) -> ModuleGroup:
-        """Return clients of these modules, over links of given conditions; the seed is that of their damage."""
+        """Return clients of these modules, over links of given conditions; the seed is of numbers and damage."""
         clients = []
         for index, (module, simulated) in enumerate(zip(self._rig.modules, self.modules, strict=True)):
             link: Link = SimulatedLink(simulated)
             if conditions is not None:
                 link = FaultyLink(link, conditions, seed=seed + index)
-            clients.append(ModuleClient(module.name, link))
+            clients.append(ModuleClient(module.name, link, seed + index))
         return ModuleGroup(clients)
 
     def _lengths(self) -> list[float]:
