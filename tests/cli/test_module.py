@@ -1,44 +1,46 @@
-"""`tensionlab module`, as a stranger would use it, on modules of another process."""
+"""`tensionlab module`, as a stranger would use it, on simulated modules of this process."""
 
 import json
 import os
 import signal
-import subprocess
-import threading
-import time
-import tomllib
 from pathlib import Path
 
 import pytest
 
-from benchmarks.processes import command, simulated
+from tensionlab.errors import LinkError
 from tensionlab.hardware.client import discovery as discover
+from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.client.links import SerialPort
-from tensionlab.hardware.client.locks import holder
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.model.files import load_rig
+from tests.support.reachable import ReachableRig
 
-pytestmark = pytest.mark.realtime  # modules in another process, over TCP
-
-RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
-
-
-@pytest.fixture(scope="module")
-def modules(tmp_path_factory):
-    """A modules file of a rig's modules."""
-    file = tmp_path_factory.mktemp("rig") / "modules.toml"
-    with simulated(RIG, "--modules", file):
-        yield file
-
-
-@pytest.fixture(scope="module")
-def urls(modules):
-    return tomllib.loads(modules.read_text())["modules"]
+RIG = load_rig(Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml")
 
 
 @pytest.fixture
-def call(run, modules):
+def reach(monkeypatch):
+    """Have a rig's modules over links of given conditions."""
+    return lambda *conditions, seed=0: ReachableRig(monkeypatch, RIG, Conditions(*conditions), seed)
+
+
+@pytest.fixture
+def modules(reach):
+    return reach()
+
+
+@pytest.fixture
+def urls(modules):
+    return modules.urls
+
+
+@pytest.fixture
+def call(run, urls, tmp_path, simulated_time):
     """Run a verb on the rig's modules."""
-    return lambda verb, *words: run("module", *verb.split(), "--modules", modules, *words)
+    file = tmp_path / "modules-file.toml"
+    file.write_text(modules_to_toml(urls))
+    return lambda verb, *words: run("module", *verb.split(), "--modules", file, *words)
 
 
 def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
@@ -86,7 +88,7 @@ def test_a_name_that_the_file_does_not_have(call):
     assert "has no module 'bottom'; it has floor-1, floor-2, floor-3, top" in err
 
 
-def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, urls):
+def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, monkeypatch, tmp_path, urls):
     ports = {
         urls["top"]: SerialPort(urls["top"], "CP2102 USB to UART Bridge", "USB VID:PID=10C4:EA60", 0x10C4),
         urls["floor-1"]: SerialPort(urls["floor-1"], "", "n/a", None),
@@ -99,8 +101,10 @@ def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, mon
     assert top["url"] == urls["top"]
     assert top["info"]["serial_number"] == 4
     assert "cannot be opened" in bluetooth["problem"]
-    with ModuleClient("floor-1", urls["floor-1"]):
-        status, out, _ = run("module", "discover", "--all")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))  # nobody else's locks are there
+    lock = LinkLock(urls["floor-1"])
+    status, out, _ = run("module", "discover", "--all")
+    lock.release()
     assert status == 0
     assert f"in use by process {os.getpid()} (" in " ".join(out.split())
     assert "00000004" in out
@@ -110,26 +114,28 @@ def test_discover_asks_what_looks_like_a_module_and_leaves_others_alone(run, mon
     assert out == "no port looks like a module's; --all tries every serial port\n"
 
 
-def test_ping_tells_percentiles_and_the_safe_rate(call):
-    status, out, _ = call("ping", "--count", "50", "--json")
+def test_ping_tells_percentiles_and_the_safe_rate(run, reach):
+    urls = reach(0.02, 0.01).urls
+    status, out, _ = run("module", "ping", *urls.values(), "--count", "50", "--json")
     assert status == 0
     for found in json.loads(out):
         assert (found["pings"], found["lost"], found["ttl"]) == (50, 0, 0.25)
         times = found["seconds"]
-        assert 0.0 < times["p50"] <= times["p95"] <= times["p99"] <= times["max"] < 0.1
+        assert 0.0 < times["p50"] <= times["p95"] <= times["p99"] <= times["max"] < 0.0605
+        assert times["p50"] > 0.04
         least, most = found["safe_rate"]
         assert least == pytest.approx(3 / (0.25 - times["p99"] / 2))
         assert most == 1000.0
         assert found["clock_offset_error"] < 0.05
-    status, out, _ = call("ping", "--count", "5", "top")
+    status, out, _ = run("module", "ping", "--count", "5", urls["top"])
     assert status == 0
-    assert out.splitlines()[-1].split()[:3] == ["top", "5", "0"]
-    assert "12 to 1000" in out
+    assert out.splitlines()[-1].split()[:3] == [urls["top"], "5", "0"]
+    assert "13 to 1000" in out
 
 
-def test_over_a_bad_link_ping_counts_the_lost_and_asks_for_more(run):
-    with simulated("--latency-ms", 20, "--jitter-ms", 10, "--drop-pct", 0.5, "--seed", 3) as (links, _):
-        _, out, _ = run("module", "ping", links["module"], "--count", "20", "--json")
+def test_over_a_bad_link_ping_counts_the_lost_and_asks_for_more(run, reach):
+    url = reach(0.02, 0.01, 0.005, seed=3).urls["top"]
+    _, out, _ = run("module", "ping", url, "--count", "20", "--json")
     [found] = json.loads(out)
     assert 1 <= found["lost"] <= 10
     assert 0.04 <= found["seconds"]["p50"] <= 0.07
@@ -150,27 +156,40 @@ def test_monitor_shows_what_modules_say_and_what_it_means(call, urls):
     assert found["age"] < 0.2
 
 
-def test_monitor_says_when_a_module_is_gone(run):
-    with simulated() as (links, process):
-        threading.Timer(1.0, process.terminate).start()
-        status, out, err = run("module", "monitor", links["module"], "--seconds", "5")
-        process.wait(10.0)  # a second SIGTERM while it ends would kill it
+def after_a_second(simulated_time, action):
+    """Have something happen once, a second from now."""
+    due = [simulated_time.monotonic() + 1.0]
+
+    def watch():
+        if due and simulated_time.monotonic() >= due[0]:
+            due.clear()
+            action()
+
+    simulated_time.watchers.append(watch)
+
+
+def test_monitor_says_when_a_module_is_gone(call, modules, urls, simulated_time):
+    after_a_second(simulated_time, lambda: modules.cut("floor-2"))
+    status, out, err = call("monitor", "--seconds", "5")
     assert status == 1
-    assert "lost" in out
-    assert f"{links['module']} broke" in err
+    assert [line.split()[:2] for line in out.splitlines()[3:7]] == [
+        [name, "lost" if name == "floor-2" else "idle"] for name in urls
+    ]
+    assert err == f"tensionlab: module 'floor-2': {urls['floor-2']} broke: it was cut\n"
 
 
-def test_ctrl_c_ends_the_monitor_in_good_order(modules, urls):
-    words = command("module", "monitor", "--modules", modules)
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        while holder(urls["top"]) is None:
-            time.sleep(0.02)
-        time.sleep(1.0)
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=10)
-    assert process.returncode == 0
-    assert err == b""
-    assert b"floor-1" in out
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_the_monitor_in_good_order(call, modules, simulated_time, number):
+    began, before = simulated_time.monotonic(), signal.getsignal(number)
+    after_a_second(simulated_time, lambda: signal.raise_signal(number))
+    status, out, err = call("monitor")
+    assert (status, err) == (0, "")
+    assert "floor-1" in out
+    assert simulated_time.monotonic() - began < 1.5
+    assert signal.getsignal(number) is before
+    for link in modules.links.values():
+        with pytest.raises(LinkError, match="is closed"):
+            link.receive(0.0)
 
 
 def test_identify_says_which_cable_pulses_and_why_one_cannot(run, call, urls):

@@ -1,4 +1,4 @@
-"""`tensionlab module calibrate`: in lockstep, on files, and over TCP with modules in a process of their own."""
+"""`tensionlab module calibrate`, on simulated modules of this process, and on files."""
 
 import json
 import sys
@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.processes import simulated
 from tensionlab.errors import CalibrationError
 from tensionlab.files.tables import read_table, write_table
 from tensionlab.hardware.calibration import gain_measurement
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.model.files import load_rig
-
-pytestmark = pytest.mark.realtime  # modules in another process, over TCP
+from tests.support.reachable import ReachableRig
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 
@@ -125,48 +123,51 @@ def test_lengths_that_do_not_tell_are_refused(run, measured):
     assert 'column "floor-1" is missing' in err
 
 
-# With modules in a process of their own, over TCP. Their cables' far ends stand still: only the lockstep of the
-# tests above can hang a mass on one.
+# Behind links of their own, the cables' far ends stand still: only `sim:` hangs a mass on one.
 
 
-def test_over_tcp_lengths_are_told_and_recorded(run, tmp_path):
-    with simulated(RIG) as (links, _):
-        (tmp_path / "modules.toml").write_text(modules_to_toml(links))
-        code, out, err = run("lengths", RIG, "--modules", tmp_path / "modules.toml")
-        assert code == 0, err
-        assert "floor-2" in out
-        assert "Hold the platform at (0, 0.3, 0) m" in err
-        where = tmp_path / "lengths.csv"
-        code, out, err = run("record", RIG, "--modules", tmp_path / "modules.toml", "--out", where, "--poses", 1)
-        assert code == 0, err
-        assert "1 poses" in out
+@pytest.fixture
+def urls(monkeypatch):
+    """Links to the modules of the rig."""
+    return ReachableRig(monkeypatch, load_rig(RIG)).urls
+
+
+def test_lengths_are_told_and_recorded(run, tmp_path, urls, simulated_time):
+    (tmp_path / "modules.toml").write_text(modules_to_toml(urls))
+    code, out, err = run("lengths", RIG, "--modules", tmp_path / "modules.toml")
+    assert code == 0, err
+    assert "floor-2" in out
+    assert "Hold the platform at (0, 0.3, 0) m" in err
+    where = tmp_path / "lengths.csv"
+    code, out, err = run("record", RIG, "--modules", tmp_path / "modules.toml", "--out", where, "--poses", 1)
+    assert code == 0, err
+    assert "1 poses" in out
     rig = load_rig(RIG)
     table = read_table(where, [module.name for module in rig.modules], error=CalibrationError)
     np.testing.assert_allclose([table[m.name][0] for m in rig.modules], rig.lengths(rig.home), atol=2e-3)
 
 
-def test_over_tcp_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tmp_path, monkeypatch):
+def test_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tmp_path, monkeypatch, urls):
     monkeypatch.setattr(gain_measurement, "LEVELS", 4)
     monkeypatch.setattr(gain_measurement, "DWELL", 0.2)
     monkeypatch.setattr(gain_measurement, "RATE", 3.0)
-    with simulated() as (links, _):
-        url = links["module"]
-        code, out, err = run("staircase", url, "--out", tmp_path / "up-and-down.csv")
-        assert code == 0, err
-        assert "up to 2.7" in out
-        taken = gain_measurement.load_staircase(tmp_path / "up-and-down.csv")
-        assert set(taken.step) == {-1, 0, 1, 2, 3, 4, 5, 6}
-        # This module has 3 N/A; what it pulled with is what a sensor would have shown, but for friction.
-        force = 3.0 * taken.current
-        lines = [f"{t},{f}" for t, f in zip(taken.time, force, strict=True)]
-        (tmp_path / "sensor.csv").write_text("time,force\n" + "\n".join(lines))
-        words = ["gain", url, "--sensor", tmp_path / "sensor.csv", "--staircase", tmp_path / "up-and-down.csv"]
-        code, out, err = run(*words, "--json", "--write")
-        assert code == 0, err
-        assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
-        assert json.loads(out)["written"] is True
-        monkeypatch.setattr("typer.prompt", lambda *words, **options: "")
-        monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH", 3.0)
-        code, _, err = run("gain", url, "--mass", 0.1)
-        assert code == 2
-        assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err
+    url = urls["top"]
+    code, out, err = run("staircase", url, "--out", tmp_path / "up-and-down.csv")
+    assert code == 0, err
+    assert "up to 2.7" in out
+    taken = gain_measurement.load_staircase(tmp_path / "up-and-down.csv")
+    assert set(taken.step) == {-1, 0, 1, 2, 3, 4, 5, 6}
+    # This module has 3 N/A; what it pulled with is what a sensor would have shown, but for friction.
+    force = 3.0 * taken.current
+    lines = [f"{t},{f}" for t, f in zip(taken.time, force, strict=True)]
+    (tmp_path / "sensor.csv").write_text("time,force\n" + "\n".join(lines))
+    words = ["gain", url, "--sensor", tmp_path / "sensor.csv", "--staircase", tmp_path / "up-and-down.csv"]
+    code, out, err = run(*words, "--json", "--write")
+    assert code == 0, err
+    assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
+    assert json.loads(out)["written"] is True
+    monkeypatch.setattr("typer.prompt", lambda *words, **options: "")
+    monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH", 3.0)
+    code, _, err = run("gain", url, "--mass", 0.1)
+    assert code == 2
+    assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err

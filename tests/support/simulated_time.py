@@ -1,11 +1,15 @@
 """Time that passes only while somebody sleeps, in place of the module `time`."""
 
+START_S = 1000.0
+LONGEST_S = 3600.0
+"""No test sleeps for longer: something that should end does not."""
+
 
 class SimulatedTime:
     """Clock of a computer that is never late; `sleep` calls each of `watchers` as its time has passed."""
 
     def __init__(self):
-        self._now = 1000.0
+        self._now = START_S
         self.watchers = []
 
     def monotonic(self):
@@ -13,5 +17,6 @@ class SimulatedTime:
 
     def sleep(self, seconds):
         self._now += seconds
+        assert self._now < START_S + LONGEST_S
         for watch in self.watchers:
             watch()
