@@ -17,8 +17,7 @@ from tensionlab.files import writing
 
 if TYPE_CHECKING:
     from tensionlab.scenarios import Scenario
-    from tensionlab.scenarios.direction import Directions
-    from tensionlab.scenarios.expected_values import Check
+    from tensionlab.scenarios.checks import Check, Directions
     from tensionlab.scenarios.play import ScenarioModules, ScenarioResult
 
 LIST = "list"
@@ -60,9 +59,8 @@ def scenario(
     """
     from tensionlab.plots import plot_scenario, save_figure
     from tensionlab.scenarios import load_scenario
-    from tensionlab.scenarios.direction import check_directions
+    from tensionlab.scenarios.checks import check_directions, loop_delay
     from tensionlab.scenarios.expected import check_scenario
-    from tensionlab.scenarios.expected_values import loop_delay
     from tensionlab.scenarios.play import play
 
     if name == LIST:
@@ -167,7 +165,7 @@ def _list(json: bool) -> None:
 
 def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
     """Print measured values beside expected ones, and where forces pointed."""
-    from tensionlab.scenarios.expected_values import loop_delay
+    from tensionlab.scenarios.checks import loop_delay
 
     console = output.console()
     if rows:

@@ -12,14 +12,14 @@ from tensionlab.plots import scenario_panels as panels_of
 from tensionlab.plots.labels import label_points
 from tensionlab.plots.scene import TILE_M, Moment, draw_scene, origin_of, scene_legend, scripted_moment
 from tensionlab.plots.style import add_legend, lines_of, new_figure
-from tensionlab.scenarios.expected_values import rendered_force
+from tensionlab.scenarios.checks import rendered_force
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
     from tensionlab.arrays import Floats
     from tensionlab.scenarios import Scenario
-    from tensionlab.scenarios.expected_values import Check
+    from tensionlab.scenarios.checks import Check
     from tensionlab.scenarios.play import ScenarioResult
 
 CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6

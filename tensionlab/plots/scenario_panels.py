@@ -14,13 +14,13 @@ from tensionlab.arrays import Floats
 from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import held_name, plane_of
 from tensionlab.plots.style import BLUE, COARSE_SHADE, GREEN, GREY, ORANGE, RED, legend_beside, two_scales
-from tensionlab.scenarios.expected_values import ForceRecord, rendered_force
+from tensionlab.scenarios.checks import ForceRecord, rendered_force
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from tensionlab.scenarios import Phase
-    from tensionlab.scenarios.expected_values import Check
+    from tensionlab.scenarios.checks import Check
     from tensionlab.scenarios.play import ScenarioResult
 
 MIN_FORCE_SHARE = 0.1

@@ -17,7 +17,7 @@ from tensionlab.haptics.effects.contact import Plane, Wall
 from tensionlab.haptics.effects.effect import Motion
 from tensionlab.haptics.rendering.renderer import DELAY_CYCLES, HAND_DAMPING
 from tensionlab.haptics.rendering.stability import capped, stiffness_cap
-from tensionlab.scenarios.expected_values import (
+from tensionlab.scenarios.checks import (
     NOTICEABLE,
     Check,
     ForceRecord,

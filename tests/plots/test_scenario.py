@@ -18,7 +18,7 @@ from tensionlab.plots.scenario_panels import (
 from tensionlab.plots.scene import origin_of, scripted_moment, view_of
 from tensionlab.plots.style import save_figure
 from tensionlab.scenarios import load_scenario
-from tensionlab.scenarios.expected_values import Check, rendered_force
+from tensionlab.scenarios.checks import Check, rendered_force
 from tensionlab.scenarios.play import play, simulate_modules
 from tests.support.figures import words_of
 

@@ -8,7 +8,7 @@ import pytest
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.module import WORLD
 from tensionlab.scenarios import SCENARIOS, load_scenario
-from tensionlab.scenarios.direction import check_directions
+from tensionlab.scenarios.checks import check_directions
 from tensionlab.scenarios.expected import check_scenario
 from tensionlab.scenarios.play import play, simulate_modules
 

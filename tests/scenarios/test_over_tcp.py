@@ -15,7 +15,7 @@ from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect, read_run
 from tensionlab.scenarios import SCENARIOS, load_scenario
-from tensionlab.scenarios.direction import check_directions
+from tensionlab.scenarios.checks import check_directions
 from tensionlab.scenarios.expected import check_magnet, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, needs_tracker, play
 

@@ -8,7 +8,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import Limit
-from tensionlab.scenarios.direction import REASONS, check_directions, direction_reasons
+from tensionlab.scenarios.checks import REASONS, check_directions, direction_reasons
 from tensionlab.solvers.base import Status
 from tests.support.runs import logged
 
