@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.pose import frame_of
 from tensionlab.scenarios.scenario import BrakeTarget, Scenario
 
-NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 FADE_IN_S = 0.25
 """Time in which all force fades in: nobody knows where the hand is when a run begins."""
 Notify = Callable[[str, str], None]
@@ -35,11 +33,6 @@ class ScenarioDemand:
         Called when a phase begins, and when the decision about the brakes changes.
     repeat : bool
         Whether it begins anew when it is over.
-
-    Attributes
-    ----------
-    renderer : Renderer
-        Which knows the delay of the loop, and the stiffness it allows.
     """
 
     def __init__(self, scenario: Scenario, notify: Notify | None = None, *, repeat: bool = False) -> None:
@@ -54,16 +47,11 @@ class ScenarioDemand:
         self._contact: BrakeContact | None = None
         self._brake_text = ""
 
-    def __call__(self, state: RigState, over: Mapping[str, Effect] = NO_EFFECTS, share: float = 1.0) -> Demand:
+    def __call__(self, state: RigState, over: Mapping[str, Effect] | None = None, share: float = 1.0) -> Demand:
         """Return the demand of this cycle.
 
-        Parameters
-        ----------
-        state : RigState
-        over : mapping of str to Effect
-            In place of the scenario's own by the same names, in their phases; others are rendered all the time.
-        share : float
-            Of all force, from 0 to 1. At 0 no brake is on, either.
+        Effects ``over`` the scenario's take the place of its own by the same names, in their phases; others are
+        rendered all the time. ``share`` is that of all force, from 0 to 1; at 0 no brake is on, either.
         """
         scenario = self._scenario
         share = share * min(state.time / FADE_IN_S, 1.0)
@@ -77,7 +65,9 @@ class ScenarioDemand:
         effects: dict[str, Effect] = {}
         for phase in phases:
             effects |= phase.effects
-        effects |= {name: each for name, each in over.items() if name in effects or name not in self._own}
+        for name, each in (over or {}).items():
+            if name in effects or name not in self._own:
+                effects[name] = each
         demand = self.renderer(effects, motion, state, share)
         holds = [phase.hold for phase in phases if phase.hold is not None and share > 0.0]
         return replace(demand, brakes=self._brakes(holds[0], motion, state) if holds else self._release())

@@ -77,10 +77,8 @@ class PersonRecord:
     ----------
     time : (K,) array
         In s since the script began.
-    position : (K, d) array
-        Of the hand or the head, in m.
-    force : (K, d) array
-        True force of the cables, in N.
+    position, force : (K, d) arrays
+        Of the hand or the head, in m; true force of the cables on it, in N.
     tensions : (K, m) array
         True tensions, in N.
     """
@@ -159,24 +157,14 @@ class PersonSimulation:
 
     It stands still at its start until all modules are armed; then its script begins. When all have been stopped,
     it goes back there. Modules that are armed meanwhile find it on its way, and its script begins after that.
-
-    Parameters
-    ----------
-    plan : PersonPlan
-    rig : Rig
-    track : callable, optional
-        Called 90 times a second with the positions of the hand and the bodies.
-
-    Attributes
-    ----------
-    far_ends : dict of str to callable
-        Current length of each module's cable, in m.
+    ``far_ends`` are functions that return the current length of each module's cable, in m; ``track`` is called 90
+    times a second.
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig, track: Track | None = None) -> None:
         self._plan, self._rig, self._track = plan, rig, track
         self._person, self._since = Person(plan, rig), 0.0
-        self._lengths: Floats = rig.lengths(*self._person.pose)
+        self._lengths = rig.lengths(*self._person.pose)
         self._playing, self._back_at = False, -np.inf
         self._began, self._frames_sent = time.time(), 0
         self.far_ends: dict[str, Callable[[], float]] = {
@@ -187,7 +175,13 @@ class PersonSimulation:
         """Apply the tensions of all modules and move on: a watcher of `serve`, called each ms."""
         samples = [module.sample for module in modules]
         now = samples[0].seconds
-        self._update_state([sample.state in PULLING for sample in samples], now)
+        pulling = [sample.state in PULLING for sample in samples]
+        if self._playing and not any(pulling):
+            self._restart(return_plan(self._plan, self._person.pose), now)
+            self._playing, self._back_at = False, now + RETURN_S
+        elif not self._playing and all(pulling) and now >= self._back_at:
+            self._restart(self._plan, now)
+            self._playing = True
         self._person.apply_tensions(np.array([sample.tension for sample in samples]))
         # Where the cables are to be after the modules' next step.
         pose = self._person(now + COMPLIANT_STEP_S - self._since)
@@ -197,15 +191,6 @@ class PersonSimulation:
             self._frames_sent = due
             # By the modules' time: what they do late, on a busy machine, was not slow.
             self._track({HAND: pose.position, **_body_positions(pose)}, self._began + now)
-
-    def _update_state(self, pulling: list[bool], now: float) -> None:
-        """Start the script, or the way back, as the modules' states ask for."""
-        if self._playing and not any(pulling):
-            self._restart(return_plan(self._plan, self._person.pose), now)
-            self._playing, self._back_at = False, now + RETURN_S
-        elif not self._playing and all(pulling) and now >= self._back_at:
-            self._restart(self._plan, now)
-            self._playing = True
 
     def _restart(self, plan: PersonPlan, now: float) -> None:
         self._person, self._since = Person(plan, self._rig), now

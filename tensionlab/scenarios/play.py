@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,20 +32,10 @@ SIMULATED = "sim:"
 
 @dataclass(frozen=True, eq=False)
 class ScenarioModules:
-    """Open modules that a scenario is played on, and the source of the poses of hand and bodies.
+    """Open modules, with their links by name, and the source of the poses of hand and bodies.
 
-    Attributes
-    ----------
-    group : ModuleGroup
-    clock : Clock
-    links : mapping of str to str
-        By module.
-    tracker : callable or None
-        None: the pose comes from the cables' lengths.
-    person : Person or None
-        Who is simulated, in this process.
-    client : ClientState or None
-        Receives the tracker's frames; where they fail to come, there is no force.
+    Without a tracker the pose comes from the cables' lengths. The person is who is simulated in this process; the
+    client receives a tracker's frames, and where they fail to come there is no force.
     """
 
     group: ModuleGroup
@@ -58,10 +48,7 @@ class ScenarioModules:
 
 @dataclass(frozen=True, eq=False)
 class ScenarioResult:
-    """Scenario that was played: the run as the host saw it, and the record of the person.
-
-    The record is None where nobody was simulated in this process.
-    """
+    """Scenario that was played, the run as the host saw it, and who was simulated in this process."""
 
     scenario: Scenario
     run: Run
@@ -151,16 +138,8 @@ def perform(
             progress(state.time / length)
         return source(state)
 
-    runner = Runner(
-        scenario.rig,
-        modules.group,
-        solver,
-        demand,
-        _settings(scenario),
-        log=log,
-        clock=modules.clock,
-        tracker=modules.tracker,
-    )
+    settings, clock, tracker = _settings(scenario), modules.clock, modules.tracker
+    runner = Runner(scenario.rig, modules.group, solver, demand, settings, log=log, clock=clock, tracker=tracker)
     return runner.run(length)
 
 
@@ -170,17 +149,11 @@ def _settings(scenario: Scenario) -> RunSettings:
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:
     """Return what every module of a group renders, by its parameters; it refuses impedances that go beyond."""
-    least = {
-        name: min(client.parameter(name) for client in group.clients)
+    stiffness, damping, length = (
+        min(client.parameter(name) for client in group.clients)
         for name in ("stiffness_limit", "damping_limit", "length_upper")
-    }
-    return ModuleLimits(
-        lower=float(rig.limits.lower.max()),
-        upper=float(rig.limits.upper.min()),
-        stiffness=least["stiffness_limit"],
-        damping=least["damping_limit"],
-        length=least["length_upper"],
     )
+    return ModuleLimits(float(rig.limits.lower.max()), float(rig.limits.upper.min()), stiffness, damping, length)
 
 
 @contextmanager
@@ -196,7 +169,5 @@ def temporary_slew(group: ModuleGroup, slew: float | None) -> Iterator[None]:
         yield
     finally:
         for client, own in zip(group.clients, before, strict=True):
-            try:
+            with suppress(HardwareError):  # it is gone, or lets go: what ended the run has been said
                 client.set_parameter("slew", own)
-            except HardwareError:  # it is gone, or lets go: what ended the run has been said
-                continue

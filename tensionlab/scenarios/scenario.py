@@ -110,17 +110,14 @@ class Scenario:
 
     Attributes
     ----------
-    name, title, about : str
     rig : Rig
         Of a point: the hand or the head.
     person : PersonPlan
         Who is simulated, where no real person is.
     phases : tuple of Phase
         Those that overlap are rendered together.
-    seconds : float
-        Duration.
-    rate : float
-        In Hz.
+    seconds, rate : float
+        Duration in s, and rate in Hz.
     nearest : str
         Policy for infeasible forces.
     seen_from : str or None

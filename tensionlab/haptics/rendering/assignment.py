@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, Rendered, SplitEffect
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, SplitEffect
 from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
 
 MAX_APPROACH_M = 0.5
@@ -30,18 +30,10 @@ direction."""
 
 @dataclass(frozen=True)
 class ModuleLimits:
-    """What a module renders at most; it refuses an impedance as a whole that goes beyond.
+    """What a module renders at most, in N, N/m, N s/m and m; it refuses an impedance as a whole that goes beyond.
 
-    The defaults are those of the firmware's parameters.
-
-    Attributes
-    ----------
-    lower, upper : float
-        Tensions in N. The lower one is held under a vibration too, by as much more feed-forward.
-    stiffness, damping : float
-        In N/m and N s/m.
-    length : float
-        Of a cable at rest, in m.
+    The defaults are those of the firmware's parameters. The lower tension is held under a vibration too, by as
+    much more feed-forward; ``length`` is that of a cable at rest.
     """
 
     lower: float = 0.5
@@ -51,17 +43,14 @@ class ModuleLimits:
     length: float = 5.0
 
 
+STANDARD_LIMITS = ModuleLimits()
+
+
 class Cables(NamedTuple):
     """Cables of a rig as they are now.
 
-    Attributes
-    ----------
-    lengths : (m,) array
-        In m.
-    directions : (m, d) array
-        Unit vectors from the hand to the modules.
-    available : (m,) array of bool
-        Modules that may render an impedance.
+    Their lengths (m,) in m, unit vectors (m, d) from the hand to the modules, and which modules may render an
+    impedance (m,).
     """
 
     lengths: Floats
@@ -72,20 +61,9 @@ class Cables(NamedTuple):
 class RenderPlan(NamedTuple):
     """Which module renders what, and what is left for the host.
 
-    Attributes
-    ----------
-    force : (d,) array
-        Host-side, in N: for the other cables.
-    impedances : dict of int to Impedance
-        Module-side, by the number of the cable.
-    expected : (d,) array
-        Force on the hand by those, vibration aside, in N: see `expected_force`.
-    memories : tuple of Memory
-        Of the effects, for the next step.
-    bypass_slew : bool
-        As in `Rendered`.
-    cut : tuple of dict
-        Of each effect, the stiffnesses that the host does not render as they are: see `cut_stiffnesses`.
+    ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of the
+    cable, and ``expected`` (d,) is the force on the hand by those (`expected_force`). Memories are those of the
+    effects; ``cut`` has, for each effect, the stiffnesses that the host does not render as they are.
     """
 
     force: Floats
@@ -97,13 +75,7 @@ class RenderPlan(NamedTuple):
 
 
 class EffectFailed(EffectError):  # noqa: N818 - what happened
-    """Effect that could not be rendered, or whose force is no number.
-
-    Attributes
-    ----------
-    effect : int or str
-        Its index, in the order in which effects were given, or its name.
-    """
+    """Effect, by its index or name, that could not be rendered, or whose force is no number."""
 
     def __init__(self, effect: int | str, reason: str) -> None:
         super().__init__(f"effect {effect!r} failed: {reason}"[:MAX_MESSAGE_CHARACTERS])
@@ -114,32 +86,16 @@ def assign(
     effects: Sequence[Effect],
     motion: Motion,
     cables: Cables,
-    limits: ModuleLimits | None = None,
+    limits: ModuleLimits = STANDARD_LIMITS,
     host_stiffness: float = math.inf,
     memories: Sequence[Memory] | None = None,
 ) -> RenderPlan:
     """Return which module renders which part of some effects, and the force that is left for the host.
 
-    In the order of the effects, each part goes to the cable that lies best along its axis and is still free. An
-    effect that finds none within 45 degrees is rendered by the host as a whole.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Most important first.
-    motion : Motion
-        One, not a batch.
-    limits : ModuleLimits or None
-        Of the modules; None: those of the firmware as it comes.
-    host_stiffness : float
-        Limit of what the host renders, in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`.
-    memories : sequence of Memory or None
-        Of the effects, from the plan before; None at first.
-
-    Raises
-    ------
-    EffectFailed
-        Whatever goes wrong in an effect, and a force that is not finite.
+    In the order of the effects, the most important first, each part goes to the cable that lies best along its
+    axis and is still free. An effect that finds none within 45 degrees is rendered by the host as a whole, no
+    stiffer than ``host_stiffness`` in N/m: see `tensionlab.haptics.rendering.stability.stiffness_cap`. Whatever
+    goes wrong in an effect, and a force that is not finite, raises `EffectFailed`.
     """
     free = np.array(cables.available, dtype=bool)
     force, expected = np.zeros_like(motion.position), np.zeros_like(motion.position)
@@ -160,7 +116,9 @@ def assign(
                 direction = cables.directions[cable]
                 impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
                 expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
-                rendered = _host_side(effect, motion, memory, host_stiffness)
+                rest = capped(effect, host_stiffness, SplitEffect)
+                assert isinstance(rest, SplitEffect)
+                rendered = rest.host_side(motion, memory)
                 cut.append(cut_stiffnesses(effect, host_stiffness, SplitEffect))
             force = force + rendered.force
         except Exception as error:
@@ -181,13 +139,6 @@ def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedanc
     return None
 
 
-def _host_side(effect: Effect, motion: Motion, memory: Memory, host_stiffness: float) -> Rendered:
-    """Return what is left of a split effect, no stiffer than the host may be."""
-    rest = capped(effect, host_stiffness, SplitEffect)
-    assert isinstance(rest, SplitEffect)
-    return rest.host_side(motion, memory)
-
-
 def _best_cable(part: AxisImpedance, directions: Floats, free: NDArray[np.bool_]) -> int | None:
     """Return the free cable that lies best along the axis of a part; None where none lies within 45 degrees."""
     if not free.any():
@@ -198,25 +149,15 @@ def _best_cable(part: AxisImpedance, directions: Floats, free: NDArray[np.bool_]
 
 
 def along_cable(
-    part: AxisImpedance, length: float, direction: Floats, limits: ModuleLimits | None = None
+    part: AxisImpedance, length: float, direction: Floats, limits: ModuleLimits = STANDARD_LIMITS
 ) -> Impedance:
-    """Return the impedance of a cable that renders a part along its axis.
+    """Return the impedance of a cable (length in m, unit vector from the hand) that renders a part along its axis.
 
     Where the hand goes in by dx, a cable at cosine c to the axis pays out c dx, and only c of its tension is along
     the axis; so stiffness and damping grow with ``1/c²``, forces with ``1/c``. The module damps whenever its cable
     pays out, in contact or not: it gets the damping only once there is contact. What is beyond the module's limits
     is cut to them.
-
-    Parameters
-    ----------
-    length : float
-        Of the cable, in m.
-    direction : (d,) array
-        Unit vector of the cable, from the hand to the module.
-    limits : ModuleLimits or None
-        None: those of the firmware as it comes.
     """
-    limits = limits or ModuleLimits()
     c = float(part.axis @ direction)
     amplitude = min(part.amplitude / c, (limits.upper - limits.lower) / 2)
     lowest = limits.lower + amplitude if amplitude else 0.0
@@ -241,15 +182,6 @@ def expected_force(
     (1 + sqrt(1 + 4/tan² a))/2``: the bound of a host that renders it all, if the cable lies across, and none if it
     lies along the axis. Of what is stiffer, only that share is taken back, and the force is off the axis, by
     no more than the cable is. This project's own.
-
-    Parameters
-    ----------
-    direction : (d,) array
-        Unit vector of the cable, from the hand to the module.
-    velocity : (d,) array
-        Of the hand, in m/s.
-    host_stiffness : float
-        Limit of what the host renders, in N/m.
     """
     push, c = part.push(velocity), float(part.axis @ direction)
     cable = float(push @ part.axis) / c * direction

@@ -24,14 +24,7 @@ is five frames at 50 Hz; both together are the 0.25 s after which modules give u
 def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> Floats:
     """Return a low-passed signal, first order: ``y + (1 - exp(-2 pi f T)) (x - y)``.
 
-    Parameters
-    ----------
-    new : array
-        x.
-    before : array or None
-        y of the step before; None: it begins with x.
-    cutoff, step : float
-        f in Hz and T in s.
+    x is new, y that of the step before (None: it begins with x), f the cutoff in Hz, and T the step in s.
     """
     if before is None:
         return new
@@ -39,17 +32,7 @@ def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> 
 
 
 def limit_slew(desired: Floats, before: Floats, change: float, bypass: bool | NDArray[np.bool_] = False) -> Floats:
-    """Return forces that go straight towards the desired ones, by no more than ``change`` N in this step.
-
-    Parameters
-    ----------
-    desired, before : (..., d) arrays
-        In N.
-    change : float
-        In N.
-    bypass : bool or (...) array of bool
-        Where the force may go all the way.
-    """
+    """Return forces (..., d) towards the desired ones, by at most ``change`` N; all the way where ``bypass``."""
     way = desired - before
     size = norm(way)
     share = np.where(np.asarray(bypass) | (size <= change), 1.0, change / np.where(size > 0.0, size, 1.0))
@@ -65,15 +48,8 @@ def fade_in(age: float | Floats, step: float, before: float | Floats | None) -> 
     """Return how far faded in is what depends on messages, from 0 to 1. The share of force is `smoothstep` of it.
 
     It is out when nothing has come for ``FADE_DELAY_S + FADE_S``, and comes in no faster than in ``FADE_S``.
-
-    Parameters
-    ----------
-    age : float or array
-        Time since the latest message, in s; may be infinite.
-    step : float
-        Time since the step before, in s.
-    before : float or array or None
-        The fade then; None: as far in as the age allows.
+    ``age`` is the time in s since the latest message, ``step`` that since the step before, whose fade is
+    ``before``.
     """
     allowed = np.clip((FADE_DELAY_S + FADE_S - np.asarray(age)) / FADE_S, 0.0, 1.0)
     return allowed if before is None else np.minimum(allowed, before + step / FADE_S)
@@ -118,18 +94,9 @@ class Stages(Parameters):
     def filter(
         self, force: Floats, motion: Motion, bypass: bool | NDArray[np.bool_], memory: StageMemory | None
     ) -> tuple[Floats, StageMemory]:
-        """Return the force to demand in place of that of the effects, and the memory for the next step.
+        """Return the force to demand in place of that of the effects (..., d), and the memory for the next step.
 
-        Parameters
-        ----------
-        force : (..., d) array
-            Of the effects, in N.
-        motion : Motion
-            As `smooth` returned it.
-        bypass : bool or (...) array of bool
-            Whether the force is meant to jump.
-        memory : StageMemory or None
-            None: it begins with no force.
+        The motion is as `smooth` returned it; ``bypass`` is where the force is meant to jump.
         """
         before = np.zeros_like(force) if memory is None else memory.force
         slewed = limit_slew(limit_force(force, self.max_force), before, self.slew * motion.step, bypass)

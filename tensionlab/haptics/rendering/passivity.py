@@ -23,14 +23,8 @@ and 30 ms; at 1 also a stable one is rendered as damped, from 5 ms on."""
 def max_damping(mass: float, delay: float, step: float) -> float:
     """Return how much a late damper may damp, in N s/m: ``0.8 m/(T/2 + t_d)``.
 
-    A damper that is late by tau and a mass m shake where its damping is above ``pi/2 m/tau``.
-
-    Parameters
-    ----------
-    mass : float
-        m of the hand, in kg: the lightest there may be.
-    delay, step : float
-        t_d, there and back, and T, for which a force is held; in s.
+    A damper that is late by tau and a mass m shake where its damping is above ``pi/2 m/tau``. m is the lightest
+    hand that there may be, in kg; t_d the delay there and back, and T the step for which a force is held, in s.
     """
     if not (mass > 0.0 and delay >= 0.0 and step > 0.0):
         raise EffectError(
@@ -42,14 +36,9 @@ def max_damping(mass: float, delay: float, step: float) -> float:
 class Observed(NamedTuple):
     """Memory of the observer.
 
-    Attributes
-    ----------
-    energy : (...) array
-        That the loop has taken from the hand, less what it gave, in J.
-    position : (..., d) array
-        Of the step before.
-    forces : tuple of (..., d) arrays
-        Commanded, and not yet at the hand as far as is known; the oldest first.
+    ``energy`` (...) in J is what the loop has taken from the hand, less what it gave; ``position`` (..., d) is
+    that of the step before; ``forces`` are commanded, and not yet at the hand as far as is known, the oldest
+    first.
     """
 
     energy: Floats
@@ -102,17 +91,7 @@ class PassivityController:
             raise EffectError(f"PassivityController: delay is {self.delay}; give a number of steps, 0 or more")
 
     def correct(self, force: Floats, motion: Motion, memory: Observed | None = None) -> Corrected:
-        """Return the force to command now.
-
-        Parameters
-        ----------
-        force : (..., d) array
-            Desired, in N.
-        motion : Motion
-            As the host sees it.
-        memory : Observed or None
-            From the step before.
-        """
+        """Return the force to command now in place of the desired one, (..., d) in N."""
         if memory is None:
             nothing = (np.zeros_like(motion.position),) * (self.delay + 1)
             memory = Observed(np.zeros(motion.position.shape[:-1]), motion.position, nothing)

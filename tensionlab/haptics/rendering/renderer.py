@@ -56,21 +56,10 @@ class Renderer:
     remembered is not kept: without the effect that failed, the next one goes on from the force of the one before,
     by the slew limit.
 
-    Parameters
-    ----------
-    rig : Rig
-        Effects act on its point or reference point.
-
-    Attributes
-    ----------
-    limits : ModuleLimits
-        Of all modules; those of the firmware as it comes, and the rig's tensions, unless they are set.
-    delay : float
-        Loop latency, in s: the largest of the last 100 cycles.
-    ceiling : float
-        Host stiffness limit now, in N/m, with that delay and the longest of those cycles.
-    cut : dict of str to dict
-        By the names of effects, stiffnesses of the latest cycle beyond that limit.
+    Effects act on the rig's point or reference point. ``limits`` are those of all modules: the firmware's as it
+    comes and the rig's tensions, unless they are set. ``delay`` is the loop latency, the largest of the last 100
+    cycles, in s; ``ceiling`` the host stiffness limit in N/m with that delay and the longest of those cycles;
+    ``cut`` has, by the names of effects, the stiffnesses of the latest cycle beyond that limit.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -92,19 +81,9 @@ class Renderer:
     ) -> Demand:
         """Return the demand of this cycle.
 
-        Parameters
-        ----------
-        effects : mapping of str to Effect
-            By any names. One that is changed keeps what it remembers, unless it becomes another kind.
-        motion : Motion
-            Of the hand.
-        share : float
-            Of everything, from 0 to 1. At 0 the cables are held taut.
-
-        Raises
-        ------
-        EffectFailed
-            Naming the effect that could not be rendered.
+        Effects have any names; one that is changed keeps what it remembers, unless it becomes another kind.
+        ``share`` is of everything, from 0 to 1; at 0 the cables are held taut. Raises `EffectFailed`, naming the
+        effect that could not be rendered.
         """
         self._measure_delay(state, motion.step)
         available = state.active & (self._rig.n == self._rig.dimension)

@@ -61,22 +61,9 @@ def stiffness_cap(
 ) -> float:
     """Return how stiff the host may make an effect over a link, in N/m.
 
-    Parameters
-    ----------
-    round_trips : array
-        Measured, in s, or a single one. The 99th percentile counts: shaking needs only a few
-        periods to start.
-    step : float
-        Period of the host's loop, or of the telemetry if that is longer, in s.
-    hand_damping, damping : float
-        As in `stiffness_bound`.
-    margin : float
-        Share of the bound.
-
-    Raises
-    ------
-    EffectError
-        If there is no round trip, or one is no time.
+    Round trips are measured, in s, or a single one; the 99th percentile counts: shaking needs only a few periods
+    to start. ``step`` is the period of the host's loop, or of the telemetry if that is longer, in s; dampings are
+    as in `stiffness_bound`, of which the ``margin`` is a share.
     """
     trips = np.atleast_1d(np.asarray(round_trips, dtype=np.float64))
     if trips.size == 0 or not (np.isfinite(trips) & (trips >= 0.0)).all():
@@ -85,40 +72,34 @@ def stiffness_cap(
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 
-def capped(effect: T, cap: float, spared: type | None = None) -> T:
+def capped(effect: T, cap: float, spared: type | tuple[()] = ()) -> T:
     """Return an effect whose stiffness, and that of its parts, does not exceed a cap in N/m.
 
     Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. Where a kind
     of effect is spared, its own stiffness stays, but not that of its parts.
     """
-    own = spared is not None and isinstance(effect, spared)
     changes: dict[str, object] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
         value = getattr(effect, each.name)
-        if each.name == "stiffness" and not own:
-            changes[each.name] = min(value, cap)
-        elif is_dataclass(value) and not isinstance(value, type):
-            changes[each.name] = capped(value, cap, spared)
-    changes = {name: value for name, value in changes.items() if value != getattr(effect, name)}
+        if each.name == "stiffness" and value > cap and not isinstance(effect, spared):
+            changes[each.name] = cap
+        elif is_dataclass(value) and (part := capped(value, cap, spared)) is not value:
+            changes[each.name] = part
     return replace(effect, **changes) if changes else effect  # type: ignore[type-var]
 
 
-def cut_stiffnesses(effect: object, cap: float, spared: type | None = None, above: str = "") -> dict[str, float]:
+def cut_stiffnesses(
+    effect: object, cap: float, spared: type | tuple[()] = (), above: str = ""
+) -> dict[str, float]:
     """Return the stiffnesses that `capped` cuts, by their names, as they were, in N/m.
 
-    Parameters
-    ----------
-    effect, cap, spared
-        As for `capped`.
-    above : str
-        Name of what the effect is part of, with a dot.
+    ``above`` is the name of what the effect is part of, with a dot.
     """
-    own = spared is not None and isinstance(effect, spared)
     found: dict[str, float] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
         value = getattr(effect, each.name)
-        if each.name == "stiffness" and not own and value > cap:
+        if each.name == "stiffness" and value > cap and not isinstance(effect, spared):
             found[f"{above}stiffness"] = value
-        elif is_dataclass(value) and not isinstance(value, type):
+        elif is_dataclass(value):
             found |= cut_stiffnesses(value, cap, spared, f"{above}{each.name}.")
     return found
