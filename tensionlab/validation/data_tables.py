@@ -110,13 +110,7 @@ class Recording:
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:
-    """Write a recording.
-
-    Raises
-    ------
-    InputError
-        If it is simulated and the file's name does not say so, or the other way round.
-    """
+    """Write a recording; raise `InputError` unless the file's name says whether it is simulated."""
     if ("simulated" in Path(path).stem) != recording.simulated:
         word = "simulated, so its name must say" if recording.simulated else "real, so its name must not say"
         raise InputError(f'{path}: the recording is {word} "simulated"')
@@ -129,13 +123,7 @@ def write_recording(path: str | Path, recording: Recording) -> None:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read a recording.
-
-    Raises
-    ------
-    DataError
-        If there is none; says which column or entry is missing.
-    """
+    """Read a recording; raise `DataError`, which says what column or entry is missing, if there is none."""
     table = _read_table(path, "a recording of forces (*.parquet)")
     try:
         about = _checked_entries(table.manifest)
@@ -199,12 +187,10 @@ class Trial:
 
     Attributes
     ----------
-    question : str
+    question, choice : str
         What differs: "preset", "error", "solver", "solver alone" (on a rig without errors), "side" or
-        "calibration".
-    choice : str
-        How: the preset's name, the only error that is there, the solver, the side of the triangle in m, what was
-        calibrated.
+        "calibration"; and how: the preset, the only error that is there, the solver, the side of the triangle in
+        m, what was calibrated.
     seed : int
         Of the rig's errors: the same seed is the same rig.
     vectors, exact : int
@@ -233,7 +219,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Trials:
-    """Trials, in the order in which they are to be shown, and the manifest of the run that made them."""
+    """Trials, in the order in which they are shown, and the manifest of the run that made them."""
 
     rows: tuple[Trial, ...]
     manifest: dict[str, Any]
@@ -270,7 +256,7 @@ def read_vectors(path: str | Path) -> Floats:
 class Value:
     """Published number, with its unit (empty for a count) and meaning.
 
-    ``reading`` is how we read it where the publication leaves room; empty where it does not.
+    ``reading`` is how we read it where the publication leaves room.
     """
 
     value: float

@@ -36,24 +36,11 @@ IDEAL_PLANT = {"dry_friction": 0.0, "cogging": 0.0, "damping": 25.0}
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """Sizes of the errors of a kind of rig.
+    """Sizes of the errors of a kind of rig; all are standard deviations, but gain and play.
 
-    Attributes
-    ----------
-    gain : float
-        True tension per commanded one, the same in all modules.
-    gain_spread : float
-        Standard deviation of its logarithm from module to module.
-    bias : float
-        Standard deviation, in N.
-    position : float
-        Standard deviation of each coordinate of anchors and sensor, in m.
-    tilt : float
-        Standard deviation about each level axis, in degrees.
-    play : float
-        Dry friction, in N.
-    noise : float
-        Standard deviation of each of the sensor's axes, in N.
+    ``gain`` is true tension per commanded one, the same in all modules, and ``gain_spread`` the deviation of its
+    logarithm from module to module. ``bias``, ``play`` and ``noise`` (of each axis of the sensor) are in N,
+    ``position`` (of each coordinate of anchors and sensor) in m, ``tilt`` (about each level axis) in degrees.
     """
 
     gain: float = 1.0
@@ -78,20 +65,9 @@ PRESETS = {
 class RigErrors:
     """Errors of one rig.
 
-    Attributes
-    ----------
-    gains : (m,) array
-        True tension per commanded one.
-    biases : (m,) array
-        In N.
-    anchors : (m, 3) array
-        True anchors less nominal ones, in m.
-    position : (3,) array
-        True position of the sensor less the nominal one, in m.
-    tilt : (3, 3) array
-        Rotation from world axes into those that the sensor takes for them.
-    play, noise : float
-        As in `ErrorModel`.
+    True tensions per commanded ones (m,) and biases (m,) in N; true less nominal anchors (m, 3) and position of
+    the sensor (3,) in m; the rotation (3, 3) from world axes into those that the sensor takes for them; play and
+    noise as in `ErrorModel`.
     """
 
     gains: Floats

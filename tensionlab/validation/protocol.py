@@ -43,17 +43,9 @@ EARLY_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Protocol:
-    """Directions that are commanded one after another, and times.
+    """Directions (K, 3) that are commanded one after another, with forces of one size in N.
 
-    Attributes
-    ----------
-    hold : float
-        Time for which each force is held, in s.
-    settle : float
-        Time at the begin of each, in s, that is left out of the average, while tensions move.
-    force : float
-        Size of all forces, in N.
-    directions : (K, 3) array
+    Each is held for some s, of which the first, while tensions move, are left out of the average.
     """
 
     hold: float = 1.0
@@ -87,14 +79,11 @@ class Measurement:
         axes, less its zero. In N.
     tensions : tuple of float
         As they were commanded, in N.
-    status : str
-        Of the solver's answer; a name of `Status`.
-    fallback_used : bool
-        Whether the solver left that unproven, so that the exact solver's was sent.
-    samples : int
-        Number of samples in the average.
-    spread : float
-        Standard deviation of these, of the axis where it is largest, in N.
+    status, fallback_used
+        Of the solver's answer, a name of `Status`; whether it left that unproven, so that the exact solver's was
+        sent.
+    samples, spread
+        Number of samples in the average, and their standard deviation of the axis where it is largest, in N.
     rested : float
         Time for which modules had to cool before it, in s.
     limited_modules : tuple of str
@@ -115,22 +104,11 @@ class Measurement:
 
 
 class ForceSequence:
-    """Demand source that holds one force after another.
+    """Demand source that holds one force after another, from the row ``first`` of `Protocol.forces` on.
 
-    Before a force that needs more current than a winding bears for ever, modules rest at their lower limits until
-    all are cool enough.
-
-    Parameters
-    ----------
-    protocol : Protocol
-    heating : (3 + K,) array of bool
-        Which of `Protocol.forces` need so much current.
-    first : int
-        Row of `Protocol.forces` to begin with.
-    sensor : ForceSensor
-    on_held : callable
-        Receives of each force that has been held its number, the samples (K, 3), and the time for which modules
-        had to rest before it, in s.
+    Before a force that needs more current than a winding bears for ever (where ``heating`` says so), modules rest
+    at their lower limits until all are cool enough. ``on_held`` receives of each force that has been held its
+    number, the samples (K, 3), and the time for which modules had to rest before it, in s.
     """
 
     def __init__(
@@ -191,30 +169,10 @@ def measure(
     on_measured: Callable[[Measurement], None],
     first: int = 0,
 ) -> bool:
-    """Go through the protocol.
+    """Go through the protocol, from the row ``first`` of its forces on; each measurement is handed on at once.
 
-    Parameters
-    ----------
-    rig : Rig
-        As it is believed to be.
-    modules, clock, solver
-        As for `Runner`.
-    sensor : ForceSensor
-    protocol : Protocol
-    on_measured : callable
-        Receives each measurement as soon as it is there.
-    first : int
-        Row of `Protocol.forces` to begin with.
-
-    Returns
-    -------
-    bool
-        Whether all forces were held; a signal, such as Ctrl-C, may end it before.
-
-    Raises
-    ------
-    HardwareError
-        Of the modules, as from `Runner.run`, or of the sensor.
+    Return whether all forces were held: a signal, such as Ctrl-C, may end it before. Raise `HardwareError` of the
+    modules, as from `Runner.run`, or of the sensor.
     """
     offset = measure_zero(sensor, clock, modules)
     pose = Pose(rig.home, frames=rig.at_rest)

@@ -27,14 +27,9 @@ ARMING_S = 0.020
 class SensorForces:
     """Forces that the sensor shows.
 
-    Attributes
-    ----------
-    rotation : (3, 3) array
-        From the readings, upright, into the devices' axes.
-    sensor : (3 + K, 3) array
-        Readings less their zero, in the sensor's axes, in N; the forces on the axes first.
-    forces : (K, 3) array
-        The others, in the devices' axes.
+    The rotation (3, 3) leads from the readings, upright, into the devices' axes. ``sensor`` (3 + K, 3) are the
+    readings less their zero, in the sensor's axes, in N, the forces on the axes first; ``forces`` (K, 3) the
+    others, in the devices' axes.
     """
 
     rotation: Floats
@@ -45,21 +40,11 @@ class SensorForces:
 def predict_forces(
     rig: Rig, errors: RigErrors, tensions: Floats, rendered: Floats, noise: Floats, rotation: Floats | None = None
 ) -> SensorForces:
-    """Predict what the sensor of a rig with errors shows of tensions that are commanded one after another.
+    """Predict what the sensor of a rig with errors shows of tensions (3 + K, m), commanded one after another.
 
-    Parameters
-    ----------
-    rig : Rig
-        As the host believes it to be.
-    errors : RigErrors
-    tensions : (3 + K, m) array
-        In N; before them, all cables are held at their lower limits.
-    rendered : (3, 3) array
-        Force of the first three by the nominal rig, for the alignment.
-    noise : (3 + K, 3) array
-        To be added, from `mean_noise`.
-    rotation : (3, 3) array, optional
-        As it was found before; found from the first three if left out.
+    Before them, all cables are held at their lower limits. ``rendered`` (3, 3) is the force of the first three by
+    the nominal rig, for the alignment, unless its ``rotation`` was found before; ``noise`` (3 + K, 3) comes from
+    `mean_noise`.
     """
     real = true_rig(rig, errors)
     pulled = np.maximum(friction_play(errors.gains * tensions, errors.gains * rig.limits.lower, errors.play), 0.0)

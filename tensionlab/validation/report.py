@@ -46,18 +46,9 @@ class AlignedForces:
 
 @dataclass(frozen=True, eq=False)
 class ValidationResult:
-    """Measurements of a complete validation, aligned.
+    """Measurements of a complete validation, the axes first, aligned in the ways of `ALIGNMENTS`.
 
-    Attributes
-    ----------
-    setup : mapping
-        As `ValidationPlan.setup` says.
-    measurements : tuple of Measurement
-        All of them, the axes first.
-    desired : (K, 3) array
-        Without the axes, in N.
-    aligned : dict of str to AlignedForces
-        By the key of `ALIGNMENTS`.
+    The setup is `ValidationPlan.setup`; desired forces (K, 3) are without the axes, in N.
     """
 
     setup: Mapping[str, Any]

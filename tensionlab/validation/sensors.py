@@ -54,7 +54,8 @@ class ForceSensor(Protocol):
 class ForceParser:
     """Parser of lines with forces, fed in pieces of any size.
 
-    ``source`` names them in messages; ``simulated`` tells whether a line said so.
+    ``source`` names them in messages; ``simulated`` tells whether a line said so. What is no force is a
+    `HardwareError`.
     """
 
     def __init__(self, source: str) -> None:
@@ -66,13 +67,7 @@ class ForceParser:
         self._unit, self._counts = 1.0, 1.0
 
     def feed(self, text: str) -> Floats:
-        """Return the forces of the lines that are complete now, (K, 3) in N.
-
-        Raises
-        ------
-        HardwareError
-            Naming source and line, if it has none.
-        """
+        """Return the forces of the lines that are complete now, (K, 3) in N."""
         *lines, self._rest = (self._rest + text).split("\n")
         found = [force for line in lines if (force := self._parse(line)) is not None]
         return np.array(found).reshape(-1, 3)
@@ -128,13 +123,7 @@ class ForceParser:
 
 
 def read_forces(path: str | Path) -> Floats:
-    """Return the forces in a sensor's file, (K, 3) in N, in the sensor's own axes.
-
-    Raises
-    ------
-    HardwareError
-        Naming the file and the line, if it can't be read or there are none.
-    """
+    """Return the forces in a sensor's file, (K, 3) in N, in its own axes; `HardwareError` names file and line."""
     text = read_text(path, "a table of forces (*.csv)", HardwareError, MAX_FILE_BYTES)
     found = ForceParser(str(path)).feed(text + "\n")
     if not len(found):
@@ -147,11 +136,6 @@ class FileSensor:
 
     What was in it before counts for the names of the columns alone. The program must write without delay: what
     comes late is taken for a later force.
-
-    Raises
-    ------
-    HardwareError
-        If the file can't be read.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -179,13 +163,7 @@ class FileSensor:
 
 
 class NetworkSensor:
-    """Sensor that sends a line of 3 or 6 numbers for each sample to whoever connects; `SCHEMES`, host and port.
-
-    Raises
-    ------
-    LinkError
-        If nobody is there, or nothing comes, or it is no address.
-    """
+    """Sensor that sends a line of 3 or 6 numbers for each sample to whoever connects; `SCHEMES`, host and port."""
 
     def __init__(self, url: str) -> None:
         host, colon, port = url.partition("://")[2].rpartition(":")

@@ -31,18 +31,10 @@ OLD_FORMAT = "tensionlab validation 1"
 
 @dataclass(frozen=True, eq=False)
 class ValidationPlan:
-    """Rig, solver and protocol of a validation.
+    """Rig, as it is believed to be, solver and protocol of a validation.
 
-    Attributes
-    ----------
-    rig : Rig
-        As it is believed to be.
-    solver : str
-    protocol : Protocol
-    preset : str or None
-        A key of `PRESETS`: what is wrong with the simulated rig. None for real modules, or another process's.
-    seed : int
-        Of the errors and of the noise.
+    The preset, a key of `PRESETS`, is what is wrong with the simulated rig; None for real modules, or another
+    process's. The seed is of the errors and of the noise.
     """
 
     rig: Rig
@@ -69,22 +61,9 @@ class ValidationPlan:
 class Journal:
     """File of JSON lines, so that an interrupted validation goes on: the setup, and then each measurement.
 
-    Parameters
-    ----------
-    path : path
-        Made if it is not there. What an interrupted validation left is taken over.
-    setup : mapping
-        What must not differ between the sessions of one validation: numbers, words and lists.
-
-    Attributes
-    ----------
-    measurements : list of Measurement
-        In the order of their numbers, without a gap.
-
-    Raises
-    ------
-    LogError
-        Naming the file: it is of another validation, is damaged, or can't be read or written.
+    What an interrupted validation left in the file is taken over; its setup must not differ. Measurements are in
+    the order of their numbers, without a gap. `LogError` names a file that is of another validation, is damaged,
+    or can't be read or written.
     """
 
     def __init__(self, path: Path, setup: Mapping[str, Any]) -> None:
@@ -163,7 +142,7 @@ def validate(
     opened: tuple[ModuleGroup, ForceSensor] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[dict[str, Any], list[Measurement]]:
-    """Measure what is still to be measured.
+    """Measure what is still to be measured; return the setup, and fewer measurements if a signal ended it.
 
     A simulated rig is deterministic, and goes through what it did before without recording it again: friction
     remembers, so that each force depends a little on those before. Real modules take up the last force again, and
@@ -178,13 +157,6 @@ def validate(
         Real modules and their sensor, or those of another process; simulated ones of this process if left out.
     progress : callable, optional
         Receives the share that is done.
-
-    Returns
-    -------
-    setup : dict
-        As `ValidationPlan.setup` says.
-    measurements : list of Measurement
-        Fewer than there are forces if a signal ended it.
 
     Raises
     ------

@@ -149,15 +149,7 @@ class SimulatedSetup(NamedTuple):
 
 
 def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> SimulatedSetup:
-    """Return simulated modules and a sensor, in lockstep, where the errors put them.
-
-    Raises
-    ------
-    RigError
-        If the rig does not hold a point in space.
-    HardwareError
-        If no module of this kind can do what the rig says.
-    """
+    """Return simulated modules and a sensor, in lockstep, where the errors put them."""
     require_point(rig)
     world = World(true_rig(rig, errors), seed=seed, plants=true_plants(rig, errors))
     sensor = SimulatedSensor(rig, errors, seed)

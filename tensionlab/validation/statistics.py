@@ -26,17 +26,8 @@ RESAMPLES, CONFIDENCE = 2000, 0.95
 def fit_yaw(desired: Floats, measured: Floats) -> Floats:
     """Return the turn about the vertical that fits best, as published: a tilt of the sensor stays.
 
-    The angle is atan2(sum(q_z p_x - q_x p_z), sum(q_x p_x + q_z p_z)), with q measured and p desired.
-
-    Parameters
-    ----------
-    desired, measured : (K, 3) arrays
-        Forces in N; the measured ones upright already.
-
-    Returns
-    -------
-    (3, 3) array
-        Rotation of measured forces.
+    The angle is atan2(sum(q_z p_x - q_x p_z), sum(q_x p_x + q_z p_z)), with q the measured forces (K, 3), upright
+    already, and p the desired ones. The rotation (3, 3) is that of measured forces.
     """
     p, q = desired, measured
     sine = np.sum(q[:, 2] * p[:, 0] - q[:, 0] * p[:, 2])
@@ -79,16 +70,9 @@ class Interval(NamedTuple):
 class Deviations(NamedTuple):
     """Deviations of K measured forces.
 
-    Attributes
-    ----------
-    angle : (K,) array
-        Between measured and desired force, in degrees; NaN for a measured force of zero.
-    magnitude : (K,) array
-        Of the measured force, in N.
-    magnitude_error : (K,) array
-        Absolute difference to that of the desired one, in N.
-    vector : (K,) array
-        Length of the difference of the two forces, in N.
+    The angle between measured and desired force, in degrees (NaN for a measured force of zero); the magnitude of
+    the measured force, its absolute difference to that of the desired one, and the length of the difference of the
+    two forces, in N.
     """
 
     angle: Floats
@@ -131,20 +115,10 @@ def deviations(desired: Floats, measured: Floats) -> Deviations:
 
 
 def score(desired: Floats, measured: Floats, seed: int = 0) -> ForceScore:
-    """Return the statistics of measured forces.
+    """Return the statistics of measured forces (K, 3) in N; raise `ShapeError` if there is none.
 
-    Parameters
-    ----------
-    desired, measured : (K, 3) arrays
-        In N.
-    seed : int
-        Of the bootstrap: whole vectors are drawn again with replacement, 2000 times (Efron 1979, Annals of
-        Statistics 7(1); percentiles). It shows how much the choice of vectors matters, on this rig.
-
-    Raises
-    ------
-    ShapeError
-        If there is no vector.
+    In the bootstrap, whole vectors are drawn again with replacement, 2000 times (Efron 1979, Annals of Statistics
+    7(1); percentiles). It shows how much the choice of vectors matters, on this rig.
     """
     if not len(desired):
         raise ShapeError("no forces were measured; there is nothing to compare")
@@ -185,15 +159,10 @@ class ForceModel:
 
 @dataclass(frozen=True, eq=False)
 class CableEstimates:
-    """Gain and bias of each cable, with 95 % confidence.
+    """Gain (true tension per commanded one) and bias in N of each cable, with 95 % confidence.
 
-    Attributes
-    ----------
-    gains : tuple of Estimate
-        True tension per commanded one.
-    biases : tuple of Estimate
-        In N. Of four cables on a point only three combinations of biases can be measured: these are the smallest
-        ones that make the offset, without the part that cancels out at the point.
+    Of four cables on a point only three combinations of biases can be measured: these are the smallest ones that
+    make the offset, without the part that cancels out at the point.
     """
 
     gains: tuple[Estimate, ...]

@@ -31,7 +31,9 @@ def low_pass(new: Floats, before: Floats | None, cutoff: float, step: float) -> 
     return before - math.expm1(-2.0 * math.pi * cutoff * step) * (new - before)
 
 
-def limit_slew(desired: Floats, before: Floats, change: float, bypass: bool | NDArray[np.bool_] = False) -> Floats:
+def limit_force_slew(
+    desired: Floats, before: Floats, change: float, bypass: bool | NDArray[np.bool_] = False
+) -> Floats:
     """Return forces (..., d) towards the desired ones, by at most ``change`` N; all the way where ``bypass``."""
     way = desired - before
     size = norm(way)
@@ -99,7 +101,7 @@ class Stages(Parameters):
         The motion is as `smooth` returned it; ``bypass`` is where the force is meant to jump.
         """
         before = np.zeros_like(force) if memory is None else memory.force
-        slewed = limit_slew(limit_force(force, self.max_force), before, self.slew * motion.step, bypass)
+        slewed = limit_force_slew(limit_force(force, self.max_force), before, self.slew * motion.step, bypass)
         if self.controller is None:
             return slewed, StageMemory(motion.velocity, slewed)
         # After the slew: the observer has to know what is really commanded, and its damper must not wait.

@@ -7,7 +7,7 @@ import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Bow, Motion, Recoil, Weight, relative
-from tensionlab.haptics.rendering.filtering import limit_slew
+from tensionlab.haptics.rendering.filtering import limit_force_slew
 from tests.support.motions import at, follow
 
 
@@ -51,7 +51,7 @@ def test_a_shot_has_its_impulse():
 def test_what_a_modules_own_limit_leaves_of_a_shot(slew, peak, impulse):
     time, now, forces = np.arange(0.0, 1.0, 1e-4), np.zeros(3), []
     for wanted in kick(Recoil(shots=(0.0,)), time).force:
-        now = limit_slew(wanted, now, slew * 1e-4)
+        now = limit_force_slew(wanted, now, slew * 1e-4)
         forces.append(-now[1])
     assert max(forces) == pytest.approx(peak, abs=0.05)
     assert np.trapezoid(forces, time) == pytest.approx(impulse, abs=0.005)

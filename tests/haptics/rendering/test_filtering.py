@@ -6,7 +6,14 @@ import pytest
 from tensionlab.errors import EffectError
 from tensionlab.haptics.effects import Motion, Recoil, Viscous, Wall
 from tensionlab.haptics.effects.effect import smoothstep
-from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S, Stages, fade_in, limit_slew, low_pass
+from tensionlab.haptics.rendering.filtering import (
+    FADE_DELAY_S,
+    FADE_S,
+    Stages,
+    fade_in,
+    limit_force_slew,
+    low_pass,
+)
 from tensionlab.haptics.rendering.passivity import PassivityController
 from tests.support.motions import Staged, at, follow
 
@@ -23,10 +30,10 @@ def test_the_low_pass_halves_the_power_at_its_cutoff():
 
 def test_the_slew_goes_straight_and_no_faster():
     before, wanted = np.array([1.0, 0.0, 0.0]), np.array([1.0, 3.0, 4.0])
-    assert limit_slew(wanted, before, 0.5) == pytest.approx([1.0, 0.3, 0.4])
-    assert limit_slew(wanted, before, 9.0) == pytest.approx(wanted)
-    assert limit_slew(wanted, before, 0.5, bypass=True) == pytest.approx(wanted)
-    both = limit_slew(np.stack([wanted, wanted]), before, 0.5, np.array([True, False]))
+    assert limit_force_slew(wanted, before, 0.5) == pytest.approx([1.0, 0.3, 0.4])
+    assert limit_force_slew(wanted, before, 9.0) == pytest.approx(wanted)
+    assert limit_force_slew(wanted, before, 0.5, bypass=True) == pytest.approx(wanted)
+    both = limit_force_slew(np.stack([wanted, wanted]), before, 0.5, np.array([True, False]))
     assert both == pytest.approx(np.array([wanted, [1.0, 0.3, 0.4]]))
 
 
