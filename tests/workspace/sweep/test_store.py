@@ -5,10 +5,8 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -22,28 +20,56 @@ from tensionlab.workspace.sweep.configurations import vary
 from tensionlab.workspace.sweep.store import LEDGER, LOCK, ZarrStore
 from tests.support.tallied import Tallied, read
 
-pytestmark = pytest.mark.realtime  # sweeps that are killed
-
 RIGS = vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4])
 POSES = Grid(np.linspace(-1, 1, 5), np.linspace(0, 1, 4), np.linspace(-1, 1, 3))
 CHUNK = 9  # 2 x 2 x 5 x 2 chunks of 3 x 3 poses or less
 COUNT = 40
 
 PROGRAM = """
-import sys
+import os, signal, sys
 import numpy as np
 import tensionlab as tl
-from tests.support.tallied import Tallied
 from tensionlab.workspace.poses import Grid
+from tensionlab.workspace.sweep import store
 from tensionlab.workspace.sweep.configurations import vary
+from tests.support.tallied import Tallied
 
-tl.sweep(
-    vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4]),
-    Grid(np.linspace(-1, 1, 5), np.linspace(0, 1, 4), np.linspace(-1, 1, 3)),
-    ["least-singular-value", Tallied(sys.argv[2], 0.1)],
-    out=sys.argv[1],
-    chunk=9,
-)
+def sweep(seconds):
+    tl.sweep(
+        vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4]),
+        Grid(np.linspace(-1, 1, 5), np.linspace(0, 1, 4), np.linspace(-1, 1, 3)),
+        ["least-singular-value", Tallied(sys.argv[2], seconds)],
+        out=sys.argv[1],
+        chunk=9,
+    )
+"""
+TOGETHER = """
+print(flush=True)
+sys.stdin.readline()
+sweep(0.02)
+"""
+KILLED = """
+def before_the_line(self, number, files):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def within_the_line(self, number, files):
+    with (self._store / store.LEDGER).open("ab") as ledger:
+        ledger.write(store._line({"chunk": number, "files": files})[:-5])
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def after_the_line(self, number, files):
+    add(self, number, files)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+add = store.Ledger.add
+for finished, killed in ((5, before_the_line), (12, within_the_line), (25, after_the_line)):
+    child = os.fork()
+    if child == 0:
+        store.Ledger.add = lambda self, *line: (killed if len(self._chunks) == finished else add)(self, *line)
+        sweep(0.0)
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    print(os.WTERMSIG(status), open(f"{sys.argv[1]}/{store.LEDGER}").read().count("\\n") - 1, flush=True)
 """
 
 
@@ -53,18 +79,59 @@ def store(tmp_path):
 
 
 def sweep(store, tally, **changed):
-    arguments = {"rigs": RIGS, "poses": POSES, "measures": ["least-singular-value", Tallied(str(tally), 0.02)]}
+    arguments = {"rigs": RIGS, "poses": POSES, "measures": ["least-singular-value", Tallied(str(tally))]}
     return tl.sweep(**{**arguments, **changed}, out=store, chunk=CHUNK)
 
 
-def command(store, tally):
+@pytest.fixture(scope="module")
+def templates(tmp_path_factory):
+    """A finished store, one with 12 finished chunks, and the tally of both: tests get copies."""
+    folder = tmp_path_factory.mktemp("templates")
+    stop(folder / "interrupted.zarr", folder / "tally", 12)
+    shutil.copytree(folder / "interrupted.zarr", folder / "finished.zarr")
+    sweep(folder / "finished.zarr", folder / "tally")
+    return folder
+
+
+@pytest.fixture
+def finished(templates, store):
+    """Make the store a finished one, and return its tally."""
+    shutil.copytree(templates / "finished.zarr", store)
+    return templates / "tally"
+
+
+@pytest.fixture
+def interrupted(templates, store):
+    """Make the store one with 12 finished chunks, and return its tally."""
+    shutil.copytree(templates / "interrupted.zarr", store)
+    return templates / "tally"
+
+
+def stop(store, tally, count):
+    """Sweep until so many chunks are finished."""
+    write = ZarrStore.write
+
+    def until(self, task, values):
+        if len(lines(store)) == count:
+            raise KeyboardInterrupt
+        write(self, task, values)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ZarrStore, "write", until)
+        with pytest.raises(KeyboardInterrupt):
+            sweep(store, tally)
+
+
+def start(program, store, tally):
     path = os.pathsep.join([str(Path(__file__).parents[3]), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return [sys.executable, "-c", PROGRAM, store, tally], {**os.environ, "PYTHONPATH": path}
-
-
-def start(store, tally):
-    program, environment = command(store, tally)
-    return subprocess.Popen(program, env=environment)
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM + program, store, tally],
+        env={**os.environ, "PYTHONPATH": path},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def lines(store):
@@ -75,16 +142,9 @@ def lines(store):
     return [each["chunk"] for each in contents if "chunk" in each]
 
 
-def wait_for(condition):
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline, "waited for too long"
-        time.sleep(0.001)
-
-
 def test_a_finished_store_is_the_sweep(store, tmp_path):
     data = sweep(store, tmp_path / "a").load()
-    expected = tl.sweep(RIGS, POSES, ["least-singular-value", Tallied(str(tmp_path / "a"), 0.02)])
+    expected = tl.sweep(RIGS, POSES, ["least-singular-value", Tallied(str(tmp_path / "a"))])
     assert data.drop_attrs(deep=False).identical(expected.drop_attrs(deep=False))
     assert lines(store) == list(range(COUNT))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "sweep.zarr"]
@@ -98,35 +158,29 @@ def test_any_name_of_a_module_can_be_stored(store):
     assert data["anchor_x-_y-_z+_x"].values.tolist() == [0.0, 1.0]
 
 
-def test_a_finished_sweep_is_only_opened(store, tmp_path):
-    first = sweep(store, tmp_path / "a")
-    before = read(tmp_path / "a")
-    again = sweep(store, tmp_path / "a")
-    assert read(tmp_path / "a") == before
-    xr.testing.assert_identical(first.load(), again.load())
+def test_a_finished_sweep_is_only_opened(store, finished):
+    first = xr.open_zarr(store, chunks=None).load()
+    before = read(finished)
+    again = sweep(store, finished)
+    assert read(finished) == before
+    xr.testing.assert_identical(first, again.load())
 
 
+@pytest.mark.realtime  # processes that are killed with -9
 def test_after_kill_9_it_goes_on_and_computes_no_finished_chunk_again(store, tmp_path):
+    """Killed three times: before, within and after a line of the ledger."""
     tally = tmp_path / "tally"
-    killed = 0
-    for least in (5, 12, 25):  # killed three times
-        process = start(store, tally)
-        wait_for(lambda least=least: len(lines(store)) >= least)
-        process.send_signal(signal.SIGKILL)
-        assert process.wait() == -signal.SIGKILL
-        finished = set(lines(store))
-        assert killed < len(finished) < COUNT
-        killed = len(finished)
-
+    with start(KILLED, store, tally) as process:
+        assert process.communicate() == ("9 5\n9 12\n9 26\n", "")
+    finished = set(lines(store))
     evaluated = len(read(tally))
     times = {path: path.stat().st_mtime_ns for path in (store / "least-singular-value").glob("[0-9]*")}
     in_ledger = {path: time_ns for path, time_ns in times.items() if number(path) in finished}
-    assert len(in_ledger) == len(finished)
+    assert len(in_ledger) == len(finished) == 26
 
-    assert start(store, tally).wait() == 0
+    data = sweep(store, tally)
     assert len(read(tally)) - evaluated == COUNT - len(finished)
     assert {path: path.stat().st_mtime_ns for path in in_ledger} == in_ledger
-    data = xr.open_zarr(store, chunks=None)
     expected = tl.sweep(RIGS, POSES, ["least-singular-value", Tallied(str(tmp_path / "b"))])
     for name in expected.data_vars:
         np.testing.assert_array_equal(data[name], expected[name])
@@ -137,49 +191,27 @@ def number(path):
     return int(np.ravel_multi_index([int(i) for i in path.name.split(".")], (2, 2, 5, 2, 1)))
 
 
-def stop(store, tally, count, monkeypatch):
-    """Sweep until so many chunks are finished."""
-    write = ZarrStore.write
-
-    def until(self, task, values):
-        if len(lines(store)) == count:
-            raise KeyboardInterrupt
-        write(self, task, values)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(ZarrStore, "write", until)
-        with pytest.raises(KeyboardInterrupt):
-            sweep(store, tally)
-
-
-@pytest.fixture
-def interrupted(store, tmp_path, monkeypatch):
-    """A store with 12 finished chunks, and the number of those evaluated for it."""
-    stop(store, tmp_path / "tally", 12, monkeypatch)
-    return len(read(tmp_path / "tally"))
-
-
-def test_a_line_cut_short_does_not_count(store, interrupted, tmp_path, monkeypatch):
+def test_a_line_cut_short_does_not_count(store, interrupted):
     def cut_short():
         unfinished = max(set(range(COUNT)) - set(lines(store)))
         with (store / LEDGER).open("a") as ledger:
             ledger.write(f'0123456789abcdef {{"chunk": {unfinished}, "files": {{}}')
 
     cut_short()
-    stop(store, tmp_path / "tally", 20, monkeypatch)
+    stop(store, interrupted, 20)
     assert len(set(lines(store))) == 20
     cut_short()
-    evaluated = len(read(tmp_path / "tally"))
-    data = sweep(store, tmp_path / "tally")
-    assert len(read(tmp_path / "tally")) - evaluated == COUNT - 20
+    evaluated = len(read(interrupted))
+    data = sweep(store, interrupted)
+    assert len(read(interrupted)) - evaluated == COUNT - 20
     assert not data["Tallied"].isnull().any()
 
 
-def test_data_that_the_ledger_does_not_know_are_written_again(store, interrupted, tmp_path):
+def test_data_that_the_ledger_does_not_know_are_written_again(store, interrupted):
     finished = set(lines(store))
     last = np.unravel_index(max(set(range(COUNT)) - finished), (2, 2, 5, 2, 1))
     (store / "least-singular-value" / ".".join(map(str, last))).write_bytes(b"half a chunk")
-    data = sweep(store, tmp_path / "tally").load()
+    data = sweep(store, interrupted).load()
     expected = tl.sweep(RIGS, POSES, "least-singular-value")
     np.testing.assert_array_equal(data["least-singular-value"], expected["least-singular-value"])
 
@@ -206,52 +238,49 @@ CHUNK_FILE = ARRAY / "0.0.0.0.0"
 @pytest.mark.parametrize(
     "name", [CHUNK_FILE, ARRAY / ".zarray", Path(".zattrs"), Path(".zmetadata"), Path("anchor") / "0.0.0.0"]
 )
-def test_a_flipped_byte_in_a_finished_store_is_found(store, tmp_path, name):
-    sweep(store, tmp_path / "tally")
+def test_a_flipped_byte_in_a_finished_store_is_found(store, finished, name):
     flip(store / name)
     with pytest.raises(SweepError, match=re.escape(str(store / name)) + " was changed since the sweep wrote it"):
-        sweep(store, tmp_path / "tally")
+        sweep(store, finished)
 
 
-def test_a_flipped_byte_in_an_unfinished_store_is_found(store, interrupted, tmp_path):
-    name = sorted((store / ARRAY).glob("[0-9]*"))[0]
-    if number(name) in set(lines(store)):
-        flip(name)
-        with pytest.raises(SweepError, match="was changed since the sweep wrote it"):
-            sweep(store, tmp_path / "tally")
+def test_a_flipped_byte_in_an_unfinished_store_is_found(store, interrupted):
+    assert len(lines(store)) == 12
+    flip(next(path for path in (store / ARRAY).glob("[0-9]*") if number(path) == lines(store)[0]))
+    with pytest.raises(SweepError, match="was changed since the sweep wrote it"):
+        sweep(store, interrupted)
 
 
 @pytest.mark.parametrize("name", [ARRAY, Path("anchor"), ARRAY / ".zarray"])
-def test_an_array_that_is_missing_is_found(store, tmp_path, name):
-    sweep(store, tmp_path / "tally")
+def test_an_array_that_is_missing_is_found(store, finished, name):
     shutil.rmtree(store / name) if (store / name).is_dir() else (store / name).unlink()
     with pytest.raises(SweepError, match=f"{re.escape(str(store / name))}.* is missing"):
-        sweep(store, tmp_path / "tally")
+        sweep(store, finished)
 
 
-def test_values_that_are_missing_are_evaluated_again(store, tmp_path):
-    expected = sweep(store, tmp_path / "tally").load()
-    evaluated = len(read(tmp_path / "tally"))
+def test_values_that_are_missing_are_evaluated_again(store, finished):
+    expected = xr.open_zarr(store, chunks=None).load()
+    evaluated = len(read(finished))
     (store / CHUNK_FILE).unlink()
-    xr.testing.assert_identical(sweep(store, tmp_path / "tally").load(), expected)
-    assert len(read(tmp_path / "tally")) - evaluated == 1
+    xr.testing.assert_identical(sweep(store, finished).load(), expected)
+    assert len(read(finished)) - evaluated == 1
 
 
-def test_a_store_that_lost_its_ledger_does_not_count_as_finished(store, interrupted, tmp_path):
+def test_a_store_that_lost_its_ledger_does_not_count_as_finished(store, interrupted):
     (store / LEDGER).unlink()
     with pytest.raises(SweepError, match="has no ledger, which says what is complete"):
-        sweep(store, tmp_path / "tally")
+        sweep(store, interrupted)
 
 
 @pytest.mark.parametrize("row", [1, 5, -1])
-def test_a_damaged_line_of_the_ledger_does_not_count(store, tmp_path, row):
-    expected = sweep(store, tmp_path / "tally").load()
+def test_a_damaged_line_of_the_ledger_does_not_count(store, finished, row):
+    expected = xr.open_zarr(store, chunks=None).load()
     rows = (store / LEDGER).read_bytes().split(b"\n")[:-1]
     rows[row] = rows[row][:-2] + b"?}"
     (store / LEDGER).write_bytes(b"\n".join([*rows, b""]))
-    evaluated = len(read(tmp_path / "tally"))
-    xr.testing.assert_identical(sweep(store, tmp_path / "tally").load(), expected)
-    assert len(read(tmp_path / "tally")) - evaluated == (0 if row == -1 else 1)
+    evaluated = len(read(finished))
+    xr.testing.assert_identical(sweep(store, finished).load(), expected)
+    assert len(read(finished)) - evaluated == (0 if row == -1 else 1)
 
 
 def test_a_second_sweep_in_the_same_store_is_refused(store, tmp_path, monkeypatch):
@@ -270,24 +299,25 @@ def test_a_second_sweep_in_the_same_store_is_refused(store, tmp_path, monkeypatc
     assert refused
 
 
+@pytest.mark.realtime  # two processes that race
 def test_two_sweeps_that_start_together_end_well(store, tmp_path):
     """Each is refused in words, or opens what the other finished; the store is whole."""
-    processes = [
-        subprocess.Popen(started, stderr=subprocess.PIPE, text=True, env=env)
-        for started, env in [command(store, tmp_path / "tally")] * 2
-    ]
-    said = [process.communicate()[1] for process in processes]
-    codes = [process.returncode for process in processes]
+    with start(TOGETHER, store, tmp_path / "tally") as one, start(TOGETHER, store, tmp_path / "tally") as other:
+        assert one.stdout.readline() == other.stdout.readline() == "\n"
+        for process in (one, other):
+            process.stdin.write("go\n")
+            process.stdin.flush()
+        said = [process.communicate()[1] for process in (one, other)]
+    codes = [one.returncode, other.returncode]
     assert 0 in codes
     assert all(code == 0 or "another sweep writes to it" in text for code, text in zip(codes, said, strict=True))
     assert not list(tmp_path.glob(".*"))
     assert len(read(tmp_path / "tally")) == COUNT
 
 
-def test_a_finished_store_is_opened_while_another_has_it_open(store, tmp_path, monkeypatch):
-    sweep(store, tmp_path / "tally")
+def test_a_finished_store_is_opened_while_another_has_it_open(store, finished, monkeypatch):
     monkeypatch.setattr("tensionlab.files.writing.acquire_lock", None)  # not needed
-    assert sweep(store, tmp_path / "tally").sizes["x"] == 5
+    assert sweep(store, finished).sizes["x"] == 5
 
 
 @pytest.mark.parametrize(
@@ -299,20 +329,19 @@ def test_a_finished_store_is_opened_while_another_has_it_open(store, tmp_path, m
         ({"poses": Grid(POSES.x, POSES.y, POSES.z[:2])}, "poses and chunks"),
     ],
 )
-def test_the_store_of_another_sweep_is_refused(store, tmp_path, changed, words):
-    sweep(store, tmp_path / "tally")
+def test_the_store_of_another_sweep_is_refused(store, finished, changed, words):
     before = {path: path.stat().st_mtime_ns for path in store.rglob("*")}
     with pytest.raises(SweepError, match=f"sweep.zarr holds a sweep that differs in {words};"):
-        sweep(store, tmp_path / "tally", **changed)
+        sweep(store, finished, **changed)
     assert {path: path.stat().st_mtime_ns for path in store.rglob("*")} == before
 
 
-def test_another_version_does_not_go_on(store, tmp_path, interrupted, monkeypatch):
+def test_another_version_does_not_go_on(store, interrupted, monkeypatch):
     installed = importlib.metadata.version
     later = {"tensionlab": "99.0"}
     monkeypatch.setattr(importlib.metadata, "version", lambda name: later.get(name) or installed(name))
     with pytest.raises(SweepError, match="differs in version"):
-        sweep(store, tmp_path / "tally")
+        sweep(store, interrupted)
 
 
 @pytest.mark.parametrize("what", ["empty", "file", "zarr"])
