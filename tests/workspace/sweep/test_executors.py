@@ -21,8 +21,6 @@ from tensionlab.workspace.sweep import executors
 from tensionlab.workspace.sweep.store import LEDGER
 from tests.support.tallied import Tallied, read
 
-pytestmark = pytest.mark.realtime  # a Dask scheduler and workers, killed
-
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 POSES = Grid(np.linspace(-0.9, 0.9, 40), np.linspace(-0.4, 0.4, 5), np.linspace(-1.0, 1.0, 3))
 COUNT, CHUNK = 40, 15
@@ -32,11 +30,13 @@ def test_all_processors_work_and_few_chunks_wait(monkeypatch):
     monkeypatch.delenv("TENSIONLAB_NUM_THREADS", raising=False)
     monkeypatch.setattr(executors, "_processors", lambda: 3)
     threads, waiting = set(), []
+    together = threading.Barrier(3, timeout=60.0)
 
     class Task:
         def evaluate(self):
-            threads.add(threading.get_ident())
-            time.sleep(0.005)
+            if threading.get_ident() not in threads:
+                threads.add(threading.get_ident())
+                together.wait()  # until three work at once
             return np.zeros(1)
 
     def tasks():
@@ -95,18 +95,34 @@ def start():
 
 
 @pytest.fixture
-def scheduler(start, tmp_path):
-    """Address of a real scheduler, over TCP."""
+def scheduler():
+    """Address of a scheduler in this process, over TCP."""
+    from distributed import LocalCluster
+
+    where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
+    with LocalCluster(n_workers=0, threads_per_worker=1, processes=False, **where) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture
+def other_scheduler(start, tmp_path):
+    """Process of a scheduler, and its address."""
     file = tmp_path / "scheduler.json"
     where = ["--host", "127.0.0.1", "--port", 0, "--scheduler-file", file]
-    start("distributed.cli.dask_scheduler", *where, "--no-dashboard")
-    wait_for(file.exists)
-    wait_for(lambda: file.read_text().endswith("}"))
-    return json.loads(file.read_text())["address"]
+    process = start("distributed.cli.dask_scheduler", *where, "--no-dashboard")
+    wait_for(lambda: file.exists() and file.read_text().endswith("}"))
+    return process, json.loads(file.read_text())["address"]
 
 
 def worker(start, scheduler):
     return start("distributed.cli.dask_worker", scheduler, "--no-nanny", "--nthreads", 1, "--no-dashboard")
+
+
+def wait_for_workers(scheduler, count):
+    from distributed import Client
+
+    with Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(count, timeout=60)
 
 
 def wait_for(condition):
@@ -116,27 +132,25 @@ def wait_for(condition):
         time.sleep(0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.realtime  # a worker is killed with -9
 def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, tmp_path):
-    from distributed import Client
-
     workers = [worker(start, scheduler), worker(start, scheduler)]
-    with Client(scheduler, set_as_default=False) as client:
-        client.wait_for_workers(2, timeout=60)
-
-    tally, out = tmp_path / "tally", tmp_path / "sweep.zarr"
+    wait_for_workers(scheduler, 2)
+    tally, gate = tmp_path / "tally", tmp_path / "gate"
     dead, alive = workers[0].pid, workers[1].pid
 
     def kill():
-        ledger = out / LEDGER
-        wait_for(lambda: ledger.exists() and len(ledger.read_text().splitlines()) >= COUNT // 2)
-        wait_for(lambda: {process for process, _ in read(tally)} == {dead, alive})
-        workers[0].send_signal(signal.SIGKILL)
+        wait_for(
+            lambda: len(read(tally)) > COUNT // 2 and {process for process, _ in read(tally)} == {dead, alive}
+        )
+        workers[0].kill()
+        workers[0].wait()
+        gate.touch()
 
     killer = threading.Thread(target=kill)
     killer.start()
-    measures = ["capacity-margin", Tallied(str(tally), 0.2)]
-    data = tl.sweep(CUBE, POSES, measures, out=out, scheduler=scheduler, chunk=CHUNK).load()
+    measures = ["capacity-margin", Tallied(str(tally), gate=str(gate), held_after=COUNT // 2)]
+    data = tl.sweep(CUBE, POSES, measures, out=tmp_path / "sweep.zarr", scheduler=scheduler, chunk=CHUNK).load()
     killer.join()
     assert workers[0].wait() == -signal.SIGKILL
     assert workers[1].poll() is None
@@ -144,37 +158,44 @@ def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, t
     by_process = {process: [pose for who, pose in read(tally) if who == process] for process in (dead, alive)}
     assert 0 < len(by_process[dead]) < COUNT
     assert len(set(by_process[dead]) | set(by_process[alive])) == COUNT  # what died with the worker was done again
+    assert set(by_process[dead]) & set(by_process[alive])
     expected = tl.sweep(CUBE, POSES, ["capacity-margin", Tallied(str(tmp_path / "local"))])
     xr.testing.assert_equal(data, expected)
 
 
-@pytest.mark.slow
-def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, scheduler, tmp_path):
-    from distributed import Client
-
+@pytest.mark.realtime  # a scheduler is killed with -9
+def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, other_scheduler, tmp_path):
+    process, scheduler = other_scheduler
     only = worker(start, scheduler)
-    with Client(scheduler, set_as_default=False) as client:
-        client.wait_for_workers(1, timeout=60)
-        process = client.run_on_scheduler(os.getpid)
-
-    tally, out = tmp_path / "tally", tmp_path / "sweep.zarr"
+    wait_for_workers(scheduler, 1)
+    tally, gate, out = tmp_path / "tally", tmp_path / "gate", tmp_path / "sweep.zarr"
 
     def kill():
         wait_for(lambda: (out / LEDGER).exists() and len((out / LEDGER).read_text().splitlines()) >= 10)
-        os.kill(process, signal.SIGKILL)
+        process.kill()
 
     killer = threading.Thread(target=kill)
     killer.start()
-    arguments = {"measures": Tallied(str(tally), 0.05), "out": out, "chunk": CHUNK}
+    arguments = {"measures": Tallied(str(tally), gate=str(gate), held_after=20), "out": out, "chunk": CHUNK}
     with pytest.raises(SweepError, match=r"(?s)gave up: .*the same call goes on from here"):
         tl.sweep(CUBE, POSES, **arguments, scheduler=scheduler)
     killer.join()
     only.kill()
     only.wait()
+    gate.touch()
     finished = len((out / LEDGER).read_text().splitlines()) - 1  # the first line names the sweep
     evaluated = len(read(tally))
     assert tl.sweep(CUBE, POSES, **arguments)["Tallied"].notnull().all()
     assert len(read(tally)) - evaluated == COUNT - finished
+
+
+def test_a_cluster_gives_the_same_as_threads(tmp_path):
+    from distributed import LocalCluster
+
+    where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where) as cluster:
+        data = tl.sweep(CUBE, POSES, "capacity-margin", scheduler=cluster.scheduler_address, chunk=CHUNK)
+    xr.testing.assert_equal(data, tl.sweep(CUBE, POSES, "capacity-margin"))
 
 
 def test_a_scheduler_without_workers_is_refused(scheduler):
