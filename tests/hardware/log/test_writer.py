@@ -1,41 +1,61 @@
-"""Logs are written by real cycles, in real processes, to real files that real systems refuse."""
+"""Logs are written by real cycles, to real files that real systems refuse."""
 
 import os
-import signal
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from tensionlab.errors import LogError
 from tensionlab.files import writing
+from tensionlab.hardware.log import writer
+from tensionlab.hardware.log.mcap_file import McapWriter
 from tensionlab.hardware.log.reader import read_run
-from tensionlab.hardware.log.writer import FLUSH_S
 from tests.support import runs
-
-pytestmark = pytest.mark.realtime  # processes that are killed while they write
 
 ROOT = Path(__file__).parents[3]
-WRITER = """
-import sys, time
+TIMEOUT_S = 60.0
+KILLED = """
+import os, signal, sys, threading
+from tensionlab.hardware.log.mcap_file import McapWriter
 from tests.support import runs
-from tensionlab.errors import LogError
+
+def message(self, *words):
+    global written
+    write(self, *words)
+    written += 1
+    taken.release()
+    if flushes == last and written >= kept + more:
+        print(kept, written, flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+def flush(self):
+    global flushes, kept
+    hand_over(self)
+    flushes, kept = flushes + 1, written
+
+write, hand_over = McapWriter.message, McapWriter.flush
 rig = runs.four()
-log = runs.new_log(sys.argv[1], rig)
+for number, (last, more) in enumerate(((1, 1), (2, 2), (3, 10))):
+    child = os.fork()
+    if child == 0:
+        log = runs.new_log(f"{sys.argv[1]}/{number}.mcap", rig)
+        taken, written, flushes, kept = threading.Semaphore(0), 0, 0, 0
+        McapWriter.message, McapWriter.flush = message, flush
+        for cycle in runs.cycles(rig, 20_000):
+            log.write(cycle)
+            taken.acquire()
+        os._exit(0)
+    os.waitpid(child, 0)
 """
 
 
 def open_log(path):
     return runs.new_log(path, runs.four())
-
-
-def script(text, *words):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", WRITER + text, *map(str, words)]
-    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def test_a_file_with_something_in_it_is_refused(tmp_path):
@@ -79,81 +99,92 @@ def test_a_device_is_refused():
         open_log("/dev/full")
 
 
-def test_a_disk_that_fills_up_stops_the_writing_with_its_reason(tmp_path):
-    file = tmp_path / "run.mcap"
-    process = script(
-        """
-import resource
-resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
-try:
-    for cycle in runs.cycles(rig, 10_000):
-        log.write(cycle)
-        time.sleep(0.002)
-except LogError as error:
-    print(cycle.state.cycle, error)
-try:
-    log.close()
-except LogError as error:
-    print("close:", error)
-""",
-        file,
-    )
-    said, wrong = process.communicate(timeout=60)
-    assert not wrong
-    first, second = said.splitlines()
-    assert "run.mcap: the log cannot be written (File too large); free the disk or name another" in first
-    assert second.startswith("close: ")
+def test_a_disk_that_fills_up_stops_the_writing_with_its_reason(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer, "MAX_BACKLOG", 1_000_000)
+    resource = pytest.importorskip("resource", reason="limits of a process stand for the disk's")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    file, written = tmp_path / "run.mcap", 0
+    log = open_log(file)
+
+    def go_on():
+        nonlocal written
+        for cycle in runs.cycles(runs.four(), 1_000_000):
+            log.write(cycle)
+            written += 1
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    try:
+        with pytest.raises(LogError, match=r"run\.mcap: .*cannot be written \(File too large\); free the disk or"):
+            go_on()
+        with pytest.raises(LogError, match="File too large"):
+            log.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     run = read_run(file)
     assert not run.complete
-    assert 20 < len(run) <= int(first.split()[0])
+    assert 20 < len(run) <= written
 
 
+@pytest.mark.realtime  # processes that are killed with -9
 def test_what_was_logged_outlives_the_process(tmp_path):
-    """Killed at five moments: every cycle that is older than a second is in the file, without a gap."""
-    files = [tmp_path / f"{number}.mcap" for number in range(5)]
-    processes = [
-        script(
-            """
-for cycle in runs.cycles(rig, 1_000_000):
-    log.write(cycle)
-    print(cycle.state.cycle, time.monotonic(), flush=True)
-    time.sleep(0.005)
-""",
-            file,
-        )
-        for file in files
-    ]
-    for process in processes:
-        process.stdout.readline()
-    time.sleep(1.2)
-    for file, process in zip(files, processes, strict=True):
-        time.sleep(0.137)
-        process.send_signal(signal.SIGKILL)
-        killed = time.monotonic()
-        lines = [line.split() for line in process.communicate()[0].splitlines()]
-        old = [int(line[0]) for line in lines if len(line) == 2 and float(line[1]) < killed - 1.0]
-        run = read_run(file)
+    """Killed while it writes: every cycle that was handed over is in the file, without a gap."""
+    command = [sys.executable, "-c", KILLED, str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    said = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True).stdout
+    moments = [[int(word) for word in line.split()] for line in said.splitlines()]
+    assert len(moments) == 3
+    for number, (kept, written) in enumerate(moments):
+        run = read_run(tmp_path / f"{number}.mcap")
         assert not run.complete
         assert list(run.cycle) == list(range(len(run)))
-        assert len(old) > 5
-        assert len(run) > old[-1]
+        assert 0 < kept <= len(run) <= written
 
 
-def test_cycles_are_in_the_file_soon(tmp_path):
-    rig, file = runs.four(), tmp_path / "run.mcap"
-    log = open_log(file)
-    for cycle in runs.cycles(rig, 20):
+def test_cycles_are_in_the_file_soon(tmp_path, monkeypatch):
+    flushed, flush = threading.Semaphore(0), McapWriter.flush
+    monkeypatch.setattr(McapWriter, "flush", lambda file: (flush(file), flushed.release()))
+    log = open_log(tmp_path / "run.mcap")
+    for cycle in runs.cycles(runs.four(), 20):
         log.write(cycle)
-    end = time.monotonic() + 10 * FLUSH_S
-    while len(read_run(file)) < 20 and time.monotonic() < end:
-        time.sleep(0.02)
-    assert len(read_run(file)) == 20
+    while len(read_run(tmp_path / "run.mcap")) < 20:
+        assert flushed.acquire(timeout=TIMEOUT_S)
     log.close()
+
+
+def test_a_cycle_waits_no_longer_because_more_follow(tmp_path, monkeypatch):
+    """By a clock that passes with the cycles, 50 a second."""
+    now, begins, kept, waited = [0.0], [], [0], []
+    taken, message, flush = threading.Semaphore(0), McapWriter.message, McapWriter.flush
+
+    def watched_message(file, *words):
+        message(file, *words)
+        begins.append(now[0])
+        waited.append(now[0] - begins[kept[0]])
+        taken.release()
+
+    def watched_flush(file):
+        flush(file)
+        kept[0] = len(begins)
+
+    log = open_log(tmp_path / "run.mcap")
+    simulated = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda seconds: None, time_ns=time.time_ns)
+    monkeypatch.setattr(writer, "time", simulated)
+    monkeypatch.setattr(McapWriter, "message", watched_message)
+    monkeypatch.setattr(McapWriter, "flush", watched_flush)
+    for cycle in runs.cycles(runs.four(), 100):
+        log.write(cycle)
+        if cycle.state.cycle >= 5:  # some always wait
+            assert taken.acquire(timeout=TIMEOUT_S)
+        now[0] += 0.02
+    log.close()
+    assert kept[0] > 50
+    assert max(waited) <= writer.FLUSH_S + 2 * 0.02
 
 
 def test_a_disk_that_does_not_keep_up_is_an_error(tmp_path, monkeypatch):
-    monkeypatch.setattr("tensionlab.hardware.log.writer.MAX_BACKLOG", 50)
-    monkeypatch.setattr("tensionlab.hardware.log.mcap_file.McapWriter.message", lambda *_: time.sleep(0.05))
+    disk = threading.Event()
+    monkeypatch.setattr(writer, "MAX_BACKLOG", 50)
+    monkeypatch.setattr(McapWriter, "message", lambda *_: disk.wait(TIMEOUT_S))
     log = open_log(tmp_path / "run.mcap")
 
     def hurry():
@@ -162,6 +193,7 @@ def test_a_disk_that_does_not_keep_up_is_an_error(tmp_path, monkeypatch):
 
     with pytest.raises(LogError, match="does not keep up; 50 cycles wait"):
         hurry()
+    disk.set()
     with pytest.raises(LogError, match="does not keep up"):
         log.close()
 
