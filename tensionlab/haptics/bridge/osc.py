@@ -253,13 +253,18 @@ class OscServer:
                 data, address = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
             except OSError:  # nothing has come, or the network says that something sent before did not arrive
                 continue
-            now, began = self._client.clock(), time.thread_time()
-            if reason := self._budget.refuse(len(data), now):
-                self._ignored.add("too much", reason)
+            if not self.receive(data, str(address[0])):
                 self._drop()
-                continue
-            self._take(data, str(address[0]), now)
-            self._budget.add_reading(time.thread_time() - began, now)
+
+    def receive(self, data: bytes, machine: str) -> bool:
+        """Take a datagram; False if it is too much."""
+        now, began = self._client.clock(), time.thread_time()
+        if reason := self._budget.refuse(len(data), now):
+            self._ignored.add("too much", reason)
+            return False
+        self._take(data, machine, now)
+        self._budget.add_reading(time.thread_time() - began, now)
+        return True
 
     def _drop(self) -> None:
         """Throw away what has come meanwhile, without reading it."""

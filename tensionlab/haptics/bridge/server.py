@@ -129,7 +129,7 @@ class Bridge:
         self._clients: set[ServerConnection] = set()
         self._ready = threading.Event()
         self._failure: OSError | None = None
-        self._loop = asyncio.new_event_loop()
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._over = asyncio.Event()
         self._thread = threading.Thread(target=self._run, name="bridge", daemon=True)
         self.url = ""
@@ -147,30 +147,35 @@ class Bridge:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close all connections."""
-        self._soon(self._over.set)
+        self.close()
         self._thread.join()
+
+    def close(self) -> None:
+        """End `serve`; from any thread."""
+        self._soon(self._over.set)
 
     def broadcast(self, event: Event) -> None:
         """Send an event to all clients, but rates only to those that watch; from any thread."""
         self._soon(partial(self._send_event, event))
 
     def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
         try:
-            self._loop.run_until_complete(self._serve())
+            asyncio.run(self.serve())
         except OSError as error:
             self._failure = error
         finally:
-            self._loop.close()
             self._ready.set()
 
     def _soon(self, act: Callable[[], None]) -> None:
         """Call something on the thread of the connections."""
+        assert self._loop is not None
         self._loop.call_soon_threadsafe(act)
 
-    async def _serve(self) -> None:
+    async def serve(self) -> None:
+        """Serve clients in the running event loop, until `close`; the context manager does so in a thread."""
         from websockets.asyncio.server import serve
 
+        self._loop = asyncio.get_running_loop()
         origins: list[Any] = [None, LOCAL_PAGES, *self._pages]
         async with serve(
             self._serve_client,

@@ -51,7 +51,6 @@ def test_whatever_is_said_is_answered_and_the_loop_goes_on_within_limits(name):
     for number, text in enumerate(draw(texts(rig.dimension, names, home), COUNT, 1)):
         answers.append(bridge._answer(text, connected))
         cycle(number)
-    bridge._loop.close()
     box.command.leave(connected.commander)
     refused = [answer for answer in answers if isinstance(answer, Refused)]
     assert all(0 < len(answer.reason) <= 300 for answer in refused)
