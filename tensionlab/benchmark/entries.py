@@ -16,10 +16,10 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers import every_solver, make
 from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Solver
-from tensionlab.solvers.baselines import TIGHT, Baseline, PlainProgram, Reply, finite_tensions
 from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.least_squares import Newton
-from tensionlab.solvers.quadratic import BACKENDS
+from tensionlab.solvers.programs import Baseline, Reply, finite_tensions
+from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective
@@ -231,7 +231,7 @@ class DirectDaqp:
 
     Source: Arnström, Bemporad and Axehill, "A dual active-set solver for embedded quadratic programming using
     recursive LDL' updates", 2022. The settings are its own defaults, or those of
-    `tensionlab.solvers.baselines.TIGHT`.
+    `tensionlab.solvers.quadratic.TIGHT`.
     """
 
     settings: Literal["default", "tight"] = "default"

@@ -23,7 +23,7 @@ from tensionlab.benchmark import entries
 from tensionlab.benchmark.results import BatchRow, CallRow
 from tensionlab.benchmark.statistics import quantile
 from tensionlab.solvers.base import Status
-from tensionlab.solvers.baselines import solve_qp
+from tensionlab.solvers.quadratic import solve_qp
 
 LOWER, UPPER = 0.5, 6.0
 """Tension limits of all problems, in N."""

@@ -6,12 +6,12 @@ runs before one is wanted by its name, or all solvers are listed.
 
 from __future__ import annotations
 
-import difflib
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any, cast, get_args
 
+from tensionlab import variants
 from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
 from tensionlab.solvers.base import (
     POLICIES,
@@ -58,13 +58,10 @@ PARTS: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
 
 
 def make(name: str) -> Solver:
-    """Return a solver by its name.
+    """Return a solver by its name in `SOLVERS`, or that of a plug-in.
 
-    Parameters
-    ----------
-    name : str
-        A name in `SOLVERS`, or of a plug-in. What follows a colon sets the solver's first hyper-parameter:
-        ``"qp:osqp"`` is ``QuadraticProgram(backend="osqp")``.
+    What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
+    ``QuadraticProgram(backend="osqp")``.
 
     Raises
     ------
@@ -75,27 +72,11 @@ def make(name: str) -> Solver:
     ValueError
         If the solver refuses the hyper-parameter.
     """
-    family, colon, choice = name.partition(":")
-    solver_class = SOLVERS.get(family) or _find_plugin(family)
-    if solver_class is None:
-        names = [*SOLVERS, *offered_plugins()]
-        close = difflib.get_close_matches(family, names, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
-        raise UnknownSolver(f"no solver is called {family!r}; {hint}")
-    if not colon:
-        solver: Solver = solver_class()
-        return solver
-    parameters = fields(solver_class)
-    if not parameters:
-        raise UnknownSolver(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
-    first = parameters[0]
-    default: Any = first.default
-    try:
-        value = default.__class__(choice)
-    except (TypeError, ValueError):
-        raise UnknownSolver(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
-    variant: Solver = solver_class(**{first.name: value})
-    return variant
+    family = name.partition(":")[0]
+    offered = {} if family in SOLVERS else offered_plugins()
+    found = _load_only(offered[family]) if family in offered else SOLVERS.get(family)
+    solver: Solver = variants.make(name, found, [*SOLVERS, *offered], "solver", UnknownSolver)
+    return solver
 
 
 def fused(solver: Solver) -> FusedSolver | None:
@@ -111,13 +92,9 @@ def fused(solver: Solver) -> FusedSolver | None:
 
 
 def every_solver() -> dict[str, bool]:
-    """Return the names of all solvers, each variant by its own, and whether it can be used.
+    """Return the names of all solvers, and whether each can be used: its library is there, the plug-in not broken.
 
-    Returns
-    -------
-    dict of str to bool
-        In the order of `SOLVERS`; ``qp``, ``pseudoinverse`` and ``polygon`` in all their variants; then plug-ins.
-        False where a library is not installed, or a plug-in is broken.
+    In the order of `SOLVERS`, with ``qp``, ``pseudoinverse`` and ``polygon`` in all their variants; then plug-ins.
     """
     others = {name: isinstance(found, type) for name, found in find_plugins().items() if name not in SOLVERS}
     return _built_in() | others
@@ -142,14 +119,8 @@ def select_solvers(
 ) -> tuple[list[tuple[str, Nearest | None]], dict[str, str]]:
     """Choose which solvers run with which policies.
 
-    Parameters
-    ----------
-    solvers : sequence of str, optional
-        Names that `make` knows; None for every solver.
-    nearest : str, optional
-        Only this policy, and only solvers that honour it; None for all policies of each solver.
-    size : (int, int), optional
-        Wrench components n and cables m of the rig, for solvers that do not serve every size.
+    All policies of all solvers, unless some solvers are named, or one policy, which then only those run that
+    honour it. ``size`` is n wrench components and m cables, for solvers that do not serve every size.
 
     Returns
     -------
@@ -221,12 +192,6 @@ def find_plugins() -> dict[str, type[Any] | PluginError]:
         except PluginError as error:
             found[name] = error
     return found
-
-
-def _find_plugin(name: str) -> type[Any] | None:
-    """Load the one class that is offered under a name; None if none is."""
-    entries = offered_plugins().get(name)
-    return _load_only(entries) if entries else None
 
 
 def _origins(entries: list[EntryPoint]) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
@@ -79,16 +79,15 @@ class Problem:
     def __len__(self) -> int:
         return len(self.structure)
 
+    @property
+    def arrays(self) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """Structure, wrench, lower, upper, reference and weights, in the order of the compiled kernels."""
+        return self.structure, self.wrench, self.lower, self.upper, self.reference, self.weights
+
     def take(self, rows: NDArray[np.intp]) -> Problem:
         """Return the problems of these rows, in arrays of their own."""
-        return replace(
-            self,
-            structure=self.structure[rows],
-            wrench=self.wrench[rows],
-            lower=self.lower[rows],
-            upper=self.upper[rows],
-            reference=self.reference[rows],
-        )
+        structure, wrench, lower, upper, reference = (each[rows] for each in self.arrays[:5])
+        return Problem(structure, wrench, lower, upper, reference, self.weights, self.nearest)
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,6 @@ class Solver(Protocol):
 
     A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it. A built-in
     one whose kernel verifies in the same pass what it chooses is a `FusedSolver`.
-
     """
 
     @property
@@ -172,10 +170,7 @@ class FusedSolver(Solver, Protocol):
 def resolve_policy(solver: Solver, nearest: str | None, name: str) -> Nearest | None:
     """Return a policy that the solver honours: the one given, or its own; None if it honours none.
 
-    Raises
-    ------
-    InputError
-        If the solver cannot honour the policy given; calls it by ``name``.
+    InputError, calling the solver by ``name``, if it cannot honour the policy given.
     """
     if nearest is None:
         return solver.policies[0] if solver.policies else None

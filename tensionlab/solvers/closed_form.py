@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -49,16 +49,8 @@ class Pseudoinverse:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, _ = _native.closed_form(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            (problem.lower + problem.upper) / 2 if self.start == "middle" else problem.reference,
-            problem.weights,
-            False,
-            RANK_TOLERANCE,
-        )
+        start = _from_middle(problem) if self.start == "middle" else problem
+        tensions, _ = _native.closed_form(*start.arrays, False, RANK_TOLERANCE)
         return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))
 
 
@@ -66,15 +58,14 @@ class Pseudoinverse:
 class ClosedForm:
     """Pott's improved closed form: close to the middle of the limits, in a bounded number of steps.
 
-    Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While a cable misses its limits, the one that misses
-    them by most is fixed at the limit, the wrench that it takes over is subtracted, its column is dropped,
-    and the rest is solved again; at most (free cables - rank of W) times. The answer is exact far more often
-    than that of one pseudo-inverse, but it is no minimum of anything once a cable has been fixed, and a
-    failure doesn't certify the wrench infeasible. The reference plays no part. Iterations are the cables
-    fixed.
+    Starts from the middle, ``t = t_m + W⁺ (w - W t_m)``. While a cable misses its limits, the one that misses them
+    by most is fixed at the limit, the wrench that it takes over is subtracted, its column is dropped, and the rest
+    is solved again; at most (free cables - rank of W) times. The answer is exact far more often than that of one
+    pseudo-inverse, but it is no minimum of anything once a cable has been fixed, and a failure doesn't certify the
+    wrench infeasible. The reference plays no part. Iterations are the cables fixed.
 
-    Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel
-    robots", 2014.
+    Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel robots",
+    2014.
     """
 
     objective: ClassVar[str] = "close to the middle of the limits, the worst cable fixed first"
@@ -82,36 +73,24 @@ class ClosedForm:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, iterations = _native.closed_form(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            (problem.lower + problem.upper) / 2,
-            problem.weights,
-            True,
-            RANK_TOLERANCE,
-        )
-        return Answer(tensions=tensions, iterations=iterations)
+        return Answer(*_native.closed_form(*_from_middle(problem).arrays, True, RANK_TOLERANCE))
 
 
 @dataclass(frozen=True)
 class Puncture:
     """Puncture method: low tensions between the least-norm solution and the closed form.
 
-    Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which wants
-    negative tensions on most rigs, and ``t_cf = t_m + W⁺ (w - W t_m)``, the one closest to the middle of the
-    limits. All tensions between the two render the wrench: ``t = t_p + s (t_cf - t_p)``. The answer is where
-    this line punctures the limits first, the least s in [0, 1] with ``lower <= t <= upper``. (The source
-    looks at the lower limits alone; where an upper one is kept at their s, the answers are the same.) Where
-    no s keeps the limits, the answer is t_cf, clipped to them, and that proves nothing about the wrench. The
-    answer changes continuously with the wrench as long as t_cf keeps the limits.
+    Two solutions of ``W t = w`` are known without a search: ``t_p = W⁺ w``, the least norm, which wants negative
+    tensions on most rigs, and ``t_cf = t_m + W⁺ (w - W t_m)``, the one closest to the middle of the limits. All
+    tensions between the two render the wrench: ``t = t_p + s (t_cf - t_p)``. The answer is where this line
+    punctures the limits first, the least s in [0, 1] with ``lower <= t <= upper``. (The source looks at the lower
+    limits alone; where an upper one is kept at their s, the answers are the same.) Where no s keeps the limits,
+    the answer is t_cf, clipped to them, and that proves nothing about the wrench. The answer changes continuously
+    with the wrench as long as t_cf keeps the limits.
 
-    A cable whose limits are equal pulls what it must, and the others share the rest. The reference plays no
-    part.
+    A cable whose limits are equal pulls what it must, and the others share the rest. The reference plays no part.
 
-    Source: Müller, Reichert and Bruckmann, "Analysis of a real-time capable cable force computation method",
-    2015.
+    Source: Müller, Reichert and Bruckmann, "Analysis of a real-time capable cable force computation method", 2015.
     """
 
     objective: ClassVar[str] = "least share of the way from the least norm to the middle of the limits"
@@ -123,6 +102,11 @@ class Puncture:
             problem.structure, problem.wrench, problem.lower, problem.upper, problem.weights, RANK_TOLERANCE
         )
         return Answer(tensions=tensions, iterations=np.zeros(len(problem), dtype=np.int64))
+
+
+def _from_middle(problem: Problem) -> Problem:
+    """Return the problem with the middle of the limits as its reference."""
+    return replace(problem, reference=(problem.lower + problem.upper) / 2)
 
 
 PolygonGoal = Literal["centroid", "1-norm", "2-norm"]
@@ -190,16 +174,8 @@ class Polygon:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, iterations, redundancy = _native.polygon(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            problem.reference,
-            problem.weights,
-            get_args(PolygonGoal).index(self.goal),
-            RANK_TOLERANCE,
-        )
+        goal = get_args(PolygonGoal).index(self.goal)
+        tensions, iterations, redundancy = _native.polygon(*problem.arrays, goal, RANK_TOLERANCE)
         beyond = np.flatnonzero(redundancy > MAX_REDUNDANCY)
         tensions[beyond] = np.nan
         failures = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Literal
@@ -13,8 +12,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
-from tensionlab.solvers.baselines import Reply, finite_tensions
-from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, ScaledProblem, choose
+from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, Reply, ScaledProblem, choose_each, finite_tensions
 
 SETTINGS: dict[str, dict[str, Any]] = {
     "CLARABEL": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
@@ -54,39 +52,26 @@ class ConvexProgram:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch, one after another."""
-        try:
-            import cvxpy  # noqa: F401 - here, to say so before any work
-        except ModuleNotFoundError as error:
-            raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
-        size, n, m = problem.structure.shape
+        _require_cvxpy()
+        _, n, m = problem.structure.shape
         compiled = compiled_programs(n, m, threading.get_ident())
-        tensions = np.full((size, m), np.nan)
-        iterations = np.zeros(size, dtype=np.int64)
-        failures: dict[int, str] = {}
-        with warnings.catch_warnings():
-            # cvxpy warns of answers that may be inaccurate; all of them are measured.
-            warnings.simplefilter("ignore")
-            for row in range(size):
-                scaled = _scaled(problem, row)
-                compiled.W.value, compiled.held.value, compiled.reference.value = (
-                    scaled.structure,
-                    scaled.held,
-                    scaled.reference,
-                )
-                compiled.lower.value, compiled.upper.value = scaled.lower, scaled.upper
-                programs = _ConvexPrograms(compiled, self.backend, scaled)
-                try:
-                    found = choose(programs, problem, row)
-                except (ValueError, RuntimeError) as error:
-                    failures[row] = f"{self.backend}: {type(error).__name__}: {error}"
-                    continue
-                iterations[row] = programs.iterations
-                if found is None:
-                    failures[row] = f"{self.backend}: {programs.reason}"
-                else:
-                    lower, upper = problem.lower[row], problem.upper[row]
-                    tensions[row] = np.where(lower < upper, np.clip(found * scaled.unit, lower, upper), lower)
-        return Answer(tensions=tensions, iterations=iterations, failures=failures)
+
+        def start(row: int) -> _ConvexPrograms:
+            scaled = _scaled(problem, row)
+            compiled.W.value, compiled.held.value = scaled.structure, scaled.held
+            compiled.lower.value, compiled.upper.value = scaled.lower, scaled.upper
+            compiled.reference.value = scaled.reference
+            return _ConvexPrograms(compiled, self.backend, scaled)
+
+        return choose_each(problem, self.backend, start, (ValueError, RuntimeError))
+
+
+def _require_cvxpy() -> None:
+    """Say that cvxpy is not installed, where it is not, before any work."""
+    try:
+        import cvxpy  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
 
 
 class CompiledPrograms:
@@ -194,6 +179,7 @@ def _scaled(problem: Problem, row: int) -> ScaledProblem:
         reference=np.where(free, reference / unit, 0.5),
         accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(w))) / unit,
         unit=unit,
+        cables=np.full(len(lower), True),
     )
 
 
@@ -211,10 +197,7 @@ class PlainConvex:
     settings: Literal["default", "tight"] = "default"
 
     def __post_init__(self) -> None:
-        try:
-            import cvxpy  # noqa: F401 - here, to say so before any work
-        except ModuleNotFoundError as error:
-            raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
+        _require_cvxpy()
 
     def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> CompiledPrograms:
         """Fill the numbers into the program of this shape."""

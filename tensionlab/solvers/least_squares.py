@@ -15,20 +15,19 @@ from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, TOLERANCE, Answer,
 class Newton:
     """Exact solver: tensions within limits that render the wrench, closest to the reference.
 
-    Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with
-    one variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where
-    y is such that ``W t(y) = w``. Semismooth Newton steps, with a line search along the piecewise quadratic dual
-    where a whole step goes astray, end after finitely many. For an infeasible wrench, a multiplier soon separates
-    the wrench
-    from all that tensions inside the limits render. From it an active set finds the nearest face of what can be
-    rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own problem to
-    the same precision. The whole batch is one call to `native/solvers/newton_kernel.cpp`; `newton.hpp` and
-    `nearest_face.hpp` beside it state the method. ``TENSIONLAB_NUM_THREADS`` sets the threads.
+    Minimises ``|t - reference|²/2`` subject to ``W t = w`` and ``lower <= t <= upper`` through its dual, with one
+    variable for each of the n wrench components: ``t(y) = clip(reference + W' y, lower, upper)``, where y is such
+    that ``W t(y) = w``. Semismooth Newton steps, with a line search along the piecewise quadratic dual where a
+    whole step goes astray, end after finitely many. For an infeasible wrench, a multiplier soon separates the
+    wrench from all that tensions inside the limits render. From it an active set finds the nearest face of what
+    can be rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own
+    problem to the same precision. The whole batch is one call to `native/solvers/newton_kernel.cpp`; `newton.hpp`
+    and `nearest_face.hpp` beside it state the method. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     References
     ----------
-    Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
-    active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
+    Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible active
+    set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
     least-squares: an algorithm and applications"; Chiche and Gilbert (2016), "How the augmented Lagrangian
     algorithm can deal with an infeasible convex quadratic optimization problem".
     """
@@ -38,33 +37,13 @@ class Newton:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, iterations, separation = _native.newton(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            problem.reference,
-            problem.weights,
-            POLICIES.index(problem.nearest or "force"),
-            RANK_TOLERANCE,
-            TOLERANCE,
-        )
-        return Answer(tensions, iterations, separation)
+        policy = POLICIES.index(problem.nearest or "force")
+        return Answer(*_native.newton(*problem.arrays, policy, RANK_TOLERANCE, TOLERANCE))
 
     def solve_verified(self, problem: Problem) -> Verified | None:
         """Choose and verify tensions in one pass over the batch (native/bindings/allocate.cpp)."""
-        found = _native.allocate(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            problem.reference,
-            problem.weights,
-            POLICIES.index(problem.nearest or "force"),
-            MAX_MAGNITUDE,
-            TOLERANCE,
-            RANK_TOLERANCE,
-        )
+        policy = POLICIES.index(problem.nearest or "force")
+        found = _native.allocate(*problem.arrays, policy, MAX_MAGNITUDE, TOLERANCE, RANK_TOLERANCE)
         return None if found is None else Verified(*found, {})
 
     def prepare(
@@ -124,15 +103,4 @@ class Dykstra:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, iterations = _native.dykstra(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            problem.reference,
-            problem.weights,
-            self.tolerance,
-            self.iteration_limit,
-            RANK_TOLERANCE,
-        )
-        return Answer(tensions=tensions, iterations=iterations)
+        return Answer(*_native.dykstra(*problem.arrays, self.tolerance, self.iteration_limit, RANK_TOLERANCE))

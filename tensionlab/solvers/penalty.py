@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from typing import ClassVar
 
 import numpy as np
@@ -42,10 +42,8 @@ class AnalyticCentre:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, iterations = _native.log_barrier(
-            problem.structure, problem.wrench, problem.lower, problem.upper, problem.weights
-        )
-        return Answer(tensions, iterations)
+        structure, wrench, lower, upper, _, weights = problem.arrays
+        return Answer(*_native.log_barrier(structure, wrench, lower, upper, weights))
 
 
 @dataclass(frozen=True)
@@ -107,21 +105,7 @@ class SlackNorm:
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch."""
-        tensions, iterations = _native.slack_norm(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            problem.reference,
-            problem.weights,
-            self.p,
-            self.c1,
-            self.c2,
-            self.kappa,
-            self.epsilon,
-            self.gamma,
-        )
-        return Answer(tensions, iterations)
+        return Answer(*_native.slack_norm(*problem.arrays, *astuple(self)))
 
 
 @dataclass(frozen=True)
@@ -172,12 +156,4 @@ class Spidar:
         """Choose tensions for every problem of the batch."""
         rows = np.arange(len(problem.weights))
         prices = np.where(rows < 3, self.force, self.torque) * problem.weights
-        tensions, iterations = _native.box_price(
-            problem.structure,
-            problem.wrench,
-            problem.lower,
-            problem.upper,
-            problem.reference,
-            np.sqrt(prices / self.mu),
-        )
-        return Answer(tensions, iterations)
+        return Answer(*_native.box_price(*problem.arrays[:5], np.sqrt(prices / self.mu)))

@@ -1,15 +1,17 @@
-"""Parts that the program solvers share: bases that respect the rank, and the direction policy."""
+"""Parts that the program solvers share: bases that respect the rank, the direction policy, and baselines."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Problem
+from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
 
 
 def times(matrices: Floats, vectors: Floats) -> Floats:
@@ -19,18 +21,10 @@ def times(matrices: Floats, vectors: Floats) -> Floats:
 
 
 def independent_rows(matrix: Floats) -> tuple[Floats, Floats]:
-    """Return the independent combinations of the rows of a matrix, and how strong each is.
+    """Return the independent combinations of the rows of a matrix (n, m), and how strong each is.
 
-    Parameters
-    ----------
-    matrix : (n, m) array
-
-    Returns
-    -------
-    basis : (n, r) array
-        Orthonormal columns U such that the r rows of ``U' matrix`` are orthogonal and span its row space.
-    strength : (r,) array
-        Norms of those rows: the singular values that count, largest first.
+    Orthonormal columns U, (n, r), such that the r rows of ``U' matrix`` are orthogonal and span its row space; and
+    the norms of those rows, (r,): the singular values that count, largest first.
     """
     basis: Floats
     strength: Floats
@@ -53,7 +47,7 @@ def whitener(structure: Floats) -> Floats:
 
 
 SAFETY = 0.1
-"""Share of `TOLERANCE` that an answer of `choose` may use up before the next program is tried."""
+"""Share of `TOLERANCE` that an answer may use up before the next program is tried."""
 NO_TENSIONS = "gave no tensions, not even inside the limits alone"
 RAMP_SHARE = 0.1
 """Share of the tolerance that is not used at s = 0; all of it is at s = 1."""
@@ -65,14 +59,9 @@ MAX_CUTS = 12
 
 @dataclass(frozen=True)
 class Ray:
-    """Wrench w and what may be rendered of it: ``s w`` for s in [0, 1].
+    """Wrench w of one problem, in N, and what may be rendered of it: ``s w`` for s in [0, 1].
 
-    Attributes
-    ----------
-    structure, wrench, lower, upper : arrays
-        Of one problem, (n, m), (n,), (m,) and (m,), in N.
-    nearest : callable
-        Takes s, and returns tensions inside the limits with the least ``|W t - s w|``, or None.
+    ``nearest`` takes s, and returns tensions inside the limits with the least ``|W t - s w|``, or None.
     """
 
     structure: Floats
@@ -84,12 +73,7 @@ class Ray:
     def widened(self, tensions: Floats | None, scale: float) -> Floats | None:
         """Return tensions for more of the wrench where the tolerance allows more, or those given.
 
-        Parameters
-        ----------
-        tensions : (m,) array or None
-            For the largest s with ``W t = s w``, or None where there is no such s.
-        scale : float
-            That s.
+        ``tensions`` are those of the largest s with ``W t = s w``, None where there is no such s; ``scale`` is s.
         """
         length = float(np.linalg.norm(self.wrench))
         largest = np.maximum(np.abs(self.lower), np.abs(self.upper))
@@ -147,7 +131,7 @@ class Ray:
 class ScaledProblem:
     """One problem with tensions in units of the largest limit or reference, its fixed cables in ``held``.
 
-    The other cables must render ``wrench - held``; an error of ``accepted`` is as good as none.
+    The other ``cables`` must render ``wrench - held``; an error of ``accepted`` is as good as none.
     """
 
     structure: Floats
@@ -158,15 +142,17 @@ class ScaledProblem:
     reference: Floats
     accepted: float
     unit: float
+    cables: NDArray[np.bool_]
 
 
 class Programs(Protocol):
     """Programs of one problem, as a backend solves them; None where it gives no tensions inside the limits."""
 
-    @property
-    def scaled(self) -> ScaledProblem:
-        """The problem."""
-        ...
+    scaled: ScaledProblem
+    iterations: int
+    """Spent so far."""
+    reason: str
+    """Why there are no tensions, where there are none."""
 
     def closest(self, wrench: Floats) -> Floats | None:
         """Return the tensions closest to the reference that render a wrench."""
@@ -181,7 +167,41 @@ class Programs(Protocol):
         ...
 
 
-def choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
+def choose_each(
+    problem: Problem, backend: str, start: Callable[[int], Programs | None], errors: tuple[type[Exception], ...]
+) -> Answer:
+    """Choose tensions for every problem of a batch, one after another.
+
+    ``start`` returns the programs of a row, or None where no cable has both play and pull. ``errors`` are what the
+    backend raises on a program that it cannot digest.
+    """
+    tensions = np.clip(problem.reference, problem.lower, problem.upper)
+    iterations = np.zeros(len(problem), dtype=np.int64)
+    failures: dict[int, str] = {}
+    with warnings.catch_warnings():
+        # Backends warn of programs without a solution and of inaccurate answers; all of them are measured.
+        warnings.simplefilter("ignore")
+        for row in range(len(problem)):
+            programs = start(row)
+            if programs is None:
+                continue
+            found, reason = None, ""
+            try:
+                found = _choose(programs, problem, row)
+            except errors as error:
+                reason = f"{type(error).__name__}: {error}"
+            iterations[row] = programs.iterations
+            if found is None:
+                tensions[row] = np.nan
+                failures[row] = f"{backend}: {reason or programs.reason}"
+            else:
+                cables, unit = programs.scaled.cables, programs.scaled.unit
+                limits = problem.lower[row, cables], problem.upper[row, cables]
+                tensions[row, cables] = np.clip(found * unit, *limits)
+    return Answer(tensions, iterations, failures=failures)
+
+
+def _choose(programs: Programs, problem: Problem, row: int) -> Floats | None:
     """Return the tensions that the policy chooses for one problem of a batch; None if the backend gives none."""
     scaled = programs.scaled
     found = _closest(programs, scaled.wrench)
@@ -226,3 +246,37 @@ def _along(programs: Programs) -> Floats | None:
     )
     found = ray.widened(None if best is None else np.append(best, 1.0), scale)
     return None if found is None else found[:-1]
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a baseline gave back for one problem; none of it is believed.
+
+    Tensions, (m,), in N, are just as they came, limits broken or not; where there are none, ``failure`` says why.
+    Iterations and times are its own; 0 and NaN where it does not say.
+    """
+
+    tensions: Floats | None
+    iterations: int = 0
+    setup_s: float = float("nan")
+    solve_s: float = float("nan")
+    failure: str = ""
+
+
+class Baseline(Protocol):
+    """One way to minimise ``|t|²`` subject to ``W t = w`` and limits, in two steps that are timed apart."""
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Put one problem, (n, m), (n,), (m,), (m,), into the form that the baseline takes."""
+        ...
+
+    def run(self, program: Any) -> Reply:
+        """Solve it."""
+        ...
+
+
+def finite_tensions(found: Any, cables: int) -> Floats | None:
+    """Return what a backend gave as finite tensions, or None."""
+    if found is None or np.shape(found) != (cables,) or not np.isfinite(found).all():
+        return None
+    return np.array(found, dtype=np.float64)

@@ -1,17 +1,24 @@
-"""Quadratic programs for every solver that qpsolvers finds: `QuadraticProgram`."""
+"""Solvers that qpsolvers finds: `QuadraticProgram`, and baselines, which run as they come and repair nothing."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.errors import InputError, MissingDependency, UnknownSolver
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
-from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, ScaledProblem, choose, independent_rows
+from tensionlab.solvers.programs import (
+    NO_TENSIONS,
+    SAFETY,
+    Reply,
+    ScaledProblem,
+    choose_each,
+    finite_tensions,
+    independent_rows,
+)
 
 BACKENDS: dict[str, dict[str, Any]] = {
     # The programs are scaled already; Clarabel's own scaling costs it the last digits.
@@ -43,6 +50,20 @@ def installed_backends() -> tuple[str, ...]:
     return tuple(name for name in BACKENDS if name in qpsolvers.available_solvers)
 
 
+def check_known(backend: str) -> None:
+    """Refuse a name that no backend has."""
+    if backend not in BACKENDS:
+        raise UnknownSolver(f"no QP backend is called {backend!r}; choose one of {', '.join(BACKENDS)}")
+
+
+def check_installed(backend: str) -> None:
+    """Refuse a backend that is not installed."""
+    if backend not in installed_backends():
+        raise MissingDependency(
+            f'QP backend {backend!r} is not installed; pip install "tensionlab[solvers]" brings it'
+        )
+
+
 def raised_by(backend: str) -> tuple[type[Exception], ...]:
     """Return the exceptions that a backend throws on a program that it cannot digest."""
     from qpsolvers.exceptions import QPError
@@ -54,35 +75,6 @@ def raised_by(backend: str) -> tuple[type[Exception], ...]:
 
         raised += (OSQPException,)
     return raised
-
-
-@dataclass
-class Engine:
-    """One backend, and the iterations it has spent."""
-
-    name: str
-    iterations: int = 0
-
-    def minimise(
-        self, cost: Floats, linear: Floats, rows: Floats, values: Floats, limits: tuple[Floats, Floats]
-    ) -> Floats | None:
-        """Return the x inside the limits that the backend gives for the program of this module, or None."""
-        import qpsolvers
-        from scipy import sparse
-
-        matrix: Any = sparse.csc_matrix if self.name in SPARSE else np.asarray
-        lower, upper = limits
-        program = qpsolvers.Problem(matrix(np.diag(cost)), linear, A=matrix(rows), b=values, lb=lower, ub=upper)
-        solution = qpsolvers.solve_problem(program, self.name, **BACKENDS[self.name])
-        if "info" in solution.extras:
-            self.iterations += int(solution.extras["info"].iter)
-        elif "iterations" in solution.extras:
-            self.iterations += int(solution.extras["iterations"][0])
-        x = solution.x
-        if x is None or len(x) != len(cost) or not np.isfinite(x).all():
-            return None
-        inside: Floats = np.clip(x, lower, upper)
-        return inside
 
 
 PROXIMAL = 1e-6
@@ -127,47 +119,29 @@ class QuadraticProgram:
     policies: ClassVar[tuple[Nearest, ...]] = ("force", "tension", "direction")
 
     def __post_init__(self) -> None:
-        if self.backend not in BACKENDS:
-            raise UnknownSolver(f"no QP backend is called {self.backend!r}; choose one of {', '.join(BACKENDS)}")
+        check_known(self.backend)
 
     def solve(self, problem: Problem) -> Answer:
         """Choose tensions for every problem of the batch, one after another."""
-        if self.backend not in installed_backends():
-            raise MissingDependency(
-                f'QP backend {self.backend!r} is not installed; pip install "tensionlab[solvers]" brings it'
-            )
-        tensions = np.full(problem.reference.shape, np.nan)
-        iterations = np.zeros(len(problem), dtype=np.int64)
-        failures: dict[int, str] = {}
-        errors = raised_by(self.backend)
-        with warnings.catch_warnings():
-            # Backends warn of every program without a solution; here that is an answer like any other.
-            warnings.simplefilter("ignore")
-            for index in range(len(problem)):
-                engine = Engine(self.backend)
-                try:
-                    found = _allocate(engine, problem, index)
-                    if found is None:
-                        failures[index] = f"{self.backend}: {NO_TENSIONS}"
-                    else:
-                        tensions[index] = found
-                except errors as error:
-                    failures[index] = f"{self.backend}: {type(error).__name__}: {error}"
-                iterations[index] = engine.iterations
-        return Answer(tensions=tensions, iterations=iterations, failures=failures)
+        check_installed(self.backend)
+
+        def start(row: int) -> _QuadraticPrograms | None:
+            scaled = _scaled(problem, row)
+            return None if scaled is None else _QuadraticPrograms(self.backend, scaled)
+
+        return choose_each(problem, self.backend, start, raised_by(self.backend))
 
 
-def _allocate(engine: Engine, problem: Problem, index: int) -> Floats | None:
-    """Return the tensions that the policy chooses for one problem of the batch; None if the backend gives none."""
-    lower, upper, reference = problem.lower[index], problem.upper[index], problem.reference[index]
-    structure, wrench = problem.structure[index], problem.wrench[index]
+def _scaled(problem: Problem, row: int) -> ScaledProblem | None:
+    """Scale one problem of the batch; None if the cables with play pull nothing."""
+    lower, upper, reference = problem.lower[row], problem.upper[row], problem.reference[row]
+    structure, wrench = problem.structure[row], problem.wrench[row]
     # Cables without play are taken out, because they leave an interior-point method no interior.
     free = lower < upper
-    tensions: Floats = np.clip(reference, lower, upper)
     if not structure[:, free].any():
-        return tensions
+        return None
     unit = float(max(abs(lower).max(), abs(upper).max(), abs(reference).max()))
-    scaled = ScaledProblem(
+    return ScaledProblem(
         structure=structure[:, free],
         wrench=wrench / unit,
         held=structure[:, ~free] @ lower[~free] / unit,
@@ -176,18 +150,37 @@ def _allocate(engine: Engine, problem: Problem, index: int) -> Floats | None:
         reference=reference[free] / unit,
         accepted=SAFETY * TOLERANCE * max(1.0, float(np.linalg.norm(wrench))) / unit,
         unit=unit,
+        cables=free,
     )
-    found = choose(_QuadraticPrograms(engine, scaled), problem, index)
-    if found is None:
-        return None
-    tensions[free] = np.clip(found * unit, lower[free], upper[free])
-    return tensions
 
 
-@dataclass(frozen=True)
+@dataclass
 class _QuadraticPrograms:
-    engine: Engine
+    backend: str
     scaled: ScaledProblem
+    iterations: int = 0
+    reason: str = NO_TENSIONS
+
+    def _minimise(
+        self, cost: Floats, linear: Floats, rows: Floats, values: Floats, limits: tuple[Floats, Floats]
+    ) -> Floats | None:
+        """Return the x inside the limits that the backend gives for the program of this module, or None."""
+        import qpsolvers
+        from scipy import sparse
+
+        matrix: Any = sparse.csc_matrix if self.backend in SPARSE else np.asarray
+        lower, upper = limits
+        program = qpsolvers.Problem(matrix(np.diag(cost)), linear, A=matrix(rows), b=values, lb=lower, ub=upper)
+        solution = qpsolvers.solve_problem(program, self.backend, **BACKENDS[self.backend])
+        if "info" in solution.extras:
+            self.iterations += int(solution.extras["info"].iter)
+        elif "iterations" in solution.extras:
+            self.iterations += int(solution.extras["iterations"][0])
+        x = solution.x
+        if x is None or len(x) != len(cost) or not np.isfinite(x).all():
+            return None
+        inside: Floats = np.clip(x, lower, upper)
+        return inside
 
     def closest(self, wrench: Floats) -> Floats | None:
         scaled = self.scaled
@@ -195,7 +188,7 @@ class _QuadraticPrograms:
         rows = basis.T @ scaled.structure / strength[:, None]
         values = basis.T @ (wrench - scaled.held) / strength
         cost = np.ones(len(scaled.reference))
-        return self.engine.minimise(cost, -scaled.reference, rows, values, (scaled.lower, scaled.upper))
+        return self._minimise(cost, -scaled.reference, rows, values, (scaled.lower, scaled.upper))
 
     def least_error(self, root: Floats, wrench: Floats) -> Floats | None:
         scaled = self.scaled
@@ -213,7 +206,7 @@ class _QuadraticPrograms:
         centre = np.clip(scaled.reference, scaled.lower, scaled.upper)
         for _ in range(MAX_STEPS):
             linear = np.concatenate([-PROXIMAL * centre, np.zeros(count)])
-            found = self.engine.minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
+            found = self._minimise(cost, linear, np.hstack([rows, np.eye(count)]), values, limits)
             if found is None:
                 break
             centre = found[:cables]
@@ -237,7 +230,7 @@ class _QuadraticPrograms:
         cost, gain = np.full(matrix.shape[1], DIRECTION), np.eye(matrix.shape[1])[-1]
         best, centre = None, np.append(scaled.reference, 1.0)
         for _ in range(MAX_STEPS):
-            found = self.engine.minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
+            found = self._minimise(cost, -gain - DIRECTION * centre, rows, values, limits)
             if found is None or np.linalg.norm(matrix @ found + scaled.held) > scaled.accepted:
                 break
             converged = best is not None and found[-1] - best[-1] <= BIAS * SAFETY * TOLERANCE
@@ -245,3 +238,89 @@ class _QuadraticPrograms:
             if converged:
                 break
         return (None, 0.0) if best is None else (best[:-1], float(best[-1]))
+
+
+TIGHT: dict[str, dict[str, Any]] = {
+    "clarabel": {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12},
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 0.0, "polishing": True, "max_iter": 20_000},
+    "daqp": {"primal_tol": 1e-11, "dual_tol": 1e-11},
+    "piqp": {"eps_abs": 1e-11, "eps_rel": 0.0, "eps_duality_gap_abs": 1e-11, "eps_duality_gap_rel": 0.0},
+    "proxqp": {"eps_abs": 1e-11, "eps_rel": 0.0},
+    "highs": {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+}
+"""The tight settings of each backend: as accurate as its own options make it. quadprog has none."""
+
+ALWAYS: dict[str, dict[str, Any]] = {
+    # Its clock is off by default.
+    "piqp": {"compute_timings": True},
+    # Without a limit it has spent 50 s on one wrench out of reach; within reach it needs some 20 iterations.
+    "proxqp": {"compute_timings": True, "max_iter": 500},
+    # It may cycle for ever there.
+    "highs": {"time_limit": 1.0, "qp_iteration_limit": 10_000},
+}
+"""Set in both: what a measurement needs, and what keeps it from hanging."""
+
+CLOCK = {"proxqp": 1e-6}
+"""Unit of a backend's own times, in s, where it is not the second."""
+
+
+@dataclass(frozen=True)
+class PlainProgram:
+    """Backend of qpsolvers on the plain program: least ``|t|²`` with ``W t = w`` and the limits.
+
+    With the backend's own default settings, or those of `TIGHT`.
+    """
+
+    backend: str
+    settings: Literal["default", "tight"] = "default"
+
+    def __post_init__(self) -> None:
+        check_known(self.backend)
+        if self.settings == "tight" and self.backend not in TIGHT:
+            raise InputError(f"{self.backend} has no options that would make it tighter; use its defaults")
+        check_installed(self.backend)
+
+    def build(self, structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
+        """Make the program of qpsolvers, its matrices dense or sparse as the backend takes them."""
+        import qpsolvers
+
+        cables = structure.shape[1]
+        cost: Any = np.eye(cables)
+        rows: Any = structure
+        if self.backend in SPARSE:
+            from scipy import sparse
+
+            cost, rows = sparse.eye(cables, format="csc"), sparse.csc_matrix(structure)
+        return qpsolvers.Problem(cost, np.zeros(cables), A=rows, b=wrench, lb=lower, ub=upper)
+
+    def run(self, program: Any) -> Reply:
+        """Solve it; `warnings` are the caller's to silence, because that would cost time here."""
+        import qpsolvers
+
+        options = ALWAYS.get(self.backend, {}) | (TIGHT[self.backend] if self.settings == "tight" else {})
+        try:
+            solution = qpsolvers.solve_problem(program, self.backend, **options)
+        except raised_by(self.backend) as error:
+            return Reply(None, failure=f"{type(error).__name__}: {error}")
+        tensions = finite_tensions(solution.x, len(program.q))
+        extras = solution.extras
+        info = extras.get("info")
+        unit = CLOCK.get(self.backend, 1.0)
+        return Reply(
+            tensions,
+            iterations=int(info.iter) if info else int(extras.get("iterations", [0])[0]),
+            setup_s=unit * info.setup_time if info else float("nan"),
+            solve_s=unit * info.solve_time if info else extras.get("solve_time", float("nan")),
+            failure="" if tensions is not None else "gave no finite tensions",
+        )
+
+
+def solve_qp(structure: Floats, wrench: Floats, lower: Floats, upper: Floats, backend: str) -> Floats | None:
+    """Return the tensions of the one call that the front page of qpsolvers shows, or None."""
+    import qpsolvers
+
+    cables = structure.shape[1]
+    found: Floats | None = qpsolvers.solve_qp(
+        np.eye(cables), np.zeros(cables), A=structure, b=wrench, lb=lower, ub=upper, solver=backend
+    )
+    return found

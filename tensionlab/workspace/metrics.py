@@ -6,12 +6,12 @@ docstring describes it on the command line and in datasets.
 
 from __future__ import annotations
 
-import difflib
-from dataclasses import Field, dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
 
+from tensionlab import variants
 from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model.directions import circle, fibonacci
@@ -231,35 +231,13 @@ METRICS: dict[str, type[Any]] = {
 
 
 def make(name: str) -> Metric:
-    """Return the metric of a name.
+    """Return the metric of a name in `METRICS`; SweepError if there is none.
 
-    Parameters
-    ----------
-    name : str
-        A name in `METRICS`. What follows a colon sets the first hyper-parameter: ``"reachable-share:2.0"`` is
-        ``ReachableShare(magnitude=2.0)``.
-
-    Raises
-    ------
-    SweepError
-        If there is no such name, or the metric refuses the hyper-parameter.
+    What follows a colon sets the first hyper-parameter: ``"reachable-share:2.0"`` is
+    ``ReachableShare(magnitude=2.0)``.
     """
-    family, colon, choice = name.partition(":")
-    if family not in METRICS:
-        close = difflib.get_close_matches(family, METRICS, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(METRICS)}"
-        raise SweepError(f"no metric is called {family!r}; {hint}")
-    arguments = {}
-    if colon:
-        first = _variant_field(family)
-        if first is None:
-            raise SweepError(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
-        try:
-            default: Any = first.default
-            arguments[first.name] = type(default)(choice)
-        except ValueError:
-            raise SweepError(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
-    metric: Metric = METRICS[family](**arguments)
+    found = METRICS.get(name.partition(":")[0])
+    metric: Metric = variants.make(name, found, METRICS, "metric", SweepError)
     return metric
 
 
@@ -271,7 +249,7 @@ def name_of(metric: Metric) -> str:
     family = next((name for name, kind in METRICS.items() if type(metric) is kind), None)
     if family is None:
         return type(metric).__name__
-    first = _variant_field(family)
+    first = variants.variant_field(type(metric))
     value = first and getattr(metric, first.name)
     return family if first is None or value == first.default else f"{family}:{value}"
 
@@ -279,12 +257,6 @@ def name_of(metric: Metric) -> str:
 def description(metric: Metric) -> str:
     """Return what a metric is: the first line of its docstring."""
     return (type(metric).__doc__ or "").partition("\n")[0]
-
-
-def _variant_field(family: str) -> Field[Any] | None:
-    """Return the hyper-parameter that a name can set; None if there is none."""
-    parameters = fields(METRICS[family])
-    return parameters[0] if parameters and isinstance(parameters[0].default, (float, str)) else None
 
 
 def _check(metric: Any, name: str, sound: bool, expected: str) -> None:

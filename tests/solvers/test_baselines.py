@@ -6,9 +6,8 @@ import qpsolvers
 
 from tensionlab.benchmark.entries import DirectDaqp
 from tensionlab.errors import MissingDependency, UnknownSolver
-from tensionlab.solvers.baselines import TIGHT, PlainProgram, solve_qp
 from tensionlab.solvers.convex import PlainConvex
-from tensionlab.solvers.quadratic import BACKENDS
+from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram, solve_qp
 
 # Least |t|² of three cables that pull 9 N together, one with at least 5 N, one with at most 1 N.
 ROWS = np.array([[1.0, 1.0, 1.0]])

@@ -1,0 +1,43 @@
+"""Objects by name: a class, and after a colon its first hyper-parameter, as in ``qp:osqp``."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import Field, fields
+from typing import Any
+
+from tensionlab.errors import TensionlabError
+
+
+def make(name: str, found: type[Any] | None, names: Iterable[str], what: str, error: type[TensionlabError]) -> Any:
+    """Return an object of the class ``found`` under the first part of a name; its other part sets the variant.
+
+    Raises
+    ------
+    error
+        If no class was found, so that the name is none of ``names``, or it has no such variant; says ``what`` the
+        names are of, such as "solver".
+    """
+    family, colon, choice = name.partition(":")
+    if found is None:
+        close = difflib.get_close_matches(family, names, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"choose one of {', '.join(names)}"
+        raise error(f"no {what} is called {family!r}; {hint}")
+    if not colon:
+        return found()
+    first = variant_field(found)
+    if first is None:
+        raise error(f"{family!r} has no variants, so {name!r} means nothing; write {family!r}")
+    try:
+        default: Any = first.default
+        value = type(default)(choice)
+    except ValueError:
+        raise error(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
+    return found(**{first.name: value})
+
+
+def variant_field(kind: type[Any]) -> Field[Any] | None:
+    """Return the hyper-parameter that a name can set: the first, if it is a number or a text."""
+    parameters = fields(kind)
+    return parameters[0] if parameters and isinstance(parameters[0].default, (int, float, str)) else None
