@@ -54,15 +54,14 @@ class Element:
             self.fail(f"has {len(found) or 'no'} elements <{tag}>; give it one")
         return found[0]
 
-    def numbers(self, count: int) -> Floats:
-        """Read so many finite numbers from the text."""
-        return self._numbers(self.text, count, "its text")
+    def number(self, tag: str) -> float:
+        """Read the number in the child of a tag."""
+        return float(self.only(tag).numbers(1)[0])
 
-    def attribute_numbers(self, name: str, count: int) -> Floats:
-        """Read so many finite numbers from an attribute."""
-        return self._numbers(self.attribute(name), count, f'attribute "{name}"')
-
-    def _numbers(self, text: str, count: int, what: str) -> Floats:
+    def numbers(self, count: int, name: str | None = None) -> Floats:
+        """Read so many finite numbers from the text, or from an attribute."""
+        text = self.text if name is None else self.attribute(name)
+        what = "its text" if name is None else f'attribute "{name}"'
         try:
             values = np.array([float(word) for word in text.split()])
         except ValueError:
@@ -73,16 +72,10 @@ class Element:
 
 
 def read_xml(path: str | PathLike[str], root: str) -> Element:
-    """Read an XML file as a tree of elements.
+    """Read an XML file as a tree of elements; RigError, naming file and line, if it is not well-formed.
 
     A DOCTYPE may name a DTD, which is never read. Entities are refused: they could make a file grow without
     bound, or hold other files.
-
-    Raises
-    ------
-    RigError
-        Naming the file and the line, if the file cannot be read, is not well-formed, has another root element,
-        or uses entities.
     """
     data = read_bytes(path, "an XML file", RigError)
     parser = expat.ParserCreate()
@@ -120,11 +113,7 @@ def read_xml(path: str | PathLike[str], root: str) -> Element:
 
 
 class _Joint(NamedTuple):
-    """Kind of rig that a joint of CASPR makes.
-
-    ``axes`` are those of CASPR that the rig lies in; ``normal`` is the axis that an anticlockwise turn in their
-    plane is about.
-    """
+    """Kind of rig that a joint of CASPR makes, the axes that it lies in, and that of its turns, if any."""
 
     kind: str
     axes: str
@@ -187,7 +176,7 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     if joint is None:
         element.fail(f'attribute "type" is {element.attribute("type")!r}; only {", ".join(JOINTS)} make a rig')
     kind, axes = KINDS[joint.kind], ["xyz".index(axis) for axis in joint.axes]
-    initial = element.attribute_numbers("q_initial", kind.freedoms)  # coordinates, then angles if it turns
+    initial = element.numbers(kind.freedoms, "q_initial")  # coordinates, then angles if it turns
     physical = links[0].only("physical")
     com = physical.only("com_location").numbers(3)
     chosen = _choose(read_xml(cables, "cables"), cable_set)
@@ -237,19 +226,13 @@ def _cable(element: Element, com: Floats) -> _Cable:
     for end in attachments.children:
         if end.tag != "attachment":
             end.fail("pulleys change where a cable leaves, and a rig's anchors stay; choose another set of cables")
-        ends[float(end.only("link").numbers(1)[0])] = end.only("location").numbers(3)
+        ends[end.number("link")] = end.only("location").numbers(3)
     if len(attachments.children) != 2 or sorted(ends) != [0, 1]:
         attachments.fail("a cable of a rig has two attachments, to the links 0 and 1; no other is read")
     properties = element.only("properties")
-    lower, upper = (properties.only(tag) for tag in ("force_min", "force_max"))
-    return _Cable(
-        element,
-        element.attribute("name"),
-        ends[0],
-        ends[1] + com if reference == "com" else ends[1],
-        float(lower.numbers(1)[0]),
-        float(upper.numbers(1)[0]),
-    )
+    lower, upper = properties.number("force_min"), properties.number("force_max")
+    attachment = ends[1] + com if reference == "com" else ends[1]
+    return _Cable(element, element.attribute("name"), ends[0], attachment, lower, upper)
 
 
 def _names(parts: list[_Cable]) -> list[str]:
@@ -262,13 +245,11 @@ def _names(parts: list[_Cable]) -> list[str]:
 
 def _platform(physical: Element, com: Floats, joint: _Joint) -> Platform:
     """Read the mass and, of a body that turns, the centre of mass and the inertia about it; zeros are unknown."""
-    mass = float(physical.only("mass").numbers(1)[0])
+    mass = physical.number("mass")
     if not KINDS[joint.kind].turns:
         return Platform(mass)
     table = physical.only("inertia")
-    xx, yy, zz, xy, xz, yz = (
-        float(table.only(f"I{name}").numbers(1)[0]) for name in ("xx", "yy", "zz", "xy", "xz", "yz")
-    )
+    xx, yy, zz, xy, xz, yz = (table.number(f"I{name}") for name in ("xx", "yy", "zz", "xy", "xz", "yz"))
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     about = table.attribute("ref")
     if about not in ("joint", "com"):

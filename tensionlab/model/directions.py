@@ -20,38 +20,23 @@ def grid18() -> Floats:
 
     A latitude and longitude grid of 18 degrees: 9 rings of 20 vectors and the 2 poles, which lie on Y (up).
     The paper gives the count alone, so that the grid is this one is an inference: no subdivided icosahedron,
-    cube or octahedron has 182 vertices. 42 of the 182 lie within 18 degrees of a pole.
-
-    Returns
-    -------
-    (182, 3) array
-        Unit vectors: the upper pole, the rings from the top down, the lower pole.
+    cube or octahedron has 182 vertices. 42 of the 182 lie within 18 degrees of a pole. Unit vectors, (182, 3): the
+    upper pole, the rings from the top down, the lower pole.
     """
     polar = np.radians(18.0 * np.arange(1, 10))[:, None]
     azimuth = np.radians(18.0 * np.arange(20))[None, :]
-    rings = np.stack(
-        [
-            np.sin(polar) * np.cos(azimuth),
-            np.broadcast_to(np.cos(polar), (9, 20)),
-            np.sin(polar) * np.sin(azimuth),
-        ],
-        axis=-1,
-    )
+    height = np.broadcast_to(np.cos(polar), (9, 20))
+    rings = np.stack([np.sin(polar) * np.cos(azimuth), height, np.sin(polar) * np.sin(azimuth)], axis=-1)
     up = np.array([[0.0, 1.0, 0.0]])
     return np.concatenate([up, rings.reshape(-1, 3), -up])
 
 
 def fibonacci(count: int) -> Floats:
-    """Return `count` directions that cover the sphere about evenly.
+    """Return `count` directions, (count, 3), that cover the sphere about evenly, from the top down.
 
     The golden-angle spiral around Y (González 2010, "Measurement of areas on a sphere using Fibonacci and
     latitude-longitude lattices", with points in the middle of equal-area bands), so that plain means over it
     are means over the sphere.
-
-    Returns
-    -------
-    (count, 3) array
-        Unit vectors, from the top down.
     """
     _require_positive(count)
     index = np.arange(count)
@@ -74,20 +59,10 @@ def _require_positive(count: int) -> None:
 
 
 def read_csv(path: str | Path) -> Floats:
-    """Read directions from a file.
+    """Read directions from a file, (K, 3) or (K, 2); DataError, naming file and row, if a row is none.
 
     One direction a row: three columns x, y, z, or two for planar rigs. A first row of words is a header. The
     lengths do not matter: each row is scaled to a unit vector.
-
-    Returns
-    -------
-    (K, 3) or (K, 2) array
-        Unit vectors in the order of the file.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read or a row is not a direction; names file and row, counted from 1.
     """
     text = read_text(path, "a list of directions (*.csv)", DataError, MAX_FILE_BYTES)
     rows: list[list[float]] = []

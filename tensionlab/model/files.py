@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any
+
+import numpy as np
 
 from tensionlab.errors import RigError
 from tensionlab.files import writing
@@ -17,9 +20,7 @@ SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
 
 
 def load_rig(path: str | PathLike[str]) -> Rig:
-    """Read a rig from a TOML file.
-
-    The format, with every key, is shown in ``datasets/README.md``.
+    """Read a rig from a TOML file. ``datasets/README.md`` shows the format, with every key.
 
     Raises
     ------
@@ -55,16 +56,9 @@ def rig_from_toml(text: str, source: str) -> Rig:
                     here = f'module {number} ("{own.name:.40}")'
                     raise RigError(f'{here}: key "{key}" is missing; give {give}{elsewhere}')
             modules.append(Module(**keys))
-        return Rig(
-            name=table.name,
-            kind=table.kind,
-            modules=tuple(modules),
-            home=table.home,  # type: ignore[arg-type]  # becomes an array
-            platform=None if table.platform is None else Platform(**table.platform.model_dump()),
-            description=table.description,
-            source=table.source,
-            up=table.up,
-        )
+        platform = None if table.platform is None else Platform(**table.platform.model_dump())
+        others = table.model_dump(exclude={"modules", "limits", "platform"})
+        return Rig(modules=tuple(modules), platform=platform, **others)
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
 
@@ -78,19 +72,19 @@ def rig_to_toml(rig: Rig) -> str:
         if getattr(rig, key):
             document[key] = getattr(rig, key)
     document["home"] = rig.home.tolist()
-    first = rig.modules[0]
-    common = {key for key in SHARED if all(getattr(module, key) == getattr(first, key) for module in rig.modules)}
-    document["limits"] = {
-        key: float(getattr(first, key)) for key in SHARED if key in common and getattr(first, key) is not None
-    }
+    first, *others = rig.modules
+    common = [key for key in SHARED if all(getattr(module, key) == getattr(first, key) for module in others)]
+    document["limits"] = _given(first, common)
     if rig.platform is not None:
-        values = {"mass": float(rig.platform.mass), "com": rig.platform.com, "inertia": rig.platform.inertia}
-        document["platform"] = {
-            key: value if isinstance(value, float) else value.tolist()
-            for key, value in values.items()
-            if value is not None
-        }
-    document["modules"] = [_module_table(module, KINDS[rig.kind].turns, common) for module in rig.modules]
+        document["platform"] = _given(rig.platform, ["mass", "com", "inertia"])
+    own = ["attachment"] if KINDS[rig.kind].turns else []
+    own += [key for key in SHARED if key not in common]
+    document["modules"] = [
+        {"name": module.name, "anchor": module.anchor.tolist()}
+        | ({} if module.frame == WORLD else {"frame": module.frame})
+        | _given(module, own)
+        for module in rig.modules
+    ]
     # tomli-w puts every number of a list on a line of its own; a point reads better on one. No text can look
     # like this, because line ends inside texts are written as \n.
     one_line = re.compile(r"\[\n\s+([-+.\w]+(?:,\n\s+[-+.\w]+)*),\n\s*\]")
@@ -100,13 +94,7 @@ def rig_to_toml(rig: Rig) -> str:
     )
 
 
-def _module_table(module: Module, turns: bool, common: set[str]) -> dict[str, Any]:
-    table: dict[str, Any] = {"name": module.name, "anchor": module.anchor.tolist()}
-    if module.frame != WORLD:
-        table["frame"] = module.frame
-    if turns and module.attachment is not None:
-        table["attachment"] = module.attachment.tolist()
-    for key in SHARED:
-        if key not in common and getattr(module, key) is not None:
-            table[key] = float(getattr(module, key))
-    return table
+def _given(record: Module | Platform, keys: Sequence[str]) -> dict[str, Any]:
+    """Return those of the values that are known, as TOML has them."""
+    values = {key: getattr(record, key) for key in keys}
+    return {key: np.asarray(value, np.float64).tolist() for key, value in values.items() if value is not None}

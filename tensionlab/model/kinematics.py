@@ -1,20 +1,18 @@
 """Kinematics of straight cables, forward and inverse, for arrays of poses: arrays in, arrays out.
 
-Conventions. d is the dimension of space (2 or 3), m the number of cables; every function broadcasts over
-leading axes. The unit vector u of a cable points from its attachment to its anchor; its arm r runs from the
-platform's reference point to the attachment, in world axes. A twist is (velocity of the reference point,
-angular velocity in world axes). The structure matrix W has the columns ``[u; r x u]``: ``W t`` is the wrench
-of the tensions t on the platform, and ``W = -J'`` with J the derivative of the cable lengths with respect to
-the twist (Verhoeven 2004, "Analysis of the workspace of tendon-based Stewart platforms"; Pott 2018,
-"Cable-Driven Parallel Robots", chapter 3). Cables are straight, massless and stiff, and leave the module at a
-fixed point.
+Conventions. d is the dimension of space (2 or 3), m the number of cables; every function broadcasts over leading
+axes. The unit vector u of a cable points from its attachment to its anchor; its arm r runs from the platform's
+reference point to the attachment, in world axes. A twist is (velocity of the reference point, angular velocity in
+world axes). The structure matrix W has the columns ``[u; r x u]``: ``W t`` is the wrench of the tensions t on the
+platform, and ``W = -J'`` with J the derivative of the cable lengths with respect to the twist (Verhoeven 2004,
+"Analysis of the workspace of tendon-based Stewart platforms"; Pott 2018, "Cable-Driven Parallel Robots", chapter
+3). Cables are straight, massless and stiff, and leave the module at a fixed point.
 
 Nothing is validated here; `tensionlab.model.rig.Rig` does that, because it knows the names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +30,8 @@ def planar_rotation(angle: Floats) -> Floats:
 def exponential(vector: Floats) -> Floats:
     """Return the rotations, (..., 3, 3), about axes by angles, given as axis times angle, (..., 3), in rad.
 
-    Rodrigues' formula, ``1 + sin(a)/a K + (1 - cos(a))/a² K²`` with K the cross-product matrix of the vector
-    and a its length; written with sinc so that small vectors need no special case.
+    Rodrigues' formula, ``1 + sin(a)/a K + (1 - cos(a))/a² K²`` with K the cross-product matrix of the vector and a
+    its length, by sinc.
     """
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     zero = np.zeros_like(x)
@@ -55,38 +53,6 @@ def fit_rotation(source: Floats, target: Floats) -> Floats:
     return np.asarray(u @ np.diag(signs) @ vt, dtype=np.float64)
 
 
-def place(
-    points: Floats, frames: Integers, origins: Sequence[Floats], rotations: Sequence[Floats | None]
-) -> Floats:
-    """Return the places in the world of points that ride on moving frames.
-
-    Parameters
-    ----------
-    points : (m, d) array
-        Each in the axes of its own frame, in m.
-    frames : (m,) array
-        Which frame each point rides on: an index into ``origins`` and ``rotations``, or -1 for the world.
-    origins : sequence of (..., d) arrays
-        Position of each frame, in m.
-    rotations : sequence of (..., d, d) arrays or None
-        Orientation of each frame; None for no turn.
-
-    Returns
-    -------
-    (..., m, d) array
-        In world axes, in m; (m, d) where nothing moves.
-    """
-    moved = []
-    for index, (origin, rotation) in enumerate(zip(origins, rotations, strict=True)):
-        own = points[frames == index]
-        moved.append(origin[..., None, :] + (own if rotation is None else rotate(rotation, own)))
-    batch = np.broadcast_shapes(*(part.shape[:-2] for part in moved))
-    placed = np.broadcast_to(points, (*batch, *points.shape)).copy()
-    for index, part in enumerate(moved):
-        placed[..., frames == index, :] = part
-    return placed
-
-
 def rotate(rotation: Floats, points: Floats) -> Floats:
     """Rotate points, (m, d), by each of the matrices, (..., d, d)."""
     turned: Floats = points @ np.swapaxes(rotation, -1, -2)
@@ -94,23 +60,10 @@ def rotate(rotation: Floats, points: Floats) -> Floats:
 
 
 def cables(anchors: Floats, position: Floats, arms: Floats | None) -> tuple[Floats, Floats]:
-    """Return how long the cables are, and where they point.
+    """Return lengths (..., m), in m, and directions (..., m, d), zeros for a cable of no length.
 
-    Parameters
-    ----------
-    anchors : (..., m, d) array
-        In world axes, in m.
-    position : (..., d) array
-        Of the reference point, in m.
-    arms : (..., m, d) array or None
-        From the reference point to the attachments, in world axes, in m; None where all attach at the point.
-
-    Returns
-    -------
-    lengths : (..., m) array
-        In m.
-    directions : (..., m, d) array
-        Unit vectors from attachment to anchor; zeros for a cable of no length.
+    From anchors (..., m, d), the position (..., d) of the reference point, and arms (..., m, d), None where all
+    attach at the point; in world axes, in m.
     """
     vectors = anchors - position[..., None, :]
     if arms is not None:
@@ -120,20 +73,9 @@ def cables(anchors: Floats, position: Floats, arms: Floats | None) -> tuple[Floa
 
 
 def structure_matrix(directions: Floats, arms: Floats | None) -> Floats:
-    """Return the structure matrix: the wrench of one newton in each cable.
+    """Return the structure matrices (..., n, m) of directions and arms, (..., m, d).
 
-    Parameters
-    ----------
-    directions : (..., m, d) array
-        Unit vectors from attachment to anchor.
-    arms : (..., m, d) array or None
-        From the reference point to the attachments, in world axes, in m; None for a point, which has no
-        torque.
-
-    Returns
-    -------
-    (..., n, m) array
-        Columns u, or ``[u; r x u]``; n = d for a point, 3 for a planar platform (torque about z), 6 in space.
+    n = d for a point, which has no arms and no torque; 3 for a planar platform (torque about z), 6 in space.
     """
     u = np.swapaxes(directions, -1, -2)
     if arms is None:
@@ -153,21 +95,7 @@ def anchor_gradient(gradient: Floats, lengths: Floats, directions: Floats, arms:
 
     A column changes by ``[du; r x du]``, and u by what of the anchor's motion is across the cable, over its
     length. Moving the reference point without a turn changes the same number by the opposite of all anchors
-    together.
-
-    Parameters
-    ----------
-    gradient : (..., n, m) array
-        Derivative with respect to the structure matrix.
-    lengths : (..., m) array
-        In m.
-    directions, arms : (..., m, d) arrays
-        As in `structure_matrix`.
-
-    Returns
-    -------
-    (..., m, d) array
-        Derivative with respect to each anchor, in world axes, per m.
+    together. From (..., n, m) to (..., m, d), in world axes, per m.
     """
     d = directions.shape[-1]
     columns = np.swapaxes(gradient, -1, -2)
@@ -202,8 +130,7 @@ class PoseEstimate:
     rotation : (..., 3, 3) array, (...) array or None
         Orientation: a matrix in space, an angle in (-pi, pi] in the plane, None for a point.
     residual : (...) array
-        Root mean square of the length errors, in m. Large means that no pose near the guess has these
-        lengths.
+        Root mean square of the length errors, in m. Large means that no pose near the guess has these lengths.
     iterations : (...) array
         Steps tried.
     """
@@ -217,10 +144,7 @@ class PoseEstimate:
 def estimate_pose(
     anchors: Floats, attachments: Floats | None, lengths: Floats, position: Floats, rotation: Floats | None
 ) -> PoseEstimate:
-    """Find the poses near the guesses that have these cable lengths: `solve_pose` for arrays that broadcast.
-
-    Without a rotation the guess is the identity.
-    """
+    """Find poses as `solve_pose` does, for arrays that broadcast. Without a rotation the guess is the identity."""
     m, d = anchors.shape[-2:]
     turn = np.eye(d) if rotation is None else rotation
     shapes = {"lengths": lengths.shape[:-1], "position": position.shape[:-1], "rotation": turn.shape[:-2]}
@@ -250,21 +174,8 @@ def solve_pose(
     form, the damping is scaled by the diagonal of ``J'J`` so that metres and radians need no common unit,
     and a step turns the platform by the exponential map. A pose that has been found leaves the batch.
 
-    Parameters
-    ----------
-    anchors : (B, m, d) array
-    attachments : (m, d) array or None
-        In platform axes; None for a point.
-    lengths : (B, m) array
-    position : (B, d) array
-        Guesses.
-    rotation : (B, d, d) array or None
-        Guesses; None for a point.
-
-    Returns
-    -------
-    position, rotation, residual, iterations
-        As in `PoseEstimate`, with rotations as (B, d, d) matrices.
+    Anchors are (B, m, d), attachments (m, d) in platform axes, lengths (B, m), and guesses (B, d) and (B, d, d); a
+    point has no attachments and no rotation. Returns what `PoseEstimate` has, with rotations as matrices.
     """
     position = position.copy()
     rotation = None if rotation is None else rotation.copy()
@@ -281,8 +192,7 @@ def solve_pose(
         cost = np.mean(error**2, axis=-1)
         residual[active] = np.sqrt(cost)
 
-        # The lengths fall short by `error` and change by J twist = -W' twist, so J'J = WW' and J'error = -W
-        # error.
+        # The lengths fall short by `error` and change by J twist = -W' twist: J'J = WW', and J'error = -W error.
         normal = W @ np.swapaxes(W, -1, -2)
         diagonal = np.einsum("...ii->...i", normal)
         scale = diagonal + RIDGE * diagonal.max(axis=-1, keepdims=True)

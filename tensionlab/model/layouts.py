@@ -101,5 +101,5 @@ def _corners(size: Sequence[float]) -> dict[str, Floats]:
 
 def _rig(name: str, places: dict[str, Floats], home: ArrayLike, limits: tuple[float, float]) -> Rig:
     lower, upper = limits
-    modules = tuple(Module(name=key, anchor=anchor, lower=lower, upper=upper) for key, anchor in places.items())
+    modules = tuple(Module(key, anchor, lower, upper) for key, anchor in places.items())
     return Rig(name=name, kind="point", modules=modules, home=as_floats("home", home), up="y")

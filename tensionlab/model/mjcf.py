@@ -14,8 +14,6 @@ from tensionlab.model.rig import Rig
 
 MASS = 1.0
 """Of what the cables hold where the rig has no platform, in kg."""
-
-
 JOINTS = {"planar-point": "xy", "point": "xyz", "planar": "xy"}
 """The sliding joints of each kind of rig; a platform is free."""
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, as_floats, tension_limits
+from tensionlab.arrays import Floats, as_floats, frozen, tension_limits
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
 
@@ -101,12 +101,11 @@ class Module:
             )
         object.__setattr__(self, "anchor", anchor)
         object.__setattr__(self, "attachment", attachment)
-        for key in ("lower", "upper"):
-            value = getattr(self, key)
-            if not np.isfinite(value):
-                raise RigError(f'{here}: key "{key}" is {value}; give a finite tension in N')
-            if value > MAX_TENSION:
-                raise RigError(f'{here}: key "{key}" is {value:g} N; give {MAX_TENSION:g} or less')
+        for key, tension in (("lower", self.lower), ("upper", self.upper)):
+            if not np.isfinite(tension):
+                raise RigError(f'{here}: key "{key}" is {tension}; give a finite tension in N')
+            if tension > MAX_TENSION:
+                raise RigError(f'{here}: key "{key}" is {tension:g} N; give {MAX_TENSION:g} or less')
         if self.lower < 0:
             raise RigError(f'{here}: key "lower" is {self.lower}; a cable cannot push, so give 0 N or more')
         if self.lower > self.upper:
@@ -114,16 +113,13 @@ class Module:
                 f'{here}: key "lower" is {self.lower}, above "upper", which is {self.upper}; '
                 "give lower <= upper, both in N"
             )
-        for key, most in (
-            ("brake", MAX_TENSION),
-            ("newton_per_ampere", MAX_TENSION),
-            ("spool_radius", MAX_LENGTH),
-        ):
+        most = {"brake": MAX_TENSION, "newton_per_ampere": MAX_TENSION, "spool_radius": MAX_LENGTH}
+        for key, limit in most.items():
             value = getattr(self, key)
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')
-            if value is not None and value > most:
-                raise RigError(f'{here}: key "{key}" is {value:g}; give {most:g} or less')
+            if value is not None and value > limit:
+                raise RigError(f'{here}: key "{key}" is {value:g}; give {limit:g} or less')
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
@@ -175,20 +171,18 @@ class Platform:
         if self.com is not None:
             object.__setattr__(self, "com", vector(self.com, "[platform]", "com"))
         if self.inertia is not None:
+            here = '[platform]: key "inertia"'
             try:
-                inertia = as_floats("inertia", self.inertia).copy()
+                inertia = frozen(as_floats("inertia", self.inertia))
             except ShapeError as error:
-                raise RigError(f'[platform]: key "inertia": {error}') from None
+                raise RigError(f"{here}: {error}") from None
             if inertia.size and np.abs(inertia).max() > MAX_MASS * MAX_LENGTH**2:
-                raise RigError('[platform]: key "inertia" has an entry that no body has; correct it (kg·m²)')
+                raise RigError(f"{here} has an entry that no body has; correct it (kg·m²)")
             square = inertia.ndim == 2 and inertia.shape[0] == inertia.shape[1]
             if not (square and np.isfinite(inertia).all() and np.array_equal(inertia, inertia.T)):
-                raise RigError('[platform]: key "inertia" must be a finite, square and symmetric matrix in kg·m²')
+                raise RigError(f"{here} must be a finite, square and symmetric matrix in kg·m²")
             if np.linalg.eigvalsh(inertia)[0] <= 0:
-                raise RigError(
-                    '[platform]: key "inertia" has a moment of zero or less; correct its entries (kg·m²)'
-                )
-            inertia.setflags(write=False)
+                raise RigError(f"{here} has a moment of zero or less; correct its entries (kg·m²)")
             object.__setattr__(self, "inertia", inertia)
 
     def check_kind(self, kind: str) -> None:
@@ -222,14 +216,13 @@ def require_name(value: object, where: str, key: str, remedy: str) -> None:
 def vector(values: ArrayLike, where: str, key: str) -> Floats:
     """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
     try:
-        point = as_floats(key, values).copy()
+        point = frozen(as_floats(key, values))
     except (TypeError, ValueError):
         raise RigError(f'{where}: key "{key}" is {brief(values)}; give a list of coordinates in m') from None
     if point.ndim != 1 or not np.isfinite(point).all():
         raise RigError(f'{where}: key "{key}" is {brief(values)}; give a flat list of finite coordinates in m')
     if point.size and np.abs(point).max() > MAX_LENGTH:
         raise RigError(f'{where}: key "{key}" is {brief(values)}; coordinates are in m, within {MAX_LENGTH:g}')
-    point.setflags(write=False)
     return point
 
 

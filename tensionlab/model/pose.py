@@ -48,13 +48,7 @@ def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> F
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
     """Return the anchors in the world, (..., m, d), in m; (m, d) where no module rides on a body.
 
-    Parameters
-    ----------
-    modules : sequence of Module
-    anchors : (m, d) array
-        Each in the axes of its module's own frame, in m.
-    frames : mapping or None
-        Where each body frame is.
+    ``anchors``, (m, d), are each in the axes of its module's own frame, in m.
 
     Raises
     ------
@@ -64,33 +58,41 @@ def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | N
         Positions or rotations of frames that are no such thing, or do not broadcast.
     """
     given: Frames = {} if frames is None else frames
-    names = list(dict.fromkeys(module.frame for module in modules if module.frame != WORLD))
+    riders: dict[str, list[int]] = {}
     for index, module in enumerate(modules):
-        if module.frame != WORLD and module.frame not in given:
+        if module.frame == WORLD:
+            continue
+        if module.frame not in given:
             raise RigError(
                 f'module "{module.name}" (index {index}) rides on the frame "{module.frame}", which is '
                 f'missing; give frames={{"{module.frame}": (position, rotation)}}'
             )
-    if unknown := sorted(set(given) - set(names)):
-        listed = ", ".join(names) if names else "none"
+        riders.setdefault(module.frame, []).append(index)
+    if unknown := sorted(set(given) - set(riders)):
+        listed = ", ".join(riders) or "none"
         raise RigError(f'no module rides on the frame "{unknown[0]}"; the body frames of this rig are: {listed}')
-    if not names:
+    if not riders:
         return anchors
-    origins: list[Floats] = []
-    turns: list[Floats | None] = []
+    d = anchors.shape[-1]
+    moved: list[tuple[list[int], Floats]] = []
     shapes: dict[str, tuple[int, ...]] = {}
-    for name in names:
+    for name, own in riders.items():
         position, rotation = frame_of(given[name])
-        what = f'frame "{name}" '
-        origins.append(points(position, anchors.shape[-1], what + "position"))
-        shapes[what + "position"] = origins[-1].shape[:-1]
-        turn = None if rotation is None else rotations(rotation, anchors.shape[-1], what + "rotation")
-        if turn is not None:
-            shapes[what + "rotation"] = turn.shape[:-2]
-        turns.append(turn)
-    common_axes(shapes)
-    index_of = np.array([names.index(module.frame) if module.frame != WORLD else -1 for module in modules])
-    return kinematics.place(anchors, index_of, origins, turns)
+        what = f'frame "{name}" position'
+        origin = points(position, d, what)
+        shapes[what] = origin.shape[:-1]
+        carried = anchors[own]
+        if rotation is not None:
+            what = f'frame "{name}" rotation'
+            turn = rotations(rotation, d, what)
+            shapes[what] = turn.shape[:-2]
+            carried = kinematics.rotate(turn, carried)
+        common_axes(shapes)
+        moved.append((own, origin[..., None, :] + carried))
+    placed = np.broadcast_to(anchors, (*common_axes(shapes), *anchors.shape)).copy()
+    for own, part in moved:
+        placed[..., own, :] = part
+    return placed
 
 
 def in_own_axes(modules: Sequence[Module], vectors: Floats, frames: Frames | None) -> Floats:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tensionlab.arrays import Floats, common_axes
+from tensionlab.arrays import Floats, common_axes, frozen
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
 from tensionlab.model import kinematics, pose
@@ -30,16 +30,10 @@ from tensionlab.model.pose import Frames
 
 
 class Cables(NamedTuple):
-    """Lengths and directions of the cables of a rig at a pose.
+    """Cables of a rig at a pose: lengths (..., m), in m, directions and arms (..., m, d), in world axes.
 
-    Attributes
-    ----------
-    lengths : (..., m) array
-        In m.
-    directions : (..., m, d) array
-        Unit vectors from attachment to anchor, in world axes.
-    arms : (..., m, d) array or None
-        From the reference point to the attachments, in world axes, in m; None for a point.
+    Directions are unit vectors from attachment to anchor; arms lead from the reference point to the attachments,
+    in m, and are None for a point.
     """
 
     lengths: Floats
@@ -185,20 +179,17 @@ class Rig:
     @cached_property
     def anchors(self) -> Floats:
         """Anchors of all modules, (m, d), each in the axes of its own frame, in m. Read-only."""
-        return _stacked([module.anchor for module in self.modules])
+        return frozen(np.stack([module.anchor for module in self.modules]))
 
     @cached_property
     def attachments(self) -> Floats:
         """Attachments of all cables, (m, d), in platform axes, in m; zeros for a point rig. Read-only."""
-        return _stacked([np.asarray(module.attachment) for module in self.modules])
+        return frozen(np.stack([np.asarray(module.attachment) for module in self.modules]))
 
     def cables(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Cables:
-        """Return where the cables run at a pose.
-
-        Parameters and errors as in `structure_matrix`.
-        """
+        """Return where the cables run at a pose; parameters and errors as in `structure_matrix`."""
         p, R, anchors = self._pose(position, rotation, frames)
         arms = None
         if self._kind.turns:
@@ -217,23 +208,15 @@ class Rig:
     def lengths(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """Return the length of each cable at a pose, (..., m), from anchor to attachment, in m.
-
-        Parameters and errors as in `structure_matrix`.
-        """
+        """Return the length of each cable, (..., m), in m; parameters and errors as in `structure_matrix`."""
         return self.cables(position, rotation, frames).lengths
 
     def directions(
         self, position: ArrayLike, rotation: ArrayLike | None = None, frames: Frames | None = None
     ) -> Floats:
-        """Return the direction in which each cable pulls at a pose.
+        """Return the unit vector from attachment to anchor of each cable, (..., m, d), in world axes.
 
         Parameters and errors as in `structure_matrix`.
-
-        Returns
-        -------
-        (..., m, d) array
-            Unit vectors from attachment to anchor, in world axes.
         """
         return self.cables(position, rotation, frames).directions
 
@@ -249,17 +232,16 @@ class Rig:
         position : (..., d) array
             Of the reference point in the world, in m.
         rotation : (..., 3, 3) array, (...) array or None
-            Platform to world: matrices for a platform rig, angles in rad for a planar one. None is the
-            identity. A point rig takes none.
+            Platform to world: matrices for a platform rig, angles in rad for a planar one. None is the identity. A
+            point rig takes none.
         frames : mapping of name to Frame or (position, rotation), optional
             Where the body frames named in `Rig.frames` are.
 
         Returns
         -------
         (..., n, m) array
-            W with the columns ``[u; r x u]``: ``W @ tensions`` is the wrench on the platform, at its
-            reference point and in world axes, and ``-W.T`` is the derivative of the lengths with respect to
-            the twist.
+            W with the columns ``[u; r x u]``: ``W @ tensions`` is the wrench on the platform, at its reference
+            point and in world axes, and ``-W.T`` is the derivative of the lengths with respect to the twist.
 
         Raises
         ------
@@ -280,10 +262,9 @@ class Rig:
     ) -> PoseEstimate:
         """Estimate the pose of the platform from cable lengths.
 
-        The pose near the guess that fits the lengths best in the least-squares sense. Several poses can have
-        the same lengths: anchors in one plane leave a mirror image behind that plane, and a platform can
-        flip. The guess decides which is found, so start on the right side of the plane, off it. Look at the
-        residual.
+        The pose near the guess that fits the lengths best in the least-squares sense. Several poses can have the
+        same lengths: anchors in one plane leave a mirror image behind that plane, and a platform can flip. The
+        guess decides which is found, so start on the right side of the plane, off it. Look at the residual.
 
         Parameters
         ----------
@@ -319,9 +300,3 @@ class Rig:
         shapes = {"position": p.shape[:-1], "frames": anchors.shape[:-2]}
         common_axes(shapes if R is None else {**shapes, "rotation": R.shape[:-2]})
         return p, R, anchors
-
-
-def _stacked(rows: list[Floats]) -> Floats:
-    stack = np.stack(rows)
-    stack.setflags(write=False)
-    return stack

@@ -77,10 +77,7 @@ class RigFile(Table):
 def check(kind: type[T], document: dict[str, Any]) -> T:
     """Check the contents of a file of some kind.
 
-    Raises
-    ------
-    RigError
-        One line a problem, each naming the table, such as the module, and the key, and saying what to do.
+    RigError has one line a problem, each naming the table, such as the module, and the key, and saying what to do.
     """
     try:
         return kind.model_validate(document)
