@@ -37,21 +37,12 @@ LIBRARIES = [
 
 
 def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
-    """Which call, versions and machine a result came from.
+    """Return which call, versions and machine a result came from.
 
-    Parameters
-    ----------
-    call : sequence of str
-        Program and arguments that made the result, one word each.
-    seed : int, optional
-        Seed of the random numbers; None where nothing was random.
-
-    Returns
-    -------
-    dict
-        ``call``, ``date`` (UTC), ``seed``, ``git_commit`` of the working directory (ends in ``-dirty`` where
-        files differ from it; None outside a repository), ``processor``, ``platform``, ``python`` and
-        ``versions`` (by distribution; only those installed).
+    ``call``, program and arguments, one word each; ``date`` (UTC); ``seed`` of the random numbers, None where
+    nothing was random; ``git_commit`` of the working directory (ends in ``-dirty`` where files differ from it;
+    None outside a repository); ``processor``, ``platform``, ``python`` and ``versions`` (by distribution; only
+    those installed).
     """
     import importlib.metadata
 
@@ -79,14 +70,8 @@ def write_parquet(
     """Write a table with its manifest: rows, with a column for each of their keys; or columns, by name.
 
     The manifest is JSON under the key ``tensionlab`` of the schema's metadata:
-    ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``.
-
-    Raises
-    ------
-    MissingDependency
-        If pyarrow is not installed.
-    WriteError
-        If the file cannot be written; what was there before stays.
+    ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``. WriteError if the file cannot be
+    written; what was there before stays.
     """
     try:
         import pyarrow as pa
@@ -99,6 +84,15 @@ def write_parquet(
         written = pa.Table.from_pylist([dict(row) for row in table])
     with writing.replacing(path) as file:
         pq.write_table(written.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), file)
+
+
+def import_xarray() -> Any:
+    """Return the module xarray; MissingDependency if it is not installed."""
+    try:
+        import xarray
+    except ImportError as error:
+        raise MissingDependency('datasets need xarray: pip install "tensionlab[workspace]"') from error
+    return xarray
 
 
 def _git_commit() -> str | None:

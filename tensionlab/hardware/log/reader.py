@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import records
 from tensionlab.allocation import Allocation
 from tensionlab.arrays import MAX_MAGNITUDE
-from tensionlab.errors import LogError, MissingDependency
+from tensionlab.errors import LogError
 from tensionlab.files import writing
 from tensionlab.files.reading import brief, parse_json
 from tensionlab.files.tables import from_mappings
@@ -128,10 +129,6 @@ class Run(CycleTable):
         MissingDependency
             If xarray is not installed.
         """
-        try:
-            import xarray
-        except ImportError as error:
-            raise MissingDependency('datasets need xarray: pip install "tensionlab[workspace]"') from error
         lower, upper = np.array(self.setup.lower), np.array(self.setup.upper)
         limits = {
             "lower": ("module", lower, {"units": "N", "long_name": "min tension that the solver may choose"}),
@@ -146,7 +143,7 @@ class Run(CycleTable):
             for name, column in COLUMNS.items()
         }
         coordinates = {"cycle": table.pop("cycle"), "time": table.pop("time"), **limits}
-        return xarray.Dataset(
+        dataset: xarray.Dataset = records.import_xarray().Dataset(
             table,
             {**dimension_labels(self.rig), **coordinates},
             {
@@ -161,6 +158,7 @@ class Run(CycleTable):
                 "complete": int(self.complete),
             },
         )
+        return dataset
 
 
 def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | None = None) -> Run:

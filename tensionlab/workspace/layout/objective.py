@@ -79,9 +79,7 @@ class Objective:
 
     def missing(self, margins: Floats) -> Floats:
         """Return the share of the force that is missing at each point, (..., P), 0 or more."""
-        if self.force is None:
-            return np.zeros_like(margins)
-        return np.maximum(1 - margins / self.force, 0.0)
+        return np.zeros_like(margins) if self.force is None else np.maximum(1 - margins / self.force, 0.0)
 
     def describe(self) -> str:
         """Return in a few words what the score is."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from tensionlab import records
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, SweepError
+from tensionlab.errors import SweepError
 from tensionlab.model import pose
 from tensionlab.workspace.metrics import Metric, description
 from tensionlab.workspace.poses import Coordinate
@@ -31,20 +31,8 @@ MEDIAN_SAMPLE = 4_000_000
 def empty_dataset(plan: Plan) -> xarray.Dataset:
     """Return the dataset of a sweep without values: its coordinates and attributes.
 
-    Every rig is made and checked on the way.
-
-    Raises
-    ------
-    MissingDependency
-        If xarray is not installed.
-    SweepError, RigError, ShapeError, InputError
-        If a rig cannot be made or does not suit the poses or the metrics, no rig has a body frame that is
-        given, or two things have one name.
+    Every rig is made on the way, and refused if it does not suit the poses or the metrics, or lacks a body frame.
     """
-    try:
-        import xarray
-    except ImportError as error:
-        raise MissingDependency('a sweep needs xarray: pip install "tensionlab[workspace]"') from error
     found = [*plan.configurations.coordinates(), *_rig_coordinates(plan), *plan.poses.coordinates()]
     names = Counter([each.name for each in found] + list(plan.metrics))
     if twice := [name for name, count in names.items() if count > 1]:
@@ -52,17 +40,16 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     if slashed := [name for name in names if "/" in name]:
         raise SweepError(f'"{slashed[0]}" has a slash, and cannot name an axis or variable; rename it')
     manifest = records.manifest(sys.orig_argv)
-    return xarray.Dataset(
-        coords={
-            each.name: (each.dims, each.values, {"units": each.units, "long_name": each.long_name})
-            for each in found
-        },
-        attrs={
-            "title": f"tensionlab sweep: {', '.join(plan.metrics)}",
-            "sweep": json.dumps(_identity(plan, found, manifest["versions"]["tensionlab"])),
-            "manifest": json.dumps(manifest),
-        },
-    )
+    labels = {
+        each.name: (each.dims, each.values, {"units": each.units, "long_name": each.long_name}) for each in found
+    }
+    attrs = {
+        "title": f"tensionlab sweep: {', '.join(plan.metrics)}",
+        "sweep": json.dumps(_identity(plan, found, manifest["versions"]["tensionlab"])),
+        "manifest": json.dumps(manifest),
+    }
+    empty: xarray.Dataset = records.import_xarray().Dataset(coords=labels, attrs=attrs)
+    return empty
 
 
 def attributes(metric: Metric) -> dict[str, str]:
@@ -149,24 +136,16 @@ def _digest(found: Sequence[Coordinate]) -> str:
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of a metric over many poses.
-
-    Attributes
-    ----------
-    poses, missing : int
-        How many poses there are, and how many have no value.
-    min, median, max : float
-        Of those that have one; NaN if none has.
-    above_zero : float
-        Share of the poses with a value where it is above zero.
-    """
+    """Statistics of a metric over many poses; NaN if none has a value."""
 
     poses: int
     missing: int
+    """Poses without a value."""
     min: float
     median: float
     max: float
     above_zero: float
+    """Share of the poses with a value where it is above zero."""
 
 
 def summarise(values: xarray.DataArray) -> Summary:

@@ -56,14 +56,8 @@ def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[T
     """Evaluate tasks on an existing Dask cluster; yields as they finish.
 
     Where a worker dies, the scheduler gives its tasks to another. Workers need tensionlab installed, and no file
-    of this machine: a task holds all that it needs.
-
-    Raises
-    ------
-    MissingDependency
-        If dask.distributed is not installed.
-    SweepError
-        If the scheduler does not answer, has no workers, is lost, or lost too many workers.
+    of this machine: a task holds all that it needs. SweepError if the scheduler does not answer, has no workers,
+    is lost, or lost too many workers.
     """
     try:
         from distributed import Client, KilledWorker, as_completed
@@ -122,9 +116,7 @@ def _no_answer(address: str, error: Exception) -> SweepError:
 
 def _processors() -> int:
     """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager

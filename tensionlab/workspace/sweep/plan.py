@@ -24,10 +24,8 @@ Block = tuple[slice, ...]
 
 MIN_LENGTH_RATIO = 1e-12
 """A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
-
 MIN_CHUNKS = 16
 """Chunks of a small sweep, at least, so that all processors have work."""
-
 MIN_CHUNK_VALUES = 1_024
 """Values of a chunk that is not worth cutting up."""
 
@@ -119,10 +117,7 @@ class Plan:
     def check(self, rig: Rig) -> None:
         """Refuse a rig that does not suit the poses, or that a metric refuses.
 
-        Raises
-        ------
-        SweepError, RigError, ShapeError, InputError
-            Other dimensions, no body to turn, a body frame that is not given, more cables than a metric takes.
+        For its dimensions, no body to turn, a body frame that is not given, or more cables than a metric takes.
         """
         if rig.dimension != self.poses.dimension:
             raise SweepError(

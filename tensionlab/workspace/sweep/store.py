@@ -1,11 +1,10 @@
 """Stores of a sweep's values: in memory, or in Zarr with a ledger, which a killed sweep goes on with.
 
 The format is version 2 of Zarr, in which texts have a specification. Beside its arrays a store has a lock and a
-ledger: a file of lines with a checksum of every file. The first line names the sweep and has the checksums of
-what is there before the first value: metadata, coordinates and manifest. Then comes a line for each finished
-chunk, written once its data are on disk, and at last one that says that the sweep is complete. Every line begins
-with a checksum of its own, so that a line that was cut short or damaged does not count: its chunk is evaluated
-again.
+ledger: a file of lines with a checksum of every file. The first line names the sweep and has the checksums of what
+is there before the first value: metadata, coordinates and manifest. Then comes a line for each finished chunk,
+written once its data are on disk, and at last one that says that the sweep is complete. Every line begins with a
+checksum of its own, so that a line that was cut short or damaged does not count: its chunk is evaluated again.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tensionlab import records
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, SweepError
 from tensionlab.files import writing
@@ -78,15 +78,9 @@ class MemoryStore:
 class ZarrStore:
     """Zarr store that a sweep is written to, goes on with, or is opened from. One process at a time writes.
 
-    ``finished`` holds the numbers of the chunks that it has, ``empty`` the coordinates and attributes.
-
-    Raises
-    ------
-    MissingDependency
-        If zarr or filelock is not installed.
-    SweepError
-        If there is something else at the path, the store of another sweep, one whose files were changed, or one
-        that another process writes to; it says what differs.
+    ``finished`` holds the numbers of the chunks that it has, ``empty`` the coordinates and attributes. SweepError
+    if there is something else at the path, the store of another sweep, one whose files were changed, or one that
+    another process writes to; it says what differs.
     """
 
     def __init__(self, path: Path, plan: Plan, empty: xarray.Dataset) -> None:
@@ -130,11 +124,9 @@ class ZarrStore:
 
     def dataset(self) -> xarray.Dataset:
         """Complete the ledger, and open the whole; values are read when they are needed."""
-        import xarray
-
         if not self._ledger.complete:
             self._ledger.finish()
-        data: xarray.Dataset = xarray.open_zarr(self._path, chunks=None)
+        data: xarray.Dataset = records.import_xarray().open_zarr(self._path, chunks=None)
         return data
 
     def close(self) -> None:
@@ -286,11 +278,8 @@ class Ledger:
     def verify(self) -> Set[int]:
         """Return the numbers of the chunks that are finished, whose files are all there, and unchanged.
 
-        Raises
-        ------
-        SweepError
-            Naming the file that is missing or was changed. For values that are missing there is no error: their
-            chunk is not finished any more.
+        SweepError names a file that is missing or was changed. Values that are missing are no error: their chunk
+        is not finished any more.
         """
         for name, expected in self._base.items():
             found = checksum(self._store / name)
