@@ -65,12 +65,8 @@ def ring_plus_top(
 def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> Rig:
     """Return a rig with modules at all eight corners of a box, with edges ``size`` along X, Y and Z, in m.
 
-    The box is centred on the origin, where the point is at home. Tension limits are in N.
-
-    Raises
-    ------
-    RigError
-        If the size is not three positive numbers.
+    The box is centred on the origin, where the point is at home. Tension limits are in N. RigError if the size is
+    not three positive numbers.
     """
     return _rig("box-corners", _corners(size), [0.0, 0.0, 0.0], limits)
 

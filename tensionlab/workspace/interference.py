@@ -18,14 +18,9 @@ from tensionlab.model.rig import Rig
 
 
 class Capsule(NamedTuple):
-    """Body: all points within a radius of a segment; a sphere, such as a head, has no ``end``.
+    """Body: all points within a radius, in m, of a segment; a sphere, such as a head, has no ``end``.
 
-    Attributes
-    ----------
-    start, end : (..., d) arrays
-        Ends of the segment in the world, in m; leading axes broadcast with the poses, so that a body can move.
-    radius : float
-        In m, 0 or more.
+    The ends, (..., d), are in the world, in m; leading axes broadcast with the poses, so that a body can move.
     """
 
     start: ArrayLike
@@ -34,14 +29,10 @@ class Capsule(NamedTuple):
 
 
 class Clearance(NamedTuple):
-    """Minimum distance, and the pair that has it.
+    """Minimum distance (...), in m, and the pair (..., 2) that has it.
 
-    Attributes
-    ----------
-    distance : (...) array
-        In m; below zero where a cable enters a body, infinite where there is no pair to measure.
-    pair : (..., 2) array
-        The closest pair: indices of two modules, or of a module and a body; -1 where there is none.
+    Below zero where a cable enters a body, infinite where there is no pair to measure. The pair are indices of two
+    modules, or of a module and a body; -1 where there is none.
     """
 
     distance: Floats
@@ -125,22 +116,12 @@ def body_distance(
 
 
 def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: ArrayLike) -> Floats:
-    """Return the distance between two segments, (...), in m.
+    """Return the distance (...) between two segments from their ends (..., d), in m, d = 2 or 3.
 
     Exact for parallel, crossing, touching and zero-length segments, to about 1e-8 of their length where they
-    cross, and to rounding elsewhere.
+    cross, and to rounding elsewhere. ShapeError if the ends don't broadcast, or hold NaN or infinity.
 
     Source: Lumelsky, "On fast computation of distance between line segments", 1985.
-
-    Parameters
-    ----------
-    start, end, start2, end2 : (..., d) arrays
-        Their ends, in m, d = 2 or 3; leading axes broadcast.
-
-    Raises
-    ------
-    ShapeError
-        If they don't broadcast, have not two or three coordinates, or hold NaN or infinity.
     """
     given = {"start": start, "end": end, "start2": start2, "end2": end2}
     d = np.shape(start)[-1] if np.shape(start)[-1:] in ((2,), (3,)) else 3

@@ -28,10 +28,9 @@ class MarginGradient(NamedTuple):
 
 
 class RigMarginGradient(NamedTuple):
-    """Capacity margin (...), and its derivatives with respect to the positions of the platform and the anchors.
+    """Capacity margin (...), and its derivatives, per m that something moves.
 
-    (..., d) per m that the reference point moves, without rotation, and (..., m, d) per m that each anchor
-    moves, in the axes of its own frame, as in `Rig.anchors`.
+    (..., d) for the reference point, without rotation, and (..., m, d) for each anchor, in the axes of its own frame.
     """
 
     margin: Floats
@@ -40,15 +39,17 @@ class RigMarginGradient(NamedTuple):
 
 
 def capacity_margin(structure: ArrayLike, limits: TensionRange, required: RequiredWrenches = None) -> Floats:
-    """Return the distance of the required wrench set from the boundary of the available one.
+    """Return the signed distance (...) of the required wrench set from the boundary of the available one.
 
-    The available wrench set is all ``W t`` with t inside the limits. Where n is more than 3, its distances mix N
-    and N·m: divide the torques of W and of the required wrenches by a length of your choice first.
+    0 or more if and only if all of it is feasible. The available wrench set is all ``W t`` with t inside the
+    limits; one without volume (W of lower rank) ends at once in the directions that it lacks: its margin is at
+    most 0, less the distance of the required set from its plane. Where n is more than 3, its distances mix N and
+    N·m: divide the torques of W and of the required wrenches by a length of your choice first.
 
-    Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external
-    wrenches", 2014; Ruiz, Caro, Cardou and Guay, "ARACHNIS: Analysis of robots actuated by cables with handy and
-    neat interface software", 2015. The facets are found by hyperplane shifting: Bouchard, Gosselin and Moore, "On
-    the ability of a cable-driven robot to generate a prescribed set of wrenches", 2010.
+    Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
+    2014; Ruiz, Caro, Cardou and Guay, "ARACHNIS: Analysis of robots actuated by cables with handy and neat
+    interface software", 2015. The facets are found by hyperplane shifting: Bouchard, Gosselin and Moore, "On the
+    ability of a cable-driven robot to generate a prescribed set of wrenches", 2010.
 
     Parameters
     ----------
@@ -57,16 +58,9 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     limits : object with ``lower`` and ``upper``, or a pair
         Tension limits in N, each (..., m) or a number.
     required : None, (n,) array, (..., k, n) array, or tuple
-        None is no wrench at all: zero. An array with one axis is one wrench. An array with more holds the
-        vertices of a set, k for each pose or for all; one wrench for each pose is ``wrench[..., None, :]``. A
-        tuple is always a ball, ``(centre, radius)``: (..., n) and (...).
-
-    Returns
-    -------
-    (...) array
-        Minimum signed distance from the required set to a facet of the available one; 0 or more if and only if
-        all of it is feasible. A set without volume (W of lower rank) ends at once in the directions that it
-        lacks: its margin is at most 0, less the distance of the required set from its plane.
+        None is no wrench at all: zero. An array with one axis is one wrench. An array with more holds the vertices
+        of a set, k for each pose or for all; one wrench for each pose is ``wrench[..., None, :]``. A tuple is
+        always a ball, ``(centre, radius)``: (..., n) and (...).
 
     Raises
     ------

@@ -16,7 +16,6 @@ from tensionlab.workspace.wrench_set import TensionRange, structure_batch, struc
 
 CLOSURE_TOLERANCE = 1e-10
 """A pose with a tension factor of no more than this is on the edge of the wrench-closure workspace, not in it."""
-
 ALLOCATIONS_PER_CALL = 1 << 16
 """Enough for all threads, and a few megabytes."""
 
@@ -25,16 +24,11 @@ def tension_factor(structure: ArrayLike) -> Floats:
     """Return the maximum ratio (...) of minimum to maximum tension with ``W t = 0``.
 
     From 0 to 1, for structure matrices (..., n, m); 0 where there is no wrench closure, so also where W has a rank
-    below n.
+    below n. ShapeError names an entry that is not finite.
 
     Source: Pham, Yeo, Yang and Chen, "Workspace analysis of fully restrained cable-driven manipulators", 2009.
     Instead of their linear program, the facets of the wrench set for tensions between 1 and tau: it holds zero
     for all tau from 1/factor on.
-
-    Raises
-    ------
-    ShapeError
-        Naming the entry.
     """
     batch = structure_batch(structure_matrices(structure), (0.0, 2.0))
     return _native.tension_factor(*batch[:3], RANK_TOLERANCE).reshape(batch.shape)[()]
@@ -52,10 +46,10 @@ def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
 
 
 def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int | None = None) -> Floats:
-    """Return the maximum force that is feasible in every direction, without a torque.
+    """Return the maximum force (...), in N, that is feasible in every direction, without a torque.
 
     The radius of the largest ball of forces, about zero, in the available wrench set; each facet bounds it by the
-    part of its normal that is a force.
+    part of its normal that is a force. 0 where some directions, or zero itself, are infeasible.
 
     Parameters
     ----------
@@ -65,17 +59,10 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
         How many of the n components are forces; the others are torques, and stay zero. None: the first three, or
         all where n is less. A planar platform, which has n = 3, needs 2: give ``rig.dimension``.
 
-    Returns
-    -------
-    (...) array
-        In N; 0 where some directions, or zero itself, are infeasible.
-
     Raises
     ------
-    ShapeError
-        Naming the entry.
-    InputError
-        If so many components cannot be forces.
+    ShapeError, InputError
+        Naming the entry; if so many components cannot be forces.
     """
     batch = structure_batch(structure_matrices(structure), limits)
     n = batch.structure.shape[1]
@@ -86,18 +73,17 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
 
 
 def least_singular_value(structure: ArrayLike) -> Floats:
-    """Return the minimum singular value of each structure matrix (..., n, m).
+    """Return the minimum singular value (...) of structure matrices (..., n, m).
 
-    (...): the norm of the wrench in the weakest direction for tensions of norm 1 N; 0 with fewer cables than
-    components.
+    The norm of the wrench in the weakest direction for tensions of norm 1 N; 0 with fewer cables than components.
     """
     return _singular_values(structure)[..., -1][()]
 
 
 def condition_number(structure: ArrayLike) -> Floats:
-    """Return the maximum over the n-th singular value of each structure matrix (..., n, m).
+    """Return the ratio (...) of the first to the n-th singular value of structure matrices (..., n, m).
 
-    (...); infinite where the rank is below n.
+    Infinite where the rank is below n.
     """
     sigma = _singular_values(structure)
     full_rank = sigma[..., -1] > RANK_TOLERANCE * sigma[..., 0]
@@ -117,31 +103,25 @@ def _singular_values(structure: ArrayLike) -> Floats:
 
 
 def reachable_share(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, magnitude: float) -> Floats:
-    """Return the feasible-direction fraction: the share of directions in which a wrench is feasible.
+    """Return the feasible-direction fraction (...): the share of directions in which a wrench is feasible.
 
-    By the half-spaces of the available wrench set; nothing is solved.
+    By the half-spaces of the available wrench set; nothing is solved. A wrench outside by no more than the
+    tolerance of an exact allocation counts as feasible.
 
     Parameters
     ----------
     structure, limits
         As in `capacity_margin`.
     directions : (..., k, d) array
-        Vectors of any length but zero, k for each pose or for all. Where d is less than n they are forces, and
-        all other components are zero: no torque.
+        Vectors of any length but zero, k for each pose or for all. Where d is less than n they are forces, and all
+        other components are zero: no torque.
     magnitude : float
         Of the wrench; in N, if the directions are forces.
 
-    Returns
-    -------
-    (...) array
-        From 0 to 1. A wrench outside by no more than the tolerance of an exact allocation counts as feasible.
-
     Raises
     ------
-    ShapeError
-        Naming the entry.
-    InputError
-        If the magnitude is negative or not finite.
+    ShapeError, InputError
+        Naming the entry; if the magnitude is negative or not finite.
     """
     matrices = structure_matrices(structure)
     wrenches = _wrenches(directions, magnitude, matrices.shape[-2])

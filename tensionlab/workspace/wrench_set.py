@@ -47,11 +47,7 @@ def structure_batch(matrices: Floats, limits: TensionRange, **axes: tuple[int, .
 class HalfSpaces(NamedTuple):
     """The available wrench set as an intersection: w is in it if ``normals[i] @ w <= offsets[i]`` for all i.
 
-    Attributes
-    ----------
-    normals : (..., k, n) array
-        Unit vectors away from the set.
-    offsets : (..., k) array
+    Normals (..., k, n) are unit vectors away from the set; offsets are (..., k).
     """
 
     normals: Floats
@@ -62,18 +58,13 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
     """Return the half-spaces that bound the available wrench set.
 
     All choices of n - 1 independent cables span two parallel facets, on which every other cable is at one of its
-    limits. Parameters and errors as in `capacity_margin`.
+    limits. Some half-spaces may be redundant: all poses have as many as the one that needs most, twice the choices
+    of n - 1 of m cables as a rule, and those that need fewer repeat their last. Where the set is flat, planes from
+    both sides confine it. Parameters and errors as in `capacity_margin`.
 
     Source: Bouchard, Gosselin and Moore, "On the ability of a cable-driven robot to generate a prescribed set of
     wrenches", 2010; Gouttefarde and Krut, "Characterization of parallel manipulator available wrench set facets",
     2010.
-
-    Returns
-    -------
-    HalfSpaces
-        Some may be redundant: all poses have as many as the one that needs most, twice the choices of n - 1 of m
-        cables as a rule, and those that need fewer repeat their last. Where the set is flat, planes from both
-        sides confine it.
     """
     batch = structure_batch(structure_matrices(structure), limits)
     n, m = batch.structure.shape[1:]
@@ -91,26 +82,13 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
 
 
 def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
-    """Return the vertices of the available wrench set at one pose.
+    """Return the vertices (k, n) of the available wrench set at one pose.
 
-    The hull of one cable after the other, by Qhull: each copies what is there, at its lower and its upper limit.
+    In order around the set where it is a polygon, n = 2; in no order elsewhere. They are the hull of one cable
+    after the other, by Qhull: each copies what is there, at its lower and its upper limit. Parameters and errors
+    as in `capacity_margin`, without leading axes.
 
     Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996.
-
-    Parameters
-    ----------
-    structure, limits
-        As in `capacity_margin`, without leading axes.
-
-    Returns
-    -------
-    (k, n) array
-        In order around the set where it is a polygon, n = 2; in no order elsewhere.
-
-    Raises
-    ------
-    ShapeError
-        Naming the entry, or if there are several poses.
     """
     batch = structure_batch(structure_matrices(structure), limits)
     if batch.shape:

@@ -24,16 +24,8 @@ MAX_CHUNK_POINTS = 50_000
 class Objective:
     """Criterion by which layouts are compared.
 
-    Attributes
-    ----------
-    force : float or None
-        In N: the share of the target in which every force of this size is feasible. None: the maximum force that
-        is feasible in every direction everywhere in the target.
-
-    Raises
-    ------
-    InputError
-        If the force is not a positive number.
+    The share of the target in which every force of some size, above zero, in N, is feasible. Without a force, the
+    maximum one that is feasible in every direction everywhere in the target.
     """
 
     force: float | None = None

@@ -89,10 +89,9 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
 
 class Placed(NamedTuple):
-    """Surfaces and fixed modules in world axes, in m.
+    """Corners (s, d) and edges (s, d, d) of surfaces, and anchors (f, d) of fixed modules, in world axes, in m.
 
-    Corners of the surfaces (s, d); vectors from each corner along the edges (s, d, d), zeros where there are
-    fewer than d; anchors of the fixed modules (f, d).
+    Where a surface has fewer than d edges, the others are zeros.
     """
 
     corners: Floats
