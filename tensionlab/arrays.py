@@ -22,13 +22,8 @@ MAX_MAGNITUDE = 1e100
 def as_floats(name: str, values: ArrayLike) -> Floats:
     """Convert numbers to a contiguous float64 array; one that is so already is returned as it is.
 
-    NaN and infinity pass.
-
-    Raises
-    ------
-    ShapeError
-        Calling them ``name``, if something would be lost or made up: complex parts, masked entries, None, text,
-        dates, ragged lists.
+    NaN and infinity pass. ShapeError, calling them ``name``, if something would be lost or made up: complex parts,
+    masked entries, None, text, dates, ragged lists.
     """
     if type(values) is np.ndarray and values.dtype == np.float64:
         return np.asarray(values, order="C")

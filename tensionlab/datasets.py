@@ -32,19 +32,10 @@ SUFFIXES = {
 
 
 def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:
-    """List the names of all data sets, as `load` takes them.
+    """List the names of all data sets, as `load` takes them, or those of one kind, such as "recordings".
 
-    Parameters
-    ----------
-    kind : str or None
-        Such as "recordings": only those of one folder.
-    folder : path or None
-        Where the data sets are; None for those that come with this package.
-
-    Raises
-    ------
-    InputError
-        If there is no such folder or kind.
+    ``folder`` is where the data sets are; None for those that come with this package. InputError if there is no
+    such folder or kind.
     """
     from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 

@@ -10,7 +10,13 @@ MAX_MESSAGE_CHARACTERS = 300
 
 
 class TensionlabError(Exception):
-    """Root of all errors that tensionlab raises on purpose."""
+    """Root of all errors that tensionlab raises on purpose.
+
+    The message is the first argument; all are kept, so that an error can be sent between processes.
+    """
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
 
 
 class ShapeError(TensionlabError, ValueError):
@@ -58,21 +64,11 @@ class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned na
 
 
 class Unreachable(TensionlabError):  # noqa: N818 - pinned name
-    """Allocation that does not render every wrench exactly.
-
-    Attributes
-    ----------
-    allocation : tensionlab.Allocation
-        The complete result, so that nothing is lost.
-    """
+    """Allocation that does not render every wrench exactly; ``allocation`` is the complete result."""
 
     def __init__(self, message: str, allocation: Any) -> None:
         super().__init__(message, allocation)
         self.allocation = allocation
-
-    def __str__(self) -> str:
-        """Return the message alone; all arguments are kept so that the error can be sent between processes."""
-        return str(self.args[0])
 
 
 class HardwareError(TensionlabError):
@@ -102,19 +98,10 @@ class LogError(HardwareError):
 class ModuleFault(HardwareError):  # noqa: N818 - pinned name
     """Module that refuses a command, or has released its cable.
 
-    Attributes
-    ----------
-    module : str
-        Its name.
-    code : Code, Fault or State
-        Why: what the refusal said, the faults it found, or the state it is in.
+    ``module`` is its name; ``code`` says why: the `Code` of the refusal, the `Fault` it found, or its `State`.
     """
 
     def __init__(self, message: str, module: str, code: IntEnum | IntFlag) -> None:
         super().__init__(message, module, code)
         self.module = module
         self.code = code
-
-    def __str__(self) -> str:
-        """Return the message alone; all arguments are kept so that the error can be sent between processes."""
-        return str(self.args[0])

@@ -91,7 +91,7 @@ def import_xarray() -> Any:
     try:
         import xarray
     except ImportError as error:
-        raise MissingDependency('datasets need xarray: pip install "tensionlab[workspace]"') from error
+        raise MissingDependency('a dataset needs xarray: pip install "tensionlab[workspace]"') from error
     return xarray
 
 

@@ -22,6 +22,7 @@ ALLOWED = {
     "arrays": {"_native"},
     "files": set(),
     "records": set(),
+    "variants": set(),
     "model": set(),
     "solvers": {"_native"},
     "verification": {"solvers", "_native"},

@@ -149,24 +149,16 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     """Read a rig from two XML files of CASPR.
 
     A robot with one body, which moves in a plane or in space. The reference point is CASPR's, the origin of the
-    body's joint; home is its initial position. Elastic cables become stiff, and passive springs are left out:
-    the description of the rig says so.
+    body's joint; home is its initial position. Elastic cables become stiff, and passive springs are left out: the
+    description of the rig says so.
 
     Source: Lau, Eden, Tan and Oetomo, "CASPR: a comprehensive cable-robot analysis and simulation platform for the
     research of cable-driven parallel robots", 2016; what the elements mean is read off its program.
 
-    Parameters
-    ----------
-    bodies, cables : paths
-        Such as ``IPAnema_2_bodies.xml`` and ``IPAnema_2_cables.xml``.
-    cable_set : str, optional
-        The id of a ``<cable_set>``; the file's own default if left out.
-
-    Raises
-    ------
-    RigError
-        Naming the file, the line, the element and the attribute. Also for robots that are no rig: several bodies,
-        a body that turns about a fixed point, pulleys, cables that run past several points.
+    The files are such as ``IPAnema_2_bodies.xml`` and ``IPAnema_2_cables.xml``; ``cable_set`` is the id of a
+    ``<cable_set>``, the file's own default if left out. RigError names the file, the line, the element and the
+    attribute; also for robots that are no rig: several bodies, a body that turns about a fixed point, pulleys,
+    cables that run past several points.
     """
     links = read_xml(bodies, "bodies_system").only("links").children
     if len(links) != 1:

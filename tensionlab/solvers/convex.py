@@ -156,10 +156,8 @@ class _ConvexPrograms:
                 continue
             self.iterations += program.solver_stats.num_iters or 0
             break
-        if variable.value is None or not np.isfinite(variable.value).all():
-            return None
-        found: Floats = np.clip(variable.value, self.scaled.lower, self.scaled.upper)
-        return found
+        found = finite_tensions(variable.value, variable.size)
+        return None if found is None else np.clip(found, self.scaled.lower, self.scaled.upper)
 
 
 def _scaled(problem: Problem, row: int) -> ScaledProblem:

@@ -176,11 +176,8 @@ class _QuadraticPrograms:
             self.iterations += int(solution.extras["info"].iter)
         elif "iterations" in solution.extras:
             self.iterations += int(solution.extras["iterations"][0])
-        x = solution.x
-        if x is None or len(x) != len(cost) or not np.isfinite(x).all():
-            return None
-        inside: Floats = np.clip(x, lower, upper)
-        return inside
+        x = finite_tensions(solution.x, len(cost))
+        return None if x is None else np.clip(x, lower, upper)
 
     def closest(self, wrench: Floats) -> Floats | None:
         scaled = self.scaled

@@ -42,7 +42,7 @@ from tensionlab.workspace.structure_metrics import (
     tension_factor,
     wrench_closure,
 )
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
 MEASURES = METRICS

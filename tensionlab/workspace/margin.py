@@ -30,7 +30,7 @@ class MarginGradient(NamedTuple):
 class RigMarginGradient(NamedTuple):
     """Capacity margin (...), and its derivatives, per m that something moves.
 
-    (..., d) for the reference point, without rotation, and (..., m, d) for each anchor, in the axes of its own frame.
+    (..., d) for the reference point, without rotation; (..., m, d) for each anchor, in the axes of its own frame.
     """
 
     margin: Floats

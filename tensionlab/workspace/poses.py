@@ -31,7 +31,7 @@ MAX_AXIS_POSES = 10_000_000
 
 
 class Coordinate(NamedTuple):
-    """One labelled coordinate of a dataset: its axes, values, unit and meaning."""
+    """Labelled coordinate of a dataset: its axes, values, unit and meaning."""
 
     name: str
     dims: tuple[str, ...]
@@ -211,10 +211,8 @@ def box(
 
     Raises
     ------
-    InputError
-        If an interval runs backwards, a step is not above zero, or gives more poses than anyone means.
-    ShapeError
-        If an interval is no pair of finite numbers.
+    InputError, ShapeError
+        If an interval is no pair of finite numbers or runs backwards, or a step makes no sense.
     """
     intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
     steps = finite("step", step, 0)
@@ -228,23 +226,11 @@ def box(
 
 
 def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) -> PoseList:
-    """Return poses on a path of straight lines, one every step.
+    """Return poses on a path of straight lines between points (k, d), in m, one every step.
 
-    Parameters
-    ----------
-    points : (k, d) array
-        Corners of the path, two or more, in m.
-    step : float
-        Distance of neighbours along the path, in m; the last is the end of the path, and may be closer.
-    rotation : (3, 3) array or float, optional
-        Orientation, the same everywhere.
-
-    Raises
-    ------
-    InputError
-        If the path has no length, or the step is not above zero.
-    ShapeError
-        If the points or the rotation are none.
+    Neighbours are a step, in m, apart along the path; the last is the end of the path, and may be closer. The
+    rotation, as in `Grid`, is the same everywhere. InputError if the path has no length, or the step is not above
+    zero.
     """
     corners = PoseList(points).position  # type: ignore[arg-type]  # becomes an array
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])

@@ -7,7 +7,7 @@ from tensionlab.plots import plot_layouts, plot_metrics, plot_shares, plot_slice
 from tensionlab.plots.style import save_figure
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.workspace.poses import Grid
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 from tests.support.figures import words_of
 
 AXIS = np.linspace(-0.45, 0.45, 7)

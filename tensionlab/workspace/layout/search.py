@@ -39,26 +39,17 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Layout:
-    """Rig with modules on the surfaces of a space, and its score.
-
-    Attributes
-    ----------
-    rig : Rig
-        With the modules that were put, in the order of their surfaces, and the fixed ones last.
-    score : float
-        Of the objective: a share, or a margin in N.
-    worst : float
-        The maximum force that is feasible in every direction everywhere in the target, in N; negative where not
-        even the force zero is.
-    contributions : tuple of float
-        For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
-        they render no force at all. Below zero where they do better without it.
-    """
+    """Rig with modules on the surfaces of a space, and its score."""
 
     rig: Rig
+    """With the modules that were put, in the order of their surfaces, and the fixed ones last."""
     score: float
+    """Of the objective: a share, or a margin in N."""
     worst: float
+    """Maximum force in N that is feasible in every direction everywhere in the target; below zero where none is."""
     contributions: tuple[float, ...]
+    """For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
+    they render no force at all. Below zero where they do better without it."""
 
     def to_toml(self) -> str:
         """Return the rig file, with the score and the contributions as comments."""
@@ -121,19 +112,15 @@ def search_layout(
         Positions of the hand, in m.
     name : str
         Rigs are named after it and their number of modules.
-    generations : int
-        Of the differential evolution.
-    starts : int
-        How many layouts of the evolution are polished; as many hops follow.
+    generations, starts : int
+        Generations of the evolution, and how many of its layouts are polished; as many hops follow.
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1.
 
     Raises
     ------
-    ShapeError
-        If the target has no point or other coordinates than the surfaces.
-    InputError
-        If a number is too small.
+    ShapeError, InputError
+        If the target has no point or other coordinates than the surfaces, or a number is too small.
     """
     positions = target.arrays()[0] if isinstance(target, Grid) else target
     points = pose.points(positions, space.dimension, "target").reshape(-1, space.dimension)

@@ -115,7 +115,6 @@ class Space:
 
     Attributes
     ----------
-    surfaces : tuple of Surface
     counts : tuple of int
         How many modules to put on them, beside the fixed ones: each number is searched for.
     limits : (lower, upper)

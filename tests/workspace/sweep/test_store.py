@@ -16,7 +16,7 @@ import xarray as xr
 import tensionlab as tl
 from tensionlab.errors import SweepError
 from tensionlab.workspace.poses import Grid
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.sweep.store import LEDGER, LOCK, ZarrStore
 from tests.support.tallied import Tallied, read
 
@@ -31,7 +31,7 @@ import numpy as np
 import tensionlab as tl
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import store
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 from tests.support.tallied import Tallied
 
 def sweep(seconds):

@@ -20,7 +20,7 @@ from tensionlab.workspace.metrics import METRICS, BodyDistance, CapacityMargin, 
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline
 from tensionlab.workspace.structure_metrics import effort, reachable_share, tension_factor, wrench_closure
 from tensionlab.workspace.sweep import store
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 
 CUBE = tl.box_corners([2.0, 1.0, 3.0])
 

@@ -3,7 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import RigError, SweepError
-from tensionlab.workspace.sweep.configurations import vary
+from tensionlab.workspace.sweep.plan import vary
 
 RIG = tl.ring_plus_top(1.0)
 
