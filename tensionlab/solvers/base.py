@@ -187,8 +187,7 @@ def resolve_policy(solver: Solver, nearest: str | None, name: str) -> Nearest | 
 def refusal(solver: Solver, n: int, m: int) -> str | None:
     """Return why a solver does not serve problems with n wrench components and m cables; None if it does.
 
-    A solver that serves only some sizes has a method ``refuses(n, m) -> str | None``, and is never given the
-    others: `allocate` raises, and a comparison leaves it out with that reason.
+    `allocate` then raises, and a comparison leaves the solver out with that reason.
     """
     refuses: Callable[[int, int], str | None] | None = getattr(solver, "refuses", None)
     return None if refuses is None else refuses(n, m)

@@ -24,11 +24,8 @@ SETTINGS: dict[str, dict[str, Any]] = {
 class ConvexProgram:
     """Tensions closest to the reference by convex programs, as one would write them on a blackboard.
 
-    Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Where the measured answer misses w,
-    the policy says what to render instead ("force": the least ``(W t - w)' Q (W t - w)``, Q the weights;
-    "tension": the same with ``(W W')⁺`` for Q; "direction": the largest s in [0, 1] with ``W t = s w``, and
-    "force" without any such s, see `tensionlab.solvers.programs`), and the first program is solved again for
-    that wrench. The programs are in `CompiledPrograms`.
+    The programs are in `CompiledPrograms`; what they minimise, and what the policies do, is as in
+    `tensionlab.QuadraticProgram`.
 
     Sources: Oh and Agrawal, "Cable suspended planar robots with redundant cables: controllers with positive
     tensions", 2005, for the program; Diamond and Boyd, "CVXPY: a Python-embedded modeling language for convex

@@ -24,10 +24,8 @@ class Newton:
     problem to the same precision. The whole batch is one call to `native/solvers/newton_kernel.cpp`; `newton.hpp`
     and `nearest_face.hpp` beside it state the method. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
-    References
-    ----------
-    Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible active
-    set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
+    Sources: Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
+    active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
     least-squares: an algorithm and applications"; Chiche and Gilbert (2016), "How the augmented Lagrangian
     algorithm can deal with an infeasible convex quadratic optimization problem".
     """
@@ -58,29 +56,27 @@ class Newton:
 class Dykstra:
     """Alternating projections: tensions that render the wrench, closest to the reference.
 
-    Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Projects in turn onto the
-    equilibrium space {t: W t = w} and onto the limits; the correction p makes the result the *projection* of
-    the start onto the intersection, where plain alternating projections only find some point of it::
+    Minimises ``|t - reference|²`` subject to ``W t = w`` and the limits. Projects in turn onto the equilibrium
+    space {t: W t = w} and onto the limits; the correction p makes the result the *projection* of the start onto
+    the intersection, where plain alternating projections only find some point of it::
 
         y = x - W⁺ (W x - w)      z = clip(y + p)      p = y + p - z      x = z
 
-    The start is the reference. With reference 0, minimum tension, that gives the same iterates as a start at
-    the pseudo-inverse solution W⁺ w, because the first projection of 0 is W⁺ w, which then stays in place.
-    y + p never leaves ``reference + range(W')``, so it is enough to keep n numbers ``pull`` with
-    ``y + p = reference + W⁺ pull``, and a whole iteration is ``pull += w - W z``. It also follows that every
-    z is the exact optimum for the wrench that it renders itself: stopping early costs equilibrium, never
-    optimality. The whole batch is one call to `tensionlab/native/solvers/dykstra.hpp`, which tests every eighth
-    iteration whether to stop; ``TENSIONLAB_NUM_THREADS`` sets the threads.
-
+    The start is the reference; with reference 0 the iterates are those from the pseudo-inverse solution W⁺ w. y +
+    p never leaves ``reference + range(W')``, so it is enough to keep n numbers ``pull`` with ``y + p = reference +
+    W⁺ pull``, and a whole iteration is ``pull += w - W z``. It also follows that every z is the exact optimum for
+    the wrench that it renders itself: stopping early costs equilibrium, never optimality. The whole batch is one
+    call to `tensionlab/native/solvers/dykstra.hpp`, which tests every eighth iteration whether to stop;
+    ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     For an infeasible wrench, z tends to the point inside the limits that is closest to the equilibrium space, the
     argmin of ``(W t - w)' (W W')⁺ (W t - w)``, while p grows without bound. A part of w outside the range of W is
     beyond every tension and is left out of account.
 
-    Sources: Boyle and Dykstra, "A method for finding projections onto the intersection of convex sets in
-    Hilbert spaces", 1986; for cables Hassan and Khajepour, "Analysis of bounded cable tensions in
-    cable-actuated parallel manipulators", 2011; the limit where nothing intersects, Bauschke and Borwein,
-    "Dykstra's alternating projection algorithm for two sets", 1994.
+    Sources: Boyle and Dykstra, "A method for finding projections onto the intersection of convex sets in Hilbert
+    spaces", 1986; for cables Hassan and Khajepour, "Analysis of bounded cable tensions in cable-actuated parallel
+    manipulators", 2011; the limit where nothing intersects, Bauschke and Borwein, "Dykstra's alternating
+    projection algorithm for two sets", 1994.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class Layout:
     score: float
     """Of the objective: a share, or a margin in N."""
     worst: float
-    """Maximum force in N that is feasible in every direction everywhere in the target; below zero where none is."""
+    """Force in N that is feasible in every direction everywhere in the target; below zero where none is."""
     contributions: tuple[float, ...]
     """For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
     they render no force at all. Below zero where they do better without it."""
