@@ -52,14 +52,7 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 
 
 def load(name: str, folder: str | Path | None = None) -> Any:
-    """Read a data set.
-
-    Parameters
-    ----------
-    name : str
-        One of `names`.
-    folder : path or None
-        As in `names`.
+    """Read a data set, one of `names`, from this package or from another folder.
 
     Returns
     -------
@@ -70,10 +63,8 @@ def load(name: str, folder: str | Path | None = None) -> Any:
 
     Raises
     ------
-    InputError
-        If there is no data set of that name.
-    DataError, RigError
-        If its file is damaged; that of a rig or a space.
+    InputError, DataError, RigError
+        If there is no data set of that name, or its file is damaged.
     """
     if not isinstance(name, str):
         raise InputError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")

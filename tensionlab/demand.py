@@ -33,27 +33,21 @@ class RigState:
 
     Attributes
     ----------
-    cycle : int
-        Number of the cycle, from 0.
-    time : float
-        Of the cycle, in s since the run began.
-    pose : Pose
+    cycle, time : int, float
+        Number of the cycle, from 0; s since the run began.
     twist : (n,) array
         Velocity that fits the cables' speeds best: m/s, and rad/s where the platform turns.
     structure : (n, m) array
         Structure matrix at that pose.
-    lengths, speeds : (m,) arrays
-        Of the cables, in m; of paying out, in m/s.
-    tensions : (m,) array
-        As measured by the modules, in N.
+    lengths, speeds, tensions : (m,) arrays
+        Of the cables, in m; of paying out, in m/s; as measured by the modules, in N.
     ages : (m,) array
         Time since the latest telemetry came, in s; infinite before the first.
     active : (m,) array of bool
         Modules that take part. One that is lost does not come back within a run.
-    states, faults, limiters : (m,) arrays of int
-        `codes.State`, `codes.Fault` and `codes.Limit`, which holds its tension back, of each module.
-    brakes : (m,) array of int
-        `codes.BrakeState` as measured; -1 before the first telemetry.
+    states, faults, limiters, brakes : (m,) arrays of int
+        `codes.State`, `codes.Fault`, `codes.Limit`, which holds its tension back, and `codes.BrakeState` as
+        measured of each module; brakes are -1 before the first telemetry.
     last_sequence : (m,) array of int
         Sequence number of the set-point that each module followed last; -1 before the first telemetry.
     delays : (m,) array

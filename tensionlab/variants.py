@@ -13,11 +13,8 @@ from tensionlab.errors import TensionlabError
 def make(name: str, found: type[Any] | None, names: Iterable[str], what: str, error: type[TensionlabError]) -> Any:
     """Return an object of the class ``found`` under the first part of a name; its other part sets the variant.
 
-    Raises
-    ------
-    error
-        If no class was found, so that the name is none of ``names``, or it has no such variant; says ``what`` the
-        names are of, such as "solver".
+    The error, which says ``what`` the names are of, such as "solver", is raised if no class was found, or it has
+    no such variant.
     """
     family, colon, choice = name.partition(":")
     if found is None:

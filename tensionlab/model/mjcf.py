@@ -32,12 +32,7 @@ def rig_to_mjcf(rig: Rig) -> str:
     mass, it is 1 kg; where it knows no inertia, it is that of a solid ball through the attachments.
 
     Source: Todorov, Erez and Tassa, "MuJoCo: A physics engine for model-based control", 2012, and the reference of
-    its XML.
-
-    Raises
-    ------
-    RigError
-        A module whose limits are equal, or an inertia that no body has: MuJoCo takes neither.
+    its XML. RigError for a module whose limits are equal, or an inertia that no body has: MuJoCo takes neither.
     """
     size = 0.005 * float(np.ptp(np.concatenate([rig.anchors, [rig.home]]), axis=0).max()) or 0.005
     root = Xml.Element("mujoco", model=rig.name)

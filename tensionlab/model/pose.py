@@ -48,14 +48,9 @@ def frame_of(where: Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike) -> F
 def place_anchors(modules: Sequence[Module], anchors: Floats, frames: Frames | None) -> Floats:
     """Return the anchors in the world, (..., m, d), in m; (m, d) where no module rides on a body.
 
-    ``anchors``, (m, d), are each in the axes of its module's own frame, in m.
-
-    Raises
-    ------
-    RigError
-        A frame that a module rides on is missing, or a frame is given that none rides on.
-    ShapeError
-        Positions or rotations of frames that are no such thing, or do not broadcast.
+    ``anchors``, (m, d), are each in the axes of its module's own frame, in m. RigError if a frame that a module
+    rides on is missing, or one is given that none rides on; ShapeError for what is no position or rotation of a
+    frame.
     """
     given: Frames = {} if frames is None else frames
     riders: dict[str, list[int]] = {}

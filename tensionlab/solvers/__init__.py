@@ -65,12 +65,9 @@ def make(name: str) -> Solver:
 
     Raises
     ------
-    UnknownSolver
-        If there is no such name.
-    PluginError
-        If another distribution offers the name, and what it offers cannot be used.
-    ValueError
-        If the solver refuses the hyper-parameter.
+    UnknownSolver, PluginError, ValueError
+        If there is no such name, if what another distribution offers under it cannot be used, or if the solver
+        refuses the hyper-parameter.
     """
     family = name.partition(":")[0]
     offered = {} if family in SOLVERS else offered_plugins()
@@ -122,21 +119,10 @@ def select_solvers(
     All policies of all solvers, unless some solvers are named, or one policy, which then only those run that
     honour it. ``size`` is n wrench components and m cables, for solvers that do not serve every size.
 
-    Returns
-    -------
-    runs : list of (str, str or None)
-        Solver and policy, None if it honours none, in the order given.
-    missing : dict of str to str
-        Solvers left out, and why: the library is not installed, a plug-in is broken, or the solver does not serve
-        this size. Only where `solvers` is None: one that is named must be there.
-
-    Raises
-    ------
-    InputError
-        If the policy does not exist, or a named solver does not honour it or does not serve this size, or no
-        solver is named.
-    UnknownSolver, MissingDependency, PluginError
-        If a named solver does not exist, is not installed, or is a broken plug-in.
+    Returns solver and policy, None if it honours none, of every run, in the order given; and the solvers left out,
+    with the reason: a library is not installed, a plug-in is broken, or the solver does not serve this size. A
+    solver that is named is never left out: what is in its way is an `InputError`, `UnknownSolver`,
+    `MissingDependency` or `PluginError`.
     """
     if nearest is not None and nearest not in POLICIES:
         raise InputError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")

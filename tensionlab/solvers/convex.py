@@ -182,11 +182,9 @@ def _scaled(problem: Problem, row: int) -> ScaledProblem:
 class PlainConvex:
     """Baseline of cvxpy: the program least ``|t|²`` with ``W t = w`` and the limits, written down once.
 
-    Parameters
-    ----------
-    settings : {"default", "tight"}
-        The solver that cvxpy chooses, with its settings there; or Clarabel with those of `SETTINGS`. Both
-        start cold. cvxpy compiles the program once for each shape; from then on it only fills in numbers.
+    By default with the solver that cvxpy chooses, and its settings there; tight is Clarabel with those of
+    `SETTINGS`. Both start cold. cvxpy compiles the program once for each shape; from then on it only fills in
+    numbers.
     """
 
     settings: Literal["default", "tight"] = "default"

@@ -121,12 +121,9 @@ class LayoutTask(NamedTuple):
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:
-    """Return the search task of a TOML file; ``datasets/README.md`` shows the format, with every key.
+    """Return the search task of a TOML file; RigError names the file, the table and the key.
 
-    Raises
-    ------
-    RigError
-        Naming the file, the table and the key: what is wrong and what to do.
+    ``datasets/README.md`` shows the format, with every key.
     """
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
