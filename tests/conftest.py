@@ -1,14 +1,16 @@
 """Fixtures of all tests, and the profiles of hypothesis."""
 
-import os
-
 import pytest
 from hypothesis import HealthCheck, settings
 
-# "ci" draws the same examples every time; HYPOTHESIS_PROFILE=search draws new ones.
-settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("ci", settings.get_profile("search"), derandomize=True, database=None)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+from tests.support.examples import PROFILE, many
+
+# "ci" draws few examples, the same every time; HYPOTHESIS_PROFILE=nightly draws many new ones.
+settings.register_profile(
+    "nightly", deadline=None, max_examples=many(100), suppress_health_check=[HealthCheck.too_slow]
+)
+settings.register_profile("ci", settings.get_profile("nightly"), derandomize=True, database=None)
+settings.load_profile(PROFILE)
 
 
 @pytest.fixture

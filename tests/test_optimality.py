@@ -13,6 +13,7 @@ from hypothesis import given, settings
 import tensionlab as tl
 from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Answer, Nearest, Problem
 from tensionlab.verification import verify
+from tests.support.examples import many
 from tests.support.oracle import Box, Floats, Truth, UnsureError, along_ray, judge, solve, support
 from tests.support.problems import Case, cases, one, random_case, random_cases
 
@@ -131,7 +132,7 @@ def test_the_two_judges_agree(nearest: Nearest) -> None:
     assert sure >= 0.97 * len(shapes)
 
 
-@settings(max_examples=60)
+@settings(max_examples=many(60))
 @given(case=cases(largest=6))
 def test_the_two_judges_agree_on_awkward_problems(case: Case) -> None:
     for nearest in POLICIES:
@@ -146,7 +147,7 @@ def weakly_fixed(case: Case) -> float:
     return max(PRECISION, 1e-12 * condition * max(1.0, float(np.abs(case.wrench).max())))
 
 
-@settings(max_examples=400)
+@settings(max_examples=many(400))
 @given(case=cases())
 def test_newton_is_exact_on_awkward_problems(case: Case) -> None:
     # Parallel and absent cables, cables without play, singular and nearly singular matrices, n > m.

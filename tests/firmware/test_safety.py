@@ -21,6 +21,7 @@ from tensionlab.hardware.protocol.messages import (
     Stop,
 )
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, Sample, SimulatedModule, Trace
+from tests.support.examples import many
 from tests.support.modules import SESSION, Host, host_in
 
 LOWER, UPPER, SLEW, PEAK, RELEASE = 0.5, 6.0, 60.0, 2.2, 2.0
@@ -107,7 +108,7 @@ ACTIONS = st.one_of(
 WAITS = st.sampled_from([0.0, STEP_S, 0.003, 0.02, 0.1, 0.3, 2.5])
 
 
-@settings(max_examples=400)
+@settings(max_examples=many(400))
 @given(st.lists(st.tuples(ACTIONS, WAITS), min_size=1, max_size=25), st.integers(0, 2**32 - 1))
 def test_any_messages_at_any_time_with_any_damage(happenings, start_us):
     host = Host(start_us=start_us)

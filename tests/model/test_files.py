@@ -13,6 +13,7 @@ from tensionlab.errors import RigError
 from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml, save_rig
 from tensionlab.model.module import KINDS, MAX_LENGTH, Module, Platform
 from tensionlab.model.rig import Rig
+from tests.support.examples import many
 
 RIGS = sorted((Path(__file__).parents[2] / "datasets" / "rigs").glob("*.toml"))
 GOOD = """
@@ -75,7 +76,7 @@ def rigs(draw):
     )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=many(150))
 @given(rigs())
 def test_a_rig_comes_back_from_its_text(rig):
     assert rig_from_toml(rig_to_toml(rig), source="text") == rig

@@ -14,6 +14,7 @@ from tensionlab.model import kinematics
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import KINDS, Module
 from tensionlab.model.rig import Rig
+from tests.support.examples import many
 
 ROOT = Path(__file__).parents[2]
 RIGS = ROOT / "datasets" / "rigs"
@@ -65,7 +66,7 @@ def move(rig, position, rotation, twist):
     return position, expm(np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])) @ rotation
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=many(150))
 @given(scenes())
 def test_structure_matrix_is_minus_the_derivative_of_the_lengths(scene):
     rig, position, rotation, frames = scene
@@ -83,7 +84,7 @@ def test_structure_matrix_is_minus_the_derivative_of_the_lengths(scene):
         np.testing.assert_allclose(W[..., row, :], -(ahead - behind) / (2 * step), atol=tolerance)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=many(50))
 @given(scenes())
 def test_directions_are_unit_vectors_that_lead_from_attachment_to_anchor(scene):
     rig, position, rotation, frames = scene
@@ -100,7 +101,7 @@ def test_directions_are_unit_vectors_that_lead_from_attachment_to_anchor(scene):
     np.testing.assert_allclose(end, np.broadcast_to(rig.anchors[0], end.shape), atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=many(50))
 @given(scenes())
 def test_a_rigid_motion_of_everything_turns_forces_and_keeps_lengths(scene):
     """Move the world: a rig all of whose modules ride on one body, and the platform with them."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from tensionlab import Status, allocate, load_rig
+from tests.support.examples import many
 from tests.support.problems import Case, cases, one, random_cases, random_structure
 
 LIMITS = (0.5, 6.0)
@@ -135,7 +136,7 @@ def test_it_covers_the_workspace_to_its_edge(n, m):
     assert np.all(centre(W, edge + 1e-4 * normal).status == Status.ITERATION_LIMIT)
 
 
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 @given(case=cases())
 def test_awkward_problems_leave_every_tension_clear_of_its_limits(case):
     found = centre(case.structure, case.wrench, case.limits, case.weights)

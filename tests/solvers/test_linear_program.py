@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab import Status, allocate
+from tests.support.examples import many
 from tests.support.problems import cases, one, random_cases, random_structure
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
@@ -181,7 +182,7 @@ def test_random_problems_agree_with_cvxpy(n, name):
 @each_name
 def test_awkward_problems_agree_with_highs(name):
     # Fixed, parallel, opposite and absent cables, one cable, any rank, n > m, ties everywhere.
-    @settings(max_examples=100)
+    @settings(max_examples=many(100))
     @given(case=cases())
     def holds(case):
         W, w, lower, upper = case.structure, case.wrench, case.lower, case.upper

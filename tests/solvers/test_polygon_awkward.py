@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import tensionlab as tl
 from tensionlab.arrays import Floats
 from tensionlab.solvers.base import RANK_TOLERANCE
+from tests.support.examples import many
 from tests.support.oracle import UnsureError, solve
 from tests.support.problems import Case, cases, random_cases
 
@@ -91,7 +92,7 @@ def test_nearly_singular_matrices_cost_no_equilibrium(goal: str) -> None:
 
 
 @every_goal
-@settings(max_examples=150)
+@settings(max_examples=many(150))
 @given(data=st.data())
 def test_an_answer_wherever_there_is_one(goal: str, data: st.DataObject) -> None:
     # Parallel lines, absent cables, cables without play, limits that only touch, nearly singular matrices.

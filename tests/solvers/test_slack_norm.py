@@ -9,6 +9,7 @@ from hypothesis import given, settings
 
 from tensionlab import SlackNorm, Status, allocate, load_rig
 from tensionlab.solvers import make
+from tests.support.examples import many
 from tests.support.problems import cases, one, random_cases, random_structure
 
 LIMITS = (0.5, 6.0)
@@ -163,7 +164,7 @@ def test_inside_the_workspace_the_slack_is_below_tolerance(n, m):
         assert np.median(at.residual / unit) <= 5e-4
 
 
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 @given(case=cases())
 def test_awkward_problems_leave_every_tension_clear_of_its_limits(case):
     for solver in ("slack", "slack:4"):

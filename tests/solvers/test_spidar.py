@@ -7,6 +7,7 @@ from hypothesis import given, settings
 
 from tensionlab import Spidar, Status, allocate
 from tensionlab.solvers import make
+from tests.support.examples import many
 from tests.support.problems import Case, cases, one, random_cases
 
 
@@ -109,7 +110,7 @@ def test_smaller_prices_of_tension_come_closer_to_the_force_policy():
     assert gaps[2] < 1e-5
 
 
-@settings(max_examples=200)
+@settings(max_examples=many(200))
 @given(case=cases())
 def test_awkward_problems_are_solved_all_the_same(case):
     found = solve(case, Spidar())

@@ -20,6 +20,7 @@ from tensionlab.workspace.interference import (
     cable_pairs,
     segment_distance,
 )
+from tests.support.examples import many
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 
@@ -56,7 +57,7 @@ def by_least_squares(a, b, c, d):
     )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=many(200))
 @given(st.integers(0, 2**32 - 1), st.sampled_from([1.0, 1e-3, 1e-7, 0.0]))
 def test_agrees_with_bounded_least_squares_also_when_nearly_parallel(seed, turn):
     rng = np.random.default_rng(seed)

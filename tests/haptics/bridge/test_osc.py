@@ -22,6 +22,7 @@ from tensionlab.haptics.bridge.osc import (
     read_packet,
 )
 from tensionlab.scenarios import load_scenario
+from tests.support.examples import many
 
 HAND_MESSAGE = build_msg("/body/hand", [0.5, 1.0, 2.0])
 # A rig with the torso as a body.
@@ -41,7 +42,7 @@ def nested(depth):
     return content
 
 
-@settings(max_examples=50)
+@settings(max_examples=many(50))
 @given(
     st.lists(
         st.one_of(
@@ -90,7 +91,7 @@ def test_what_is_wrong_is_refused_in_words(data, said):
     assert said in str(refused.value)
 
 
-@settings(max_examples=300)
+@settings(max_examples=many(300))
 @given(
     st.one_of(st.binary(max_size=200), st.binary(max_size=100).map(lambda tail: HEAD + tail)), st.integers(0, 60)
 )

@@ -18,6 +18,7 @@ from tensionlab.haptics.effects import (
     Wall,
     Water,
 )
+from tests.support.examples import many
 from tests.support.motions import follow
 
 # The steepest a force may be, in N/m, for a hand at rest.
@@ -34,7 +35,7 @@ CORNER = st.tuples(*[st.floats(-0.12, 0.12)] * 3).map(np.array)
 
 
 @pytest.mark.parametrize("name", STEEPEST)
-@settings(max_examples=25)
+@settings(max_examples=many(25))
 @given(start=CORNER, end=CORNER)
 def test_a_small_step_changes_the_force_a_little(name, start, end):
     effect, steepest = STEEPEST[name]

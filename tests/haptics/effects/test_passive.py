@@ -18,6 +18,7 @@ from tensionlab.haptics.effects import (
     Water,
     Weight,
 )
+from tests.support.examples import many
 from tests.support.motions import closed_paths, follow
 from tests.support.motions import given as energy_given
 
@@ -44,7 +45,7 @@ def leak(forces, path):
 
 
 @pytest.mark.parametrize("name", PASSIVE)
-@settings(max_examples=3)
+@settings(max_examples=many(3))
 @given(path=closed_paths(STEPS))
 def test_a_closed_motion_gains_nothing(name, path):
     """Twice around; the second time begins with what the first left in bristles and proxies."""
@@ -70,7 +71,7 @@ def test_the_test_sees_a_leak():
     assert energy_given(late, path)[-1] > 10 * (0.05 * leak(late, path) + 1e-6)
 
 
-@settings(max_examples=5)
+@settings(max_examples=many(5))
 @given(path=closed_paths(STEPS, size=0.01))
 def test_a_texture_gives_no_more_than_its_ripples_can(path):
     """At most ``2 A`` times each rise of the wall's push."""
