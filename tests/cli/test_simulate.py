@@ -1,19 +1,23 @@
-"""Modules in a process of their own, over real TCP and real pseudo-terminals."""
+"""Simulated modules that other programs reach: in simulated time, and once over each real transport."""
 
+import csv
+import json
 import signal
 import socket
 import statistics
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import serial
 
 from benchmarks.processes import simulated
 from tensionlab.cli import main
+from tensionlab.errors import LinkError
 from tensionlab.hardware.client.group import load_modules
 from tensionlab.hardware.protocol.codes import Calibration, Code, Fault, State
+from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
     Arm,
     Calibrate,
@@ -31,26 +35,34 @@ from tensionlab.hardware.protocol.messages import (
     SetTension,
     Stop,
     Telemetry,
+    read,
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.files import load_rig
-from tests.support.wire import Client, connected
-
-pytestmark = pytest.mark.realtime  # modules in another process, over TCP and pseudo-terminals
+from tests.support.served import Simulation
+from tests.support.wire import connected
 
 ROOT = Path(__file__).parents[2]
 RIG = ROOT / "datasets" / "rigs" / "bartels2026-validation.toml"
-LINKS = [[]] if sys.platform == "win32" else [[], ["--pty"]]
+HANG_S = 60.0
+"""No event takes that long on a machine that is merely busy."""
 
 
-@pytest.fixture(scope="module")
-def alone():
-    """One module that stays for all tests that ask for it."""
-    with simulated() as (links, _):
-        yield links["module"]
+@pytest.fixture
+def simulate():
+    """Run the verb in this process, in simulated time."""
+    made = []
+
+    def start(*words):
+        made.append(Simulation(*words))
+        return made[-1]
+
+    yield start
+    for simulation in made:
+        simulation.server.close()
 
 
-def run(client, tension=1.0, ttl_ms=2000):
+def pull(client, tension=1.0, ttl_ms=2000):
     """Have an uncalibrated module pull."""
     client.ask(Stop())
     assert client.ask(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)).code is Code.OK
@@ -58,48 +70,88 @@ def run(client, tension=1.0, ttl_ms=2000):
     client.send(SetTension(7, tension, ttl_ms=ttl_ms))
 
 
-def test_every_module_of_a_rig_answers_at_its_link(tmp_path):
+@pytest.mark.realtime  # modules in another process, over real TCP
+def test_over_tcp_every_module_of_a_rig_answers_at_its_link(run, tmp_path):
     file = tmp_path / "modules.toml"
     with simulated(RIG, "--modules", file) as (links, _):
         assert load_modules(file) == links
-        rig = load_rig(RIG)
-        assert list(links) == [module.name for module in rig.modules]
-        numbers = []
-        for link in links.values():
-            assert not link.endswith(":0")
-            with connected(link) as client:
-                info = client.ask(Hello(), Info)
-                assert info.calibrated
-                numbers.append(info.serial_number)
-        assert numbers == [1, 2, 3, 4]
+        assert list(links) == [module.name for module in load_rig(RIG).modules]
+        assert not any(link.endswith(":0") for link in links.values())
+        status, out, err = run("module", "info", "--modules", file, "--json")
+        assert (status, err) == (0, "")
+        found = [each["info"] for each in json.loads(out)]
+        assert [info["serial_number"] for info in found] == [1, 2, 3, 4]
+        assert all(info["calibrated"] for info in found)
 
 
-@pytest.mark.parametrize("how", LINKS)
-def test_a_ping_comes_back_at_once(how):
-    with simulated(*how) as (links, _), connected(links["module"]) as client:
-        assert statistics.median(client.ping() for _ in range(50)) < 5e-3
+@pytest.mark.realtime  # a real pseudo-terminal, which tells nobody when its client goes
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+def test_over_a_pseudo_terminal_a_client_that_goes_away_is_a_link_that_closed(tmp_path):
+    record = tmp_path / "record.csv"
+
+    def timeouts():
+        with record.open(newline="") as file:
+            return [float(row["own_time"]) for row in csv.DictReader(file) if row["state"] == "TIMEOUT"]
+
+    with simulated("--pty", "--record", record) as (links, _):
+        with connected(links["module"]) as client:
+            pull(client)
+            assert client.ask(Hello(), Info).state is State.RUNNING
+            before = client.ask(Ping(1), Pong).time_us
+            client.send(SetTension(7, 1.0, ttl_ms=2000))
+        end = time.monotonic() + HANG_S
+        while not timeouts():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        assert timeouts()[0] < 1e-6 * before + 2.0  # when the set-point would have been too old, by the same clock
+        with connected(links["module"]) as client:
+            assert client.ask(Hello(), Info).state is State.TIMEOUT
+            assert client.ask(Stop()).state is State.IDLE
 
 
-def test_latency_and_jitter_are_as_asked():
-    with (
-        simulated("--latency-ms", 20, "--jitter-ms", 15, "--seed", 5) as (links, _),
-        connected(links["module"]) as client,
-    ):
+@pytest.mark.realtime  # signals to a process
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_it_ends_well_and_its_clients_see_it(how):
+    with simulated(RIG) as (links, process), connected(links["top"]) as client:
+        client.ping()
+        process.send_signal(how)
+        assert process.wait(HANG_S) == 0
+        with pytest.raises(LinkError, match="broke"):
+            client.wait(Event)
+        with pytest.raises(LinkError, match="cannot be opened"), connected(links["top"]):
+            pass
+
+
+def test_each_module_is_there_and_calibrated(simulate, tmp_path):
+    file = tmp_path / "modules.toml"
+    simulation = simulate(RIG, "--modules", file)
+    assert load_modules(file) == simulation.links
+    for number, module in enumerate(load_rig(RIG).modules, 1):
+        with simulation.connected(module.name) as client:
+            info = client.ask(Hello(), Info)
+            assert (info.serial_number, info.calibrated) == (number, True)
+
+
+def test_a_ping_comes_back_at_once(simulate):
+    with simulate().connected() as client:
+        assert max(client.ping() for _ in range(50)) < 1e-3
+
+
+def test_latency_and_jitter_are_as_asked(simulate):
+    with simulate("--latency-ms", 20, "--jitter-ms", 15, "--seed", 5).connected() as client:
         times = [client.ping() for _ in range(40)]
     assert min(times) >= 0.040
-    assert 0.050 <= statistics.median(times) <= 0.065
-    assert max(times) > 0.055
+    assert 0.050 <= statistics.median(times) <= 0.060
+    assert 0.055 < max(times) < 0.0701
 
 
 @pytest.mark.parametrize("option", ["--drop-pct", "--corrupt-pct"])
-def test_what_is_lost_or_damaged_makes_bad_frames_and_no_wrong_ones(option):
-    with simulated(option, 1, "--seed", 2) as (links, _), connected(links["module"]) as client:
+def test_what_is_lost_or_damaged_makes_bad_frames_and_no_wrong_ones(simulate, option):
+    with simulate(option, 1, "--seed", 2).connected() as client:
         sent = [1_000_000_007 * number for number in range(1, 201)]
         for number in sent:
             client.send(Ping(number))
-        end = time.monotonic() + 1.0
-        while time.monotonic() < end:
-            client.take()
+        client.take(1.0)
         echoes = [message.echo for message in client.messages if isinstance(message, Pong)]
         assert set(echoes) <= set(sent)
         assert 100 < len(echoes) < 190
@@ -116,9 +168,9 @@ def test_what_is_lost_or_damaged_makes_bad_frames_and_no_wrong_ones(option):
         assert telemetry.bad_frames + client.decoder.bad_frames >= (200 - len(echoes)) / 2
 
 
-def test_a_part_breaks_when_it_was_planned():
-    with simulated("--fault", "encoder@1500ms") as (links, _), connected(links["module"]) as client:
-        run(client)
+def test_a_part_breaks_when_it_was_planned(simulate):
+    with simulate("--fault", "encoder@1500ms").connected() as client:
+        pull(client)
         client.ask(ConfigureTelemetry(5))
         assert client.wait(Telemetry).state is State.RUNNING
         last = first = None
@@ -135,120 +187,145 @@ def test_a_part_breaks_when_it_was_planned():
         assert first.time_us == pytest.approx(1.5e6, abs=30e3)
 
 
-def test_a_fault_of_one_module_leaves_the_others_alone():
-    with simulated(RIG, "--fault", "top:supply@0s") as (links, _):
-        time.sleep(0.1)
-        with connected(links["top"]) as client:
-            assert client.ask(Arm(1)).code is Code.FAULT_PRESENT
-        with connected(links["floor-1"]) as client:
-            assert client.ask(Arm(1)).code is Code.OK
+def test_a_fault_of_one_module_leaves_the_others_alone(simulate):
+    simulation = simulate(RIG, "--fault", "top:supply@0s")
+    simulation.pass_time(0.1)
+    with simulation.connected("top") as client:
+        assert client.ask(Arm(1)).code is Code.FAULT_PRESENT
+    with simulation.connected("floor-1") as client:
+        assert client.ask(Arm(1)).code is Code.OK
 
 
-def test_settings_survive_a_restart(tmp_path):
+def test_settings_survive_a_restart(simulate, tmp_path, capsys):
     file, index = tmp_path / "settings.bin", PARAMETERS["slew"].index
-    with simulated("--config-file", file) as (links, _), connected(links["module"]) as client:
+    with simulate("--config-file", file).connected() as client:
         assert client.ask(SetParameter(index, 33.0)).code is Code.OK
         assert not file.exists()
         assert client.ask(Save()).code is Code.OK
-        deadline = time.monotonic() + 5.0
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.01)
+        client.take(0.01)
+        assert file.exists()
         assert client.ask(SetParameter(index, 44.0)).code is Code.OK  # not saved
-    with simulated("--config-file", file) as (links, _), connected(links["module"]) as client:
+    with simulate("--config-file", file).connected() as client:
         assert client.ask(GetParameter(index), ParameterValue).value == 33.0
+    assert capsys.readouterr().err == ""
     file.write_bytes(b"spoilt" + file.read_bytes())
-    with simulated("--config-file", file) as (links, process), connected(links["module"]) as client:
+    with simulate("--config-file", file).connected() as client:
         assert client.ask(GetParameter(index), ParameterValue).value == PARAMETERS["slew"].standard
-        assert "settings.bin: not the settings of a module" in process.stderr.readline()
+        assert "settings.bin: not the settings of a module" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("how", LINKS)
-def test_a_client_that_goes_away_is_a_link_that_closed(how):
-    with simulated(*how) as (links, _):
-        link = links["module"]
-        with connected(link) as client:
-            run(client, ttl_ms=2000)
-            assert client.ask(Hello(), Info).state is State.RUNNING
-        time.sleep(0.2)  # far less than the time to live
-        with connected(link) as client:
-            assert client.ask(Hello(), Info).state is State.TIMEOUT
-            assert client.ask(Stop()).state is State.IDLE
+def test_a_client_that_goes_away_is_a_link_that_closed(simulate):
+    simulation = simulate()
+    with simulation.connected() as client:
+        pull(client, ttl_ms=2000)
+        assert client.ask(Hello(), Info).state is State.RUNNING
+    simulation.pass_time(0.2)  # far less than the time to live
+    with simulation.connected() as client:
+        assert client.ask(Hello(), Info).state is State.TIMEOUT
+        assert client.ask(Stop()).state is State.IDLE
 
 
-def test_bytes_under_way_when_the_client_goes_arrive_before_the_end():
-    with simulated("--latency-ms", 100) as (links, _):
-        with connected(links["module"]) as client:
-            client.ask(Hello(), Info)
-            client.send(EmergencyStop())
-        with connected(links["module"]) as client:
-            assert client.ask(Hello(), Info).state is State.ESTOP
+def test_bytes_under_way_when_the_client_goes_arrive_before_the_end(simulate):
+    simulation = simulate("--latency-ms", 100)
+    with simulation.connected() as client:
+        client.ask(Hello(), Info)
+        client.send(EmergencyStop())
+    with simulation.connected() as client:
+        assert client.ask(Hello(), Info).state is State.ESTOP
 
 
-def test_a_second_client_is_refused_and_the_first_does_not_notice(alone):
-    host, _, port = alone.removeprefix("socket://").partition(":")
-    with connected(alone) as first:
-        assert first.ping() < 1.0
-        with socket.create_connection((host, int(port)), timeout=2.0) as second:
-            assert second.recv(1) == b""
-        assert first.ping() < 1.0
-    with connected(alone) as third:
-        assert third.ping() < 1.0
+class TcpClient:
+    """A client over a real socket, of a server that takes steps until what is waited for has come."""
+
+    def __init__(self, connection, simulation):
+        self.socket, self._simulation = connection, simulation
+
+    def content(self):
+        """What comes next; nothing, if that is the end."""
+        end = time.monotonic() + HANG_S
+        while time.monotonic() < end:
+            self._simulation.wait(1e-3)
+            try:
+                return self.socket.recv(1000)
+            except BlockingIOError:
+                continue
+        raise TimeoutError
+
+    def ping(self):
+        self.socket.sendall(Ping(7).frame(1).pack())
+        return [read(frame).echo for frame in Decoder().feed(self.content())]
 
 
-def test_time_passes_as_fast_as_here(alone):
-    with connected(alone) as client:
-        client.send(Ping(1))
-        first, start = client.wait(Pong, echo=1).time_us, time.monotonic()
-        time.sleep(1.0)
-        client.send(Ping(2))
-        passed, here = client.wait(Pong, echo=2).time_us - first, time.monotonic() - start
-        assert 1e-6 * passed == pytest.approx(here, abs=0.1)
+@contextmanager
+def tcp_client(simulation):
+    host, _, port = simulation.links["module"].removeprefix("socket://").partition(":")
+    with socket.create_connection((host, int(port)), timeout=HANG_S) as connection:
+        connection.setblocking(False)
+        yield TcpClient(connection, simulation)
 
 
-def test_time_can_pass_faster():
-    with simulated("--speed", 20, "--latency-ms", 100) as (links, _), connected(links["module"]) as client:
+def test_a_second_client_is_refused_and_the_first_does_not_notice(simulate):
+    simulation = simulate()
+    with tcp_client(simulation) as first:
+        assert first.ping() == [7]
+        with tcp_client(simulation) as second:
+            assert second.content() == b""
+        assert first.ping() == [7]
+    with tcp_client(simulation) as third:
+        assert third.ping() == [7]
+
+
+def test_a_client_is_let_in_that_comes_before_the_server_saw_the_last_one_go(simulate):
+    simulation = simulate()
+    with tcp_client(simulation) as first:
+        assert first.ping() == [7]
+        first.socket.sendall(EmergencyStop().frame(2).pack())
+    with tcp_client(simulation) as second:
+        assert second.ping() == [7]
+        second.socket.sendall(Hello().frame(2).pack())
+        [info] = [read(frame) for frame in Decoder().feed(second.content())]
+        assert info.state is State.ESTOP
+
+
+def test_time_passes_as_fast_as_here(simulate):
+    simulation = simulate()
+    with simulation.connected() as client:
         client.send(Ping(1))
         first = client.wait(Pong, echo=1).time_us
-        time.sleep(0.5)
+        simulation.pass_time(1.0)
         client.send(Ping(2))
-        assert 4e6 < client.wait(Pong, echo=2).time_us - first < 12e6
-        assert min(client.ping() for _ in range(10)) >= 0.2 / 20
+        assert client.wait(Pong, echo=2).time_us - first == pytest.approx(1e6, abs=2e3)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="nothing stops a process there")
-def test_a_machine_that_is_held_up_does_not_make_it_time_out():
-    with simulated() as (links, process), connected(links["module"]) as client:
-        run(client, ttl_ms=300)
-        process.send_signal(signal.SIGSTOP)
-        time.sleep(1.0)
+def test_time_can_pass_faster(simulate):
+    simulation = simulate("--speed", 20, "--latency-ms", 100)
+    with simulation.connected() as client:
+        client.send(Ping(1))
+        first = client.wait(Pong, echo=1).time_us
+        simulation.pass_time(0.5)
+        client.send(Ping(2))
+        # The first answer was half of the way longer under way than it is counted here.
+        assert client.wait(Pong, echo=2).time_us - first == pytest.approx(20 * 0.5e6 + 0.2e6, abs=2e4)
+        assert client.ping() == pytest.approx(0.2 / 20, abs=1e-4)
+
+
+def test_a_machine_that_is_held_up_does_not_make_it_time_out(simulate):
+    simulation = simulate()
+    with simulation.connected() as client:
+        pull(client, ttl_ms=300)
+        simulation.time.sleep(1.0)  # the server does not get round to a step
         client.send(SetTension(7, 1.0, ttl_ms=300))
-        process.send_signal(signal.SIGCONT)
         assert client.ask(Hello(), Info).state is State.RUNNING
         assert client.wait(Event, seconds=2.0).state is State.TIMEOUT  # it still does if nobody says more
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_at_once_and_well_and_its_clients_see_it(how):
-    with simulated(RIG) as (links, process):
-        client = Client(links["top"])
-        client.ping()
-        process.send_signal(how)
-        assert process.wait(2.0) == 0
-        with pytest.raises(serial.SerialException):
-            client.wait(Event, seconds=2.0)
-        client.close()
-        with pytest.raises(serial.SerialException):
-            Client(links["top"])
-
-
-def test_the_ports_that_were_asked_for_are_taken_in_turn():
+def test_the_ports_that_were_asked_for_are_taken_in_turn(simulate):
     with socket.create_server(("127.0.0.1", 0)) as probe:
         free = probe.getsockname()[1]
-    with simulated("--port", free) as (links, _):
-        assert links == {"module": f"socket://127.0.0.1:{free}"}
-        with pytest.raises(SystemExit) as left:
-            main(["simulate", "--port", str(free)])
-        assert left.value.code == 2
+    assert simulate("--port", free).links == {"module": f"socket://127.0.0.1:{free}"}
+    with pytest.raises(SystemExit) as left:
+        main(["simulate", "--port", str(free)])
+    assert left.value.code == 2
 
 
 @pytest.mark.parametrize(

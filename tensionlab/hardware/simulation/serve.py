@@ -75,6 +75,7 @@ class TcpPort:
             raise HardwareError(f"cannot listen at {host}, port {port}: {error.strerror}") from None
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
+        self._newcomer: socket.socket | None = None  # until it is known whether the client has gone before it came
         self.url = f"socket://{host}:{self._listener.getsockname()[1]}"
 
     def files(self) -> list[int]:
@@ -87,10 +88,15 @@ class TcpPort:
 
     def receive(self) -> bytes | None:
         """Return the bytes since the last call; None if the client has gone since then."""
+        self._accept()
         content = self._read()
         if content is None:
             self._hang_up()
-        self._accept()
+        if self._client is None:
+            self._client, self._newcomer = self._newcomer, None
+        elif self._newcomer is not None and content == b"":
+            self._newcomer.close()
+            self._newcomer = None
         return content
 
     def send(self, content: bytes) -> None:
@@ -102,6 +108,8 @@ class TcpPort:
     def close(self) -> None:
         """Close the client and the port."""
         self._hang_up()
+        if self._newcomer is not None:
+            self._newcomer.close()
         self._listener.close()
 
     def _read(self) -> bytes | None:
@@ -115,14 +123,11 @@ class TcpPort:
             return None
 
     def _accept(self) -> None:
-        with contextlib.suppress(BlockingIOError):
-            client, _ = self._listener.accept()
-            if self._client is not None:
-                client.close()
-                return
-            client.setblocking(False)
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._client = client
+        if self._newcomer is None:
+            with contextlib.suppress(BlockingIOError):
+                self._newcomer, _ = self._listener.accept()
+                self._newcomer.setblocking(False)
+                self._newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def _hang_up(self) -> None:
         if self._client is not None:
@@ -402,7 +407,7 @@ class Server:
         if late > 0.0:
             self._start += late / self._speed
             now -= late
-        self._now = now
+        self._now = now = max(now, then)  # no rounding error takes it back
         pieces = max(math.ceil((now - then) / self._longest), 1)
         for piece in range(1, pieces + 1):
             for served in self._modules:
