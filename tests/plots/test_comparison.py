@@ -7,7 +7,7 @@ from tensionlab.comparison.compare import compare
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_comparison, plot_rig
 from tensionlab.plots.style import save_figure
-from tests.support.figures import words_of
+from tests.support.figures import content_of, words_of
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 
@@ -18,13 +18,10 @@ def comparison():
     return compare(rig, solvers=["newton", "closed-form"])
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_the_same_comparison_makes_the_same_file(tmp_path, comparison, suffix):
-    one, two = tmp_path / f"one.{suffix}", tmp_path / f"two.{suffix}"
-    save_figure(plot_comparison(comparison), one)
-    save_figure(plot_comparison(comparison), two)
-    assert one.read_bytes() == two.read_bytes()
-    assert one.stat().st_size > 10_000
+def test_the_same_comparison_makes_the_same_figure(comparison):
+    content = content_of(plot_comparison(comparison))
+    assert content == content_of(plot_comparison(comparison))
+    assert len(content) > 10_000
 
 
 def test_the_picture_of_a_comparison_names_what_it_shows(tmp_path, comparison):
@@ -56,13 +53,9 @@ def test_every_rig_of_the_house_can_be_drawn(tmp_path, path):
     assert all(module.name.replace("--", "- -") in names for module in rig.modules)
 
 
-@pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])
-def test_the_same_rig_makes_the_same_file(tmp_path, suffix):
+def test_the_same_rig_makes_the_same_figure():
     rig = tl.load_rig(RIGS / "ipanema-2.toml")
-    one, two = tmp_path / f"one.{suffix}", tmp_path / f"two.{suffix}"
-    save_figure(plot_rig(rig), one)
-    save_figure(plot_rig(rig), two)
-    assert one.read_bytes() == two.read_bytes()
+    assert content_of(plot_rig(rig)) == content_of(plot_rig(rig))
 
 
 def test_other_suffixes_are_refused(tmp_path):

@@ -2,7 +2,22 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tensionlab.plots.style import two_scales
+from tensionlab.plots import plot_rig
+from tensionlab.plots.style import save_figure, two_scales
+from tests.support.runs import four
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_the_same_figure_makes_the_same_file(tmp_path, suffix):
+    one, two, other = (tmp_path / f"{name}{suffix}" for name in ("one", "two", "other"))
+    for path in (one, two):
+        save_figure(plot_rig(four()), path)
+    changed = plot_rig(four())
+    changed.text(0.5, 0.5, "another")
+    save_figure(changed, other)
+    assert one.read_bytes() == two.read_bytes()
+    assert one.read_bytes() != other.read_bytes()
+    assert one.stat().st_size > 10_000
 
 
 def test_one_scale_is_enough_for_what_motors_pull():

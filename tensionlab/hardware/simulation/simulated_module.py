@@ -33,6 +33,8 @@ PARTS = tuple(_native.plant_parts())
 """What can break."""
 STEP_S = 1e-6 * _native.step_microseconds()
 """Time from one step of the firmware to the next, in s."""
+TENSION = 3
+"""Place of the cable's tension in a sample of the native module."""
 TRANSITIONS = [[(accepted, State(to)) for accepted, to in row] for row in _native.transition_table()]
 """The firmware's supervisor: for each event (arm, set-point, stop, estop, clear, expire, fault) and each `State`,
 whether it is accepted, and the state after it."""
@@ -270,8 +272,9 @@ class HangingMass(SimulatedModule):
         if distance is not None:
             raise HardwareError("a hanging mass moves the cable's far end by itself; give no distance")
         for _ in range(round(seconds / STEP_S)):
-            self._speed += (GRAVITY - self.sample.tension / self.mass) * STEP_S
+            tension = self._module.sample()[TENSION]
+            self._speed += (GRAVITY - tension / self.mass) * STEP_S
             self._place += self._speed * STEP_S
             if self._place >= self._floor:
                 self._place, self._speed = self._floor, 0.0
-            super().advance(STEP_S, self._place)
+            self._module.advance(1, self._place)
