@@ -22,6 +22,7 @@ RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = tl.load_rig(RIGS / "bartels2026-validation.toml")
 QUICK = Protocol(hold=0.4)
 FEW = Protocol(hold=0.4, directions=grid18()[::9])
+FIVE = Protocol(hold=0.4, directions=grid18()[::40])
 SOLVERS = list(dict.fromkeys(name for name, _ in select_solvers(size=(RIG.n, RIG.m))[0]))
 
 
@@ -39,7 +40,7 @@ def of(rig=RIG, seed=0, **errors):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_an_ideal_rig_shows_nothing_but_the_solver(solver):
-    result = run(FEW, of(), solver)
+    result = run(FIVE, of(), solver)
     for aligned in result.aligned.values():
         assert aligned.score.angle.maximum < 1e-3
         assert aligned.score.magnitude_error.maximum < 1e-3
