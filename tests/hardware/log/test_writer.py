@@ -154,9 +154,11 @@ def test_cycles_are_in_the_file_soon(tmp_path, monkeypatch):
 def test_a_cycle_waits_no_longer_because_more_follow(tmp_path, monkeypatch):
     """By a clock that passes with the cycles, 50 a second."""
     now, begins, kept, waited = [0.0], [], [0], []
-    taken, message, flush = threading.Semaphore(0), McapWriter.message, McapWriter.flush
+    more, taken = threading.Semaphore(0), threading.Semaphore(0)
+    message, flush = McapWriter.message, McapWriter.flush
 
     def watched_message(file, *words):
+        assert more.acquire(timeout=TIMEOUT_S)  # some cycles always wait
         message(file, *words)
         begins.append(now[0])
         waited.append(now[0] - begins[kept[0]])
@@ -173,12 +175,15 @@ def test_a_cycle_waits_no_longer_because_more_follow(tmp_path, monkeypatch):
     monkeypatch.setattr(McapWriter, "flush", watched_flush)
     for cycle in runs.cycles(runs.four(), 100):
         log.write(cycle)
-        if cycle.state.cycle >= 5:  # some always wait
+        if cycle.state.cycle >= 5:
+            more.release()
             assert taken.acquire(timeout=TIMEOUT_S)
         now[0] += 0.02
+    more.release(5)
     log.close()
     assert kept[0] > 50
-    assert max(waited) <= writer.FLUSH_S + 2 * 0.02
+    print(max(waited), kept)
+    assert max(waited) <= writer.FLUSH_S + 7 * 0.02
 
 
 def test_a_disk_that_does_not_keep_up_is_an_error(tmp_path, monkeypatch):
