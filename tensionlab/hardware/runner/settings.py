@@ -117,6 +117,11 @@ class RealClock:
             client.listen(max(end - client.link.clock(), 0.0))
 
 
+MAX_BEHIND_S = 0.1
+"""What paced modules fall behind beyond this, and not because this process computes, is time that does not pass in
+them: on a busy machine they must not release because their own process got no time."""
+
+
 class WorldClock:
     """Clock of simulated modules, whose time passes while the run waits.
 
@@ -131,14 +136,25 @@ class WorldClock:
         self._world = world
         self._paced = self.real_time = paced
         self._start = time.monotonic() - world.time
+        self._worked = time.process_time()
 
     def now(self) -> float:
         """Return the time."""
-        return time.monotonic() - self._start if self._paced else self._world.time
+        if not self._paced:
+            return self._world.time
+        now = time.monotonic() - self._start
+        behind = max(MAX_BEHIND_S, time.process_time() - self._worked)
+        lost = max(now - self._world.time - behind, 0.0)
+        self._start += lost
+        return now - lost
 
     def wait_until(self, when: float) -> None:
         """Let time pass in the modules until then."""
-        if self._paced:
-            time.sleep(max(when - self.now(), 0.0))
-            when = self.now()
+        while self._paced and (left := when - self.now()) > 0.0:
+            time.sleep(min(left, 0.5 * MAX_BEHIND_S))
+            self._advance(self.now())
+        self._advance(self.now() if self._paced else when)
+
+    def _advance(self, when: float) -> None:
         self._world.advance(max(when - self._world.time, 0.0))
+        self._worked = time.process_time()

@@ -1,40 +1,72 @@
-"""Clocks of a run."""
+"""The clock of simulated modules that keep to real time, on a computer whose time the test lets pass."""
 
-from pathlib import Path
-
+import numpy as np
 import pytest
 
-from tensionlab.hardware.runner.settings import RealClock, WorldClock
+from tensionlab.demand import Demand
+from tensionlab.errors import ModuleFault
+from tensionlab.hardware.runner import settings
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
-from tensionlab.model.files import load_rig
-
-RIG = load_rig(Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml")
+from tests.support.runs import four
 
 
-def test_simulated_modules_run_while_the_computers_clock_is_waited_for(simulated_time):
-    world = World(RIG)
-    group = world.group()
-    clock, before = RealClock(group.clients), world.modules[0].seconds
-    for client in group.clients:
-        client.telemetry_every(5)
-    start = clock.now()
-    clock.wait_until(start + 0.25)
-    assert clock.now() == pytest.approx(start + 0.25)
-    for client, module in zip(group.clients, world.modules, strict=True):
-        assert module.seconds - before == pytest.approx(0.25, abs=1e-3)
-        assert client.link.clock() - client.telemetry.time < 0.01
-    clock.wait_until(start)  # it has been
-    assert clock.now() == pytest.approx(start + 0.25)
-    assert world.modules[0].seconds - before == pytest.approx(0.25, abs=1e-3)
+class Computer:
+    """Time of a computer, which passes while somebody sleeps, and where the test says so."""
+
+    def __init__(self):
+        self.now, self.worked = 1000.0, 10.0
+
+    def monotonic(self):
+        return self.now
+
+    def process_time(self):
+        return self.worked
+
+    def sleep(self, seconds):
+        self.now += seconds + 1e-6  # or a little longer
 
 
-def test_a_paced_world_is_as_late_as_its_computer(simulated_time):
-    world = World(RIG)
+@pytest.fixture
+def computer(monkeypatch):
+    monkeypatch.setattr(settings, "time", computer := Computer())
+    return computer
+
+
+def test_a_paced_world_keeps_to_real_time(computer):
+    world = World(four())
     clock = WorldClock(world, paced=True)
-    clock.wait_until(0.1)
-    assert world.time == pytest.approx(0.1)
-    simulated_time.sleep(0.4)  # a cycle that takes so long
-    assert world.time == pytest.approx(0.1)
-    assert clock.now() == pytest.approx(0.5)
-    clock.wait_until(0.2)
-    assert world.time == pytest.approx(0.5)
+    clock.wait_until(0.5)
+    computer.now += 0.05
+    assert clock.now() == pytest.approx(0.55, abs=1e-4)
+    clock.wait_until(0.6)
+    assert world.time == pytest.approx(0.6, abs=1e-4)
+    assert computer.now == pytest.approx(1000.6, abs=1e-4)
+
+
+def ran(computer, work):
+    """Run for 3 s; two of the cycles take 1 s, in which this process computes for so long."""
+    world = World(four())
+    clock = WorldClock(world, paced=True)
+    clock.real_time = False  # a watchdog would go by the real computer
+
+    def demand(state):
+        if state.cycle in (10, 20):
+            computer.now += 1.0
+            computer.worked += work
+        return Demand(np.zeros(3))
+
+    return Runner(four(), world.group(), "newton", demand, RunSettings(), clock=clock).run(3.0)
+
+
+def test_a_process_that_gets_no_time_loses_none_of_its_simulated_modules(computer):
+    statistics = ran(computer, 0.01)
+    assert statistics.ended == "duration reached"
+    assert not statistics.lost
+    assert statistics.missed > 0
+
+
+def test_one_that_computes_for_too_long_loses_them(computer):
+    with pytest.raises(ModuleFault, match=r"TIMEOUT.*this computer took 1\.02 s from one cycle to the next"):
+        ran(computer, 1.0)
