@@ -149,8 +149,8 @@ def test_lengths_are_told_and_recorded(run, tmp_path, urls, simulated_time):
 
 def test_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tmp_path, monkeypatch, urls):
     monkeypatch.setattr(gain_measurement, "LEVELS", 4)
-    monkeypatch.setattr(gain_measurement, "DWELL", 0.2)
-    monkeypatch.setattr(gain_measurement, "RATE", 3.0)
+    monkeypatch.setattr(gain_measurement, "DWELL_S", 0.2)
+    monkeypatch.setattr(gain_measurement, "RATE_N_S", 3.0)
     url = urls["top"]
     code, out, err = run("staircase", url, "--out", tmp_path / "up-and-down.csv")
     assert code == 0, err
@@ -167,7 +167,7 @@ def test_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tm
     assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
     assert json.loads(out)["written"] is True
     monkeypatch.setattr("typer.prompt", lambda *words, **options: "")
-    monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH", 3.0)
+    monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH_N_S", 3.0)
     code, _, err = run("gain", url, "--mass", 0.1)
     assert code == 2
     assert "its cable does not reel in yet; is the mass heavier than was said, or not free" in err

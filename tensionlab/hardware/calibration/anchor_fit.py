@@ -14,7 +14,7 @@ from tensionlab.model import kinematics
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 
-TILT = 0.3
+TILT_RAD = 0.3
 """How far advised poses are turned about each axis, in rad."""
 
 
@@ -22,12 +22,7 @@ TILT = 0.3
 class Poses:
     """Poses of the platform.
 
-    Attributes
-    ----------
-    position : (K, d) array
-        Of the reference point, in m.
-    rotation : (K, d, d) array or None
-        Platform to world; None for a point.
+    `position` (K, d) is of the reference point, in m; `rotation` (K, d, d) is platform to world, None for a point.
     """
 
     position: Floats
@@ -70,7 +65,7 @@ def advice(problem: Problem, shared: Floats, weak: Floats) -> str:
     places = (low + high) / 2.0 + room * np.array(list(steps))
     turns = [np.zeros(rig.n - rig.dimension)]
     if rig.n > rig.dimension:
-        turns += [sign * TILT * axis for axis in np.eye(rig.n - rig.dimension) for sign in (1.0, -1.0)]
+        turns += [sign * TILT_RAD * axis for axis in np.eye(rig.n - rig.dimension) for sign in (1.0, -1.0)]
     position = np.repeat(places, len(turns), axis=0)
     angles = np.tile(np.array(turns), (len(places), 1))
     poses = Poses.at(rig, position, None if rig.n == rig.dimension else rotations(angles))

@@ -35,25 +35,12 @@ VAGUE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class AnchorEstimate:
-    """Anchors estimated from cable lengths, with their uncertainty.
+    """Anchors (m, d) estimated from cable lengths, in m in world axes, with their uncertainty.
 
-    Attributes
-    ----------
-    anchors : (m, d) array
-        In world axes, in m.
-    offsets : (m,) array
-        What each measured length is too long by, in m; zeros if they are not fitted.
-    covariance : (p, p) array
-        Of the anchors, row by row, and then of the offsets if they are fitted, in m². NaN without a degree of
-        freedom.
-    sigma : float
-        Estimated standard deviation of one measured length, in m; NaN without a degree of freedom.
-    freedom : int
-        Lengths less all that was fitted to them.
-    residuals : (K, m) array
-        Measured less modelled lengths, in m.
-    poses : Poses
-        The known ones, or those that were found.
+    `offsets` (m,) is what each measured length is too long by, in m, zeros if not fitted. `covariance` (p, p), in
+    m², is of the anchors, row by row, and then of offsets that are fitted. `sigma` is the standard deviation of
+    one measured length, in m. Both are NaN without a degree of `freedom`: lengths less all that was fitted to
+    them. `residuals` (K, m) are measured less modelled lengths, in m.
     """
 
     anchors: Floats
@@ -83,22 +70,13 @@ class AnchorEstimate:
 def calibrate_anchors(
     rig: Rig, lengths: Floats, poses: Poses | None = None, *, known: bool = False, offsets: bool = False
 ) -> AnchorEstimate:
-    """Estimate the anchors of a rig from cable lengths.
+    """Estimate the anchors of a rig from measured cable lengths (K, m) in m, a row for each pose.
 
-    Parameters
-    ----------
-    rig : Rig
-        The nominal one: attachments, a first guess of the anchors, and which of all equal answers is meant.
-    lengths : (K, m) array
-        Measured, in m, a row for each pose.
-    poses : Poses, optional
-        Of each row; the rig's home if left out. Unknown poses are sought from there. For a platform, rough ones
-        are worth having: from the home of a rig with crossed cables (CoGiRo) the search often ends beside the best
-        answer, which then fits some tenths worse and shows no other sign.
-    known : bool
-        Whether the poses are known; they are a first guess if not.
-    offsets : bool
-        Whether each cable's length may be off by a constant, to be found as well.
+    The nominal rig gives attachments, a first guess of the anchors, and which of all equal answers is meant. Poses
+    that are not `known` are sought from those given, or from the rig's home. For a platform, rough ones are worth
+    having: from the home of a rig with crossed cables (CoGiRo) the search often ends beside the best answer, which
+    then fits some tenths worse and shows no other sign. With `offsets`, a constant error of each cable's length is
+    found as well.
 
     Raises
     ------

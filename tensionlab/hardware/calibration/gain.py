@@ -54,16 +54,9 @@ def quantile(freedom: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class LinearFit:
-    """Coefficients of a linear least-squares fit.
+    """Coefficients (p,) of a linear least-squares fit, with `covariance` (p, p) from the residuals (k,).
 
-    Attributes
-    ----------
-    coefficients : (p,) array
-    covariance : (p, p) array
-        Estimated from the residuals; NaN without a degree of freedom.
-    freedom : int
-        Rows less coefficients.
-    residuals : (k,) array
+    `freedom` is rows less coefficients; without any, the covariance is NaN.
     """
 
     coefficients: Floats
@@ -73,14 +66,7 @@ class LinearFit:
 
 
 def fit(rows: Floats, values: Floats) -> LinearFit:
-    """Fit ``rows @ coefficients = values`` by least squares.
-
-    Parameters
-    ----------
-    rows : (k, p) array
-        Of full column rank.
-    values : (k,) array
-    """
+    """Fit ``rows @ coefficients = values`` by least squares; rows (k, p) have full column rank."""
     coefficients = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], dtype=np.float64)
     residuals = values - rows @ coefficients
     freedom = len(values) - rows.shape[1]
@@ -98,22 +84,15 @@ def ratio(found: LinearFit, top: int, bottom: int) -> Estimate:
     return around(float(a / b), math.sqrt(gradient @ found.covariance @ gradient), found.freedom)
 
 
-GRAVITY = 9.80665
-"""In m/s²; the true one differs by up to 0.4 % over the Earth, and N/A with it."""
+STANDARD_GRAVITY_M_S2 = 9.80665
+"""The true one differs by up to 0.4 % over the Earth, and N/A with it."""
 
 
 @dataclass(frozen=True)
 class Balance:
-    """Force at the cable, and the current that goes with it.
+    """Force in N at the cable's far end, by a weight or a sensor, and the current in A that goes with it.
 
-    Attributes
-    ----------
-    force : float
-        Of the cable's far end: a weight, or what a sensor shows; in N.
-    current : float
-        As the module measures it, in A.
-    direction : int
-        1 while the cable is being reeled in, -1 while it pays out.
+    The direction is 1 while the cable is being reeled in, -1 while it pays out.
     """
 
     force: float
@@ -123,23 +102,12 @@ class Balance:
 
 @dataclass(frozen=True)
 class GainEstimate:
-    """Estimate of a module's tension per ampere.
+    """Estimate of a module's tension per ampere, in N/A.
 
-    Attributes
-    ----------
-    gain : Estimate
-        In N/A.
-    friction : Estimate
-        At the cable, in N: what it takes to set it in motion, cogging included.
-    zero : Estimate or None
-        Current that pulls with nothing, in A; None with a single weight, where it is taken to be 0.
-    believed : float
-        What the module has taken for its N/A, until now.
-    before, after : float
-        Root mean square error of the tension that the currents stand for, in N: as the module believed, and as
-        found. Friction is not counted.
-    balances : tuple of Balance
-        What it was found from.
+    `friction`, in N at the cable, is what it takes to set it in motion, cogging included. `zero` is the current in
+    A that pulls with nothing; None with a single weight, where it is taken to be 0. `believed` is what the module
+    has taken for its N/A until now. `before` and `after` are root mean square errors of the tension that the
+    currents stand for, in N, friction not counted: as the module believed, and as found.
     """
 
     gain: Estimate
@@ -154,12 +122,8 @@ class GainEstimate:
 def gain_from_weights(balances: Sequence[Balance], believed: float) -> GainEstimate:
     """Estimate N/A, friction and zero from the currents that weights needed.
 
-    The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``.
-
-    Raises
-    ------
-    CalibrationError
-        Too few balances, only one direction, or currents that do not grow with the weight.
+    The weights are known better than the currents, so currents are fitted: ``I = w / k ± f / k + I0``. A
+    `CalibrationError` refuses too few balances, only one direction, or currents that do not grow with the weight.
     """
     force, current, direction = _columns(balances)
     several = float(np.ptp(force)) > 0.0
@@ -178,11 +142,7 @@ def gain_from_sensor(balances: Sequence[Balance], believed: float) -> GainEstima
     """Estimate N/A, friction and zero from the forces that a sensor measured at some currents.
 
     Forces are fitted: ``F = k I - f direction - k I0``. A zero of the sensor itself shows as one of the current.
-
-    Raises
-    ------
-    CalibrationError
-        Too few balances, only one direction, or forces that do not grow with the current.
+    Errors as those of `gain_from_weights`.
     """
     force, current, direction = _columns(balances)
     fitted = fit(np.column_stack([current, -direction, -np.ones(len(force))]), force)

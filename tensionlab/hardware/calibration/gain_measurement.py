@@ -16,44 +16,35 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
 from tensionlab.files.tables import read_table, write_table
-from tensionlab.hardware.calibration.gain import GRAVITY, Balance
-from tensionlab.hardware.calibration.pulling import PERIOD, Puller, pulling
+from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, Balance
+from tensionlab.hardware.calibration.pulling import PERIOD_S, Puller, pulling
 from tensionlab.hardware.client.module import ModuleClient
 
-SEARCH, RAMP = 0.5, 0.1
+SEARCH_N_S, RAMP_N_S = 0.5, 0.1
 """How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it."""
-LIFT, MOVED, STARTED = 0.01, 0.003, 0.0005
+LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
 """Of cable, in m: lifted off what it stood on; surely moving; and moving by more than a tooth of cogging."""
-MOST = 2.0
+MAX_WEIGHT_RATIO = 2.0
 """How many times its weight a mass may seem to need: no N/A is farther off."""
-DAMPING = 1.0
+DAMPING_NS_M = 1.0
 """N s/m, by which the host calms a mass."""
-STILL, STILL_FOR = 0.0003, 0.2
+STILL_M, STILL_S = 0.0003, 0.2
 """At rest: no more than so many m for so many s."""
-PATIENCE = 5.0
+REST_TIMEOUT_S = 5.0
 """How long a mass may take to come to rest, in s."""
-FEWEST = 4
+MIN_MOVING_SAMPLES = 4
 """Telemetry of a cable on its way that it takes to find its start."""
-TREND = 0.5
+TREND_S = 0.5
 """Time before it moves, in s, whose currents are taken."""
 
 
 def weigh(
     client: ModuleClient, mass: float, repeats: int = 5, progress: Callable[[float], None] | None = None
 ) -> list[Balance]:
-    """Measure the currents that lift a mass, and let it down.
+    """Measure the currents that lift a mass, in kg, and let it down, so many times.
 
     The mass stands or hangs still with its cable straight, and has 5 cm to rise. The module is stopped at the end.
-
-    Parameters
-    ----------
-    client : ModuleClient
-    mass : float
-        In kg.
-    repeats : int
-        How often it is let down and lifted.
-    progress : callable, optional
-        Called with the share that is done.
+    `progress` is called with the share that is done.
 
     Raises
     ------
@@ -62,27 +53,27 @@ def weigh(
     HardwareError
         The module lets go, or does not answer.
     """
-    weight = mass * GRAVITY
+    weight = mass * STANDARD_GRAVITY_M_S2
     _require_weight(client, mass)
     balances = []
     with pulling(client) as puller:
         lower = puller.info.tension_lower
-        ramp = partial(_ramp, puller, min(puller.info.tension_upper, MOST * weight))
+        ramp = partial(_ramp, puller, min(puller.info.tension_upper, MAX_WEIGHT_RATIO * weight))
         _calm(puller, lower)  # reels in what is slack
         ground = puller.heard[-1].length
-        lifted = ramp(lower, SEARCH, LIFT, DAMPING)
-        lowered = ramp(lifted, -SEARCH, MOVED, DAMPING)
+        lifted = ramp(lower, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
+        lowered = ramp(lifted, -SEARCH_N_S, MOVED_M, DAMPING_NS_M)
         _calm(puller, (lifted + lowered) / 2.0)
         # Once more: the first time, the cable also stretched.
-        lifted = ramp((lifted + lowered) / 2.0, SEARCH, LIFT, DAMPING)
+        lifted = ramp((lifted + lowered) / 2.0, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
         middle = (lifted + lowered) / 2.0
         for turn in range(repeats):
             for direction in (-1, 1):
                 _calm(puller, middle)
-                if puller.heard[-1].length > ground - 2.0 * MOVED:
-                    ramp(middle, SEARCH, LIFT, DAMPING)
+                if puller.heard[-1].length > ground - 2.0 * MOVED_M:
+                    ramp(middle, SEARCH_N_S, LIFT_M, DAMPING_NS_M)
                     _calm(puller, middle)
-                ramp(middle, direction * RAMP, MOVED)
+                ramp(middle, direction * RAMP_N_S, MOVED_M)
                 balances.append(Balance(weight, _current_at_start(puller, direction), direction))
                 if progress:
                     progress((2 * turn + (direction + 3) / 2) / (2 * repeats))
@@ -94,10 +85,10 @@ def weigh(
 def _require_weight(client: ModuleClient, mass: float) -> None:
     """Refuse what the module can surely not hold, before it tries."""
     info = client.hello()
-    weight = mass * GRAVITY
+    weight = mass * STANDARD_GRAVITY_M_S2
     most = min(info.tension_upper, client.parameter("current_continuous") * info.newton_per_ampere)
     if not info.tension_lower < weight < most:
-        lower, upper = info.tension_lower / GRAVITY, most / GRAVITY
+        lower, upper = info.tension_lower / STANDARD_GRAVITY_M_S2, most / STANDARD_GRAVITY_M_S2
         raise CalibrationError(
             f'module "{client.name}" pulls with {info.tension_lower:.2g} to {most:.2g} N for ever, so {mass:g} kg '
             f"is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of {1.3 * lower:.2f} to "
@@ -112,9 +103,9 @@ def _ramp(puller: Puller, most: float, tension: float, rate: float, way: float, 
     telemetry = puller.hold(tension)
     started, turned = None, direction * telemetry.length
     while (moved := turned - direction * telemetry.length) < way:
-        if started is None and moved > STARTED:
+        if started is None and moved > STARTED_M:
             started = tension
-        tension += rate * PERIOD
+        tension += rate * PERIOD_S
         if not info.tension_lower <= tension <= most:
             what, why = ("reel in", "heavier") if rate > 0.0 else ("pay out", "lighter")
             raise CalibrationError(
@@ -130,11 +121,11 @@ def _calm(puller: Puller, tension: float) -> None:
     """Hold the mass with what friction needs no help for, until it is at rest."""
     puller.forget()
     telemetry = puller.hold(tension)
-    for _ in range(round(PATIENCE / PERIOD)):
-        telemetry = puller.hold(max(tension + DAMPING * telemetry.speed, puller.info.tension_lower))
+    for _ in range(round(REST_TIMEOUT_S / PERIOD_S)):
+        telemetry = puller.hold(max(tension + DAMPING_NS_M * telemetry.speed, puller.info.tension_lower))
         first, last = puller.heard[0].time_us, puller.heard[-1].time_us
-        if (last - first) % (1 << 32) > 1e6 * STILL_FOR:
-            if np.ptp([each.length for each in puller.heard]) < STILL:
+        if (last - first) % (1 << 32) > 1e6 * STILL_S:
+            if np.ptp([each.length for each in puller.heard]) < STILL_M:
                 return
             del puller.heard[: len(puller.heard) // 2]
     raise CalibrationError(
@@ -146,9 +137,9 @@ def _calm(puller: Puller, tension: float) -> None:
 def _let_down(puller: Puller, tension: float) -> None:
     """Lower the mass for a second, slowly, so that it does not fall when the module stops."""
     telemetry = puller.hold(tension)
-    for _ in range(round(1.0 / PERIOD)):
-        tension = max(tension - 4.0 * RAMP * PERIOD, puller.info.tension_lower)
-        telemetry = puller.hold(max(tension + 4.0 * DAMPING * telemetry.speed, puller.info.tension_lower))
+    for _ in range(round(1.0 / PERIOD_S)):
+        tension = max(tension - 4.0 * RAMP_N_S * PERIOD_S, puller.info.tension_lower)
+        telemetry = puller.hold(max(tension + 4.0 * DAMPING_NS_M * telemetry.speed, puller.info.tension_lower))
 
 
 def _current_at_start(puller: Puller, direction: int) -> float:
@@ -157,29 +148,29 @@ def _current_at_start(puller: Puller, direction: int) -> float:
     time = 1e-6 * np.array([(each.time_us - heard[0].time_us) % (1 << 32) for each in heard])
     current = np.array([each.current for each in heard])
     way = direction * (np.median([each.length for each in heard[:10]]) - np.array([each.length for each in heard]))
-    last_still = int(np.flatnonzero(way < STARTED)[-1])
+    last_still = int(np.flatnonzero(way < STARTED_M)[-1])
     moving = slice(last_still + 1, None)
-    if len(way[moving]) < FEWEST:
+    if len(way[moving]) < MIN_MOVING_SAMPLES:
         raise CalibrationError(
             f'module "{puller.client.name}": its cable moved too suddenly; has the mass come off, did it stick?'
         )
     slope, offset = np.polyfit(time[moving], np.cbrt(way[moving]), 1)
     start = float(np.clip(-offset / slope, time[max(last_still - 50, 0)], time[last_still]))
-    near = time > start - TREND
+    near = time > start - TREND_S
     trend = np.polyfit(time[near] - start, current[near], 1)
     return float(trend[1])
 
 
 LEVELS = 8
-DWELL = 1.5
+DWELL_S = 1.5
 """How long each step is held, in s; what it shows is taken from its second half."""
-RATE = 1.0
+RATE_N_S = 1.0
 """From step to step, in N/s: slow, so that the cable does not ring over its friction."""
-SHARE = 0.9
+MAX_SHARE = 0.9
 """Of what the winding stands for ever: the highest step."""
-GRID = 0.02
+LAG_STEP_S = 0.02
 """Of the lags that are tried, in s."""
-AGREEMENT = 0.95
+MIN_CORRELATION = 0.95
 """Least correlation of force and current for the two to be the same staircase."""
 
 
@@ -221,13 +212,7 @@ def load_staircase(path: str | Path) -> Staircase:
 
 
 def load_sensor(path: str | Path) -> tuple[Floats, Floats]:
-    """Return the times, in s, and forces, in N, of a file with columns ``time``, ``force``; pulling is positive.
-
-    Raises
-    ------
-    CalibrationError
-        What is wrong with the file; times that do not grow.
-    """
+    """Return times in s and forces in N of a file with columns ``time``, ``force``; pulling is positive."""
     table = read_table(path, ("time", "force"), error=CalibrationError)
     if len(table["time"]) < 10 or (np.diff(table["time"]) <= 0.0).any():
         raise CalibrationError(f"{path}: times must grow from line to line, over at least 10 lines")
@@ -243,7 +228,7 @@ def climb(client: ModuleClient, progress: Callable[[float], None] | None = None)
     most = client.parameter("current_continuous") * client.hello().newton_per_ampere
     with pulling(client) as puller:
         info = puller.info
-        levels = np.linspace(info.tension_lower, SHARE * min(info.tension_upper, most), LEVELS)
+        levels = np.linspace(info.tension_lower, MAX_SHARE * min(info.tension_upper, most), LEVELS)
         way = [*levels, *levels[-2::-1]]
         start, tension = client.link.clock(), float(levels[0])
 
@@ -254,9 +239,9 @@ def climb(client: ModuleClient, progress: Callable[[float], None] | None = None)
         for step, level in enumerate(way):
             direction = 1 if step < LEVELS else -1
             while abs(level - tension) > 1e-9:
-                tension += float(np.clip(level - tension, -RATE * PERIOD, RATE * PERIOD))
+                tension += float(np.clip(level - tension, -RATE_N_S * PERIOD_S, RATE_N_S * PERIOD_S))
                 hold(-1, direction)
-            for _ in range(round(DWELL / PERIOD)):
+            for _ in range(round(DWELL_S / PERIOD_S)):
                 hold(step, direction)
             if progress:
                 progress((step + 1) / len(way))
@@ -264,17 +249,11 @@ def climb(client: ModuleClient, progress: Callable[[float], None] | None = None)
 
 
 def lag(record: Staircase, time: Floats, force: Floats) -> float:
-    """Return the lead of the sensor's clock over the host's, in s, at which force and current agree best.
-
-    Raises
-    ------
-    CalibrationError
-        They agree nowhere.
-    """
+    """Return the lead of the sensor's clock over the host's, in s, at which force and current agree best."""
     spare = 0.2 * (record.time[-1] - record.time[0])
-    lags = np.arange(time[0] - record.time[0] - spare, time[-1] - record.time[-1] + spare, GRID)
+    lags = np.arange(time[0] - record.time[0] - spare, time[-1] - record.time[-1] + spare, LAG_STEP_S)
     agreement = [_correlation(record.current, np.interp(record.time + each, time, force)) for each in lags]
-    if not agreement or max(agreement) < AGREEMENT:
+    if not agreement or max(agreement) < MIN_CORRELATION:
         best = f"agree by {max(agreement):.2f} at best" if agreement else "do not overlap"
         raise CalibrationError(
             f"the sensor's force and the module's current {best}; were they recorded together, in s and N, "
@@ -284,13 +263,7 @@ def lag(record: Staircase, time: Floats, force: Floats) -> float:
 
 
 def balances(record: Staircase, time: Floats, force: Floats, ahead: float) -> list[Balance]:
-    """Return the force and current of each step but the first.
-
-    Raises
-    ------
-    CalibrationError
-        A step that the sensor did not record.
-    """
+    """Return the force and current of each step but the first; a `CalibrationError` names one without a force."""
     found = []
     for step in np.unique(record.step[record.step > 0]):
         on = np.flatnonzero(record.step == step)

@@ -19,10 +19,10 @@ from tensionlab.hardware.runner.settings import Clock
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 
-PERIOD = 0.02
-TAUT_FOR, LOOSE_FOR = 1.0, 0.5
+PERIOD_S = 0.02
+TAUT_S, LOOSE_S = 1.0, 0.5
 """How long cables are pulled tight before their length is set, and how long a module takes to let go, in s."""
-STILL, STILL_FOR, APART = 0.001, 0.4, 0.03
+STILL_M, STILL_S, APART_M = 0.001, 0.4, 0.03
 """A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before."""
 AXES = "xyz"
 TURNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
@@ -30,19 +30,10 @@ TURNS = {1: ("angle",), 3: ("rx", "ry", "rz")}
 
 
 def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
-    """Set the cable lengths of all modules while the platform is held at the rig's home.
+    """Set the cable lengths of all modules while the platform is held at the rig's home; return those before.
 
-    Cables are pulled tight first. A module forgets its length at SAVE and when it restarts.
-
-    Returns
-    -------
-    (m,) array
-        The lengths that the modules had before, in m; NaN where one knew none.
-
-    Raises
-    ------
-    HardwareError
-        A module that is in use, refuses, or does not answer; all are stopped.
+    Cables are pulled tight first. A module forgets its length at SAVE and when it restarts. The lengths before are
+    (m,) in m; NaN where a module knew none. After an error all modules are stopped.
     """
     group.prepare(rig, 20)
     before = np.full(rig.m, np.nan)
@@ -51,9 +42,9 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
         before[:] = [each.length for each in _telemetry(group)]
         return True
 
-    _taut(group, rig, clock, TAUT_FOR, look)
+    _taut(group, rig, clock, TAUT_S, look)
     known = [info.length_known for info in group.infos]
-    clock.wait_until(clock.now() + LOOSE_FOR)
+    clock.wait_until(clock.now() + LOOSE_S)
     for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):
         client.calibrate(Calibration.LENGTH, float(length))
     return np.where(known, before, np.nan)
@@ -67,32 +58,11 @@ def record_lengths(
     seconds: float,
     found: Callable[[int], None] | None = None,
 ) -> Floats:
-    """Record the cable lengths wherever a person holds the platform still.
+    """Record the cable lengths (K, m) in m of so many poses, wherever a person holds the platform still.
 
     The modules pull with the rig's lower limits, so that the cables are tight. A pose counts when all cables have
-    been still for a while, and have other lengths than at each pose before.
-
-    Parameters
-    ----------
-    group : ModuleGroup
-    rig : Rig
-    clock : Clock
-    poses : int
-        Ends after so many.
-    seconds : float
-        Ends after that time at the latest.
-    found : callable, optional
-        Told how many poses there are, whenever there is a new one.
-
-    Returns
-    -------
-    (K, m) array
-        In m, a row for each pose.
-
-    Raises
-    ------
-    HardwareError
-        A module that is in use, does not know its length, lets go, or does not answer; all are stopped.
+    been still for a while, and have other lengths than at each pose before: then `found` is called with the number
+    of poses. It ends after `seconds` at the latest; after an error all modules are stopped.
     """
     group.prepare(rig, 20)
     group.require_lengths()
@@ -101,11 +71,11 @@ def record_lengths(
 
     def look() -> bool:
         window.append(np.array([each.length for each in _telemetry(group)]))
-        del window[: -round(STILL_FOR / PERIOD)]
-        if len(window) < round(STILL_FOR / PERIOD) or np.ptp(window, axis=0).max() > STILL:
+        del window[: -round(STILL_S / PERIOD_S)]
+        if len(window) < round(STILL_S / PERIOD_S) or np.ptp(window, axis=0).max() > STILL_M:
             return True
         row = np.mean(window, axis=0)
-        if all(np.abs(row - other).max() > APART for other in rows):
+        if all(np.abs(row - other).max() > APART_M for other in rows):
             rows.append(row)
             if found:
                 found(len(rows))
@@ -114,7 +84,7 @@ def record_lengths(
     _taut(group, rig, clock, seconds, look)
     if not rows:
         raise CalibrationError(
-            f"the cables were never still for {STILL_FOR} s; hold the platform still at each pose"
+            f"the cables were never still for {STILL_S} s; hold the platform still at each pose"
         )
     return np.array(rows)
 
@@ -127,7 +97,7 @@ def _taut(group: ModuleGroup, rig: Rig, clock: Clock, seconds: float, look: Call
         while now < end:
             for client, tension in zip(group.clients, rig.limits.lower, strict=True):
                 client.set_tension(float(tension))
-            now += PERIOD
+            now += PERIOD_S
             clock.wait_until(now)
             for client in group.clients:
                 client.listen()
@@ -158,19 +128,11 @@ def columns(rig: Rig, lengths: Floats) -> dict[str, Floats]:
 
 
 def load_lengths(path: str | Path, rig: Rig) -> tuple[Floats, Poses | None]:
-    """Return the lengths of a file, and the poses if it has them.
+    """Return the lengths of a CSV file, and the poses if it has them; a `CalibrationError` says what is wrong.
 
-    Parameters
-    ----------
-    path : str or Path
-        CSV with a column of lengths, in m, for each module, by its name; and perhaps ``x``, ``y`` and ``z`` of the
-        reference point in m, and of the rotation ``angle`` (planar) or ``rx``, ``ry`` and ``rz`` (axis times
-        angle), in rad.
-
-    Raises
-    ------
-    CalibrationError
-        What is wrong with the file.
+    It has a column of lengths, in m, for each module, by its name; and perhaps ``x``, ``y`` and ``z`` of the
+    reference point in m, and of the rotation ``angle`` (planar) or ``rx``, ``ry`` and ``rz`` (axis times angle),
+    in rad.
     """
     names = [module.name for module in rig.modules]
     axes, turns = tuple(AXES[: rig.dimension]), TURNS.get(rig.n - rig.dimension, ())

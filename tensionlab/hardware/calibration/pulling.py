@@ -13,7 +13,7 @@ from tensionlab.hardware.protocol.codes import Calibration, Limit, State
 from tensionlab.hardware.protocol.messages import Info, Message, Telemetry
 from tensionlab.hardware.runner.watchdog import ENDING, Interrupted, Interrupts
 
-PERIOD = 0.02
+PERIOD_S = 0.02
 """From one set-point to the next, in s."""
 TELEMETRY_MS = 10
 MAX_SILENT_PERIODS = 25
@@ -28,16 +28,7 @@ LIMITER_ADVICE = {
 
 
 class Puller:
-    """Armed module, and its telemetry meanwhile.
-
-    Attributes
-    ----------
-    client : ModuleClient
-    info : Info
-        What the module said of itself.
-    heard : list of Telemetry
-        Since `forget`, or since it was armed.
-    """
+    """Armed module, what it said of itself, and its telemetry since `forget`, or since it was armed."""
 
     def __init__(self, client: ModuleClient, info: Info) -> None:
         self.client = client
@@ -54,16 +45,10 @@ class Puller:
         self.heard.clear()
 
     def hold(self, tension: float) -> Telemetry:
-        """Pull with so many N for a period, and return the telemetry at its end.
-
-        Raises
-        ------
-        HardwareError
-            It says nothing, has let go, or cannot pull with as much.
-        """
+        """Pull with so many N for a period, and return the telemetry at its end; refuse a module that cannot."""
         for _ in range(MAX_SILENT_PERIODS):
             self.client.set_tension(tension)
-            self.client.wait(PERIOD)
+            self.client.wait(PERIOD_S)
             self.client.check()
             if self.heard:
                 break
@@ -103,11 +88,6 @@ def pulling(client: ModuleClient) -> Iterator[Puller]:
 
     A module whose N/A was never calibrated refuses to be armed; for as long as this lasts it is taken for
     calibrated.
-
-    Raises
-    ------
-    ModuleFault
-        The module is in use, has a fault, or has let go.
     """
     info = client.hello()
     if info.state is not State.IDLE:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.calibration.gain import GRAVITY
+from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2
 from tensionlab.hardware.protocol.codes import Fault, Limit, ResetReason, State
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 
@@ -273,7 +273,7 @@ class HangingMass(SimulatedModule):
             raise HardwareError("a hanging mass moves the cable's far end by itself; give no distance")
         for _ in range(round(seconds / STEP_S)):
             tension = self._module.sample()[TENSION]
-            self._speed += (GRAVITY - tension / self.mass) * STEP_S
+            self._speed += (STANDARD_GRAVITY_M_S2 - tension / self.mass) * STEP_S
             self._place += self._speed * STEP_S
             if self._place >= self._floor:
                 self._place, self._speed = self._floor, 0.0

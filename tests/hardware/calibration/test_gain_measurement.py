@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
-from tensionlab.hardware.calibration.gain import GRAVITY, gain_from_sensor, gain_from_weights
+from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
     balances,
@@ -60,7 +60,9 @@ def test_a_mass_hangs_as_newton_says():
             places.append(simulated.sample.distance)
     inertia = 0.2 + 1.2e-5 / SPOOL**2
     acceleration = np.diff(places, 2)[-1] / 0.1**2
-    assert -acceleration * inertia == pytest.approx(3.0 - 0.2 * GRAVITY - 0.05 - 0.05 * 1.5, rel=0.05)
+    assert -acceleration * inertia == pytest.approx(
+        3.0 - 0.2 * STANDARD_GRAVITY_M_S2 - 0.05 - 0.05 * 1.5, rel=0.05
+    )
     with pytest.raises(HardwareError, match="moves the cable's far end by itself"):
         simulated.advance(0.1, 0.9)
 
