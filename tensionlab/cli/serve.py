@@ -98,7 +98,7 @@ def serve(
     from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
     from tensionlab.hardware import Runner, RunSettings
     from tensionlab.hardware.protocol.codes import BrakeState, Limit
-    from tensionlab.hardware.simulation.motions import GuidedHand
+    from tensionlab.hardware.simulation.world import GuidedHand
     from tensionlab.scenarios import ScenarioDemand
     from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 

@@ -17,7 +17,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
-    from tensionlab.hardware.simulation.serve import PlannedFault
+    from tensionlab.hardware.simulation.serve import PlannedFault, Watcher
     from tensionlab.hardware.simulation.simulated_module import SimulatedModule
     from tensionlab.scenarios import Scenario
     from tensionlab.scenarios.person import PersonSimulation
@@ -118,7 +118,7 @@ def simulate(
     """
     from tensionlab.hardware.client.group import modules_to_toml
     from tensionlab.hardware.simulation.links import Conditions
-    from tensionlab.hardware.simulation.serve import PtyPort, Recording, ServedModule, Server, TcpPort, serve
+    from tensionlab.hardware.simulation.serve import PtyPort, ServedModule, Server, TcpPort, recording, serve
     from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
     from tensionlab.scenarios import load_scenario
     from tensionlab.validation.simulated_sensor import SensorServer
@@ -165,13 +165,13 @@ def simulate(
         for each in served:
             ports.callback(each.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
-        watchers = [] if person is None else [person.take]
+        watchers: list[Watcher] = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
             sensor = opened.enter_context(SensorServer(loaded, errors, seed, TcpPort(listen, sensor_port)))
             text += f"# Force sensor: {sensor.url}\n"
             watchers.append(sensor.take)
         if record is not None:
-            watchers.append(opened.enter_context(Recording(record, chosen)).take)
+            watchers.append(opened.enter_context(recording(record, chosen)))
         if modules is not None:
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
@@ -244,7 +244,7 @@ def _errors(rig: Rig, preset: str, seed: int) -> RigErrors:
 
 def _orbit(rig: Rig | None, numbers: list[float]) -> FarEnds:
     """Return the lengths of cables whose point goes round its home, by the time of day, which processes share."""
-    from tensionlab.hardware.simulation.motions import cable_lengths
+    from tensionlab.hardware.simulation.world import cable_lengths
 
     if rig is None or len(numbers) != 2:
         raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")

@@ -57,7 +57,7 @@ def test_a_module_is_armed_only_when_idle_calibrated_and_free_of_faults():
     host.module.advance(0.02)
     assert (host.code(Arm(SESSION)), host.state) == (Code.FAULT_PRESENT, State.IDLE)
     assert host.module.faults == Fault.SUPPLY
-    host.module.repair("supply")
+    host.module.damage("supply", broken=False)
     host.module.advance(0.2)
     assert (host.code(Arm(SESSION)), host.state) == (Code.OK, State.ARMED)
 
@@ -299,7 +299,7 @@ def test_the_length_is_forgotten_when_turns_or_their_meaning_may_be_lost(event):
         host.module.damage("encoder")
         host.module.advance(0.01)
         assert host.code(Calibrate(Calibration.LENGTH, 1.0)) == Code.FAULT_PRESENT
-        host.module.repair("encoder")
+        host.module.damage("encoder", broken=False)
     elif event == "loop":
         host.module.pause(0.1)
     else:

@@ -113,7 +113,7 @@ def test_a_fault_lets_go_latches_and_is_cleared_only_when_it_is_over(part, fault
     assert not host.module.sample.driver_on
     if part != "motor":  # without a driver nobody sees that the wire is off
         assert host.code(Clear()) == Code.FAULT_PRESENT
-    host.module.repair(part)
+    host.module.damage(part, broken=False)
     host.module.advance(0.6)
     assert host.state == State.FAULT, "it latches"
     assert host.module.faults == fault

@@ -100,7 +100,7 @@ def host_in(state: State, **options) -> Host:
     elif state == State.FAULT:
         host.module.damage("encoder")
         host.module.advance(0.01)
-        host.module.repair("encoder")
+        host.module.damage("encoder", broken=False)
         host.module.advance(0.02)
     elif state == State.ESTOP:
         host.say(EmergencyStop())

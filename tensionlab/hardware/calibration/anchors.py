@@ -61,11 +61,6 @@ class AnchorEstimate:
         """Half of the 95 % interval of each coordinate, (m, d), in m."""
         return quantile(self.freedom) * self.deviations
 
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals, in m."""
-        return math.sqrt(float(np.mean(self.residuals**2)))
-
 
 def calibrate_anchors(
     rig: Rig, lengths: Floats, poses: Poses | None = None, *, known: bool = False, offsets: bool = False

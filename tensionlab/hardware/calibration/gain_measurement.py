@@ -15,7 +15,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError
-from tensionlab.files.tables import read_table, write_table
+from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, Balance
 from tensionlab.hardware.calibration.pulling import PERIOD_S, Puller, pulling
 from tensionlab.hardware.client.module import ModuleClient
@@ -176,31 +176,13 @@ MIN_CORRELATION = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Staircase:
-    """Measurements of a module during a staircase of tensions, in columns.
+    """Measurements of a module during a staircase of tensions, in columns (K,)."""
 
-    Attributes
-    ----------
-    time : (K,) array
-        Of the host, in s since the start.
-    current : (K,) array
-        In A.
-    tension : (K,) array
-        That the module made its motor pull with, in N.
-    step : (K,) array
-        Number of the step, from 0; -1 on the way between two.
-    direction : (K,) array
-        1 where it was reached from below, -1 from above.
-    """
-
-    time: Floats
-    current: Floats
-    tension: Floats
-    step: Floats
-    direction: Floats
-
-    def save(self, path: str | Path) -> None:
-        """Write the columns as CSV."""
-        write_table(path, vars(self))
+    time: Floats  # of the host, in s since the start
+    current: Floats  # in A
+    tension: Floats  # that the module made its motor pull with, in N
+    step: Floats  # its number, from 0; -1 on the way between two
+    direction: Floats  # 1 where it was reached from below, -1 from above
 
 
 COLUMNS = tuple(Staircase.__dataclass_fields__)

@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from dataclasses import dataclass, field
 
-from tensionlab.errors import HardwareError, LinkError
+from tensionlab.errors import InputError, LinkError
 from tensionlab.hardware.client.links import OPENERS, Link
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -28,10 +28,10 @@ class Conditions:
     def __post_init__(self) -> None:
         for name in ("latency", "jitter"):
             if not 0.0 <= getattr(self, name) <= 60.0:
-                raise HardwareError(f"{name} is from 0 to 60 s; got {getattr(self, name)}")
+                raise InputError(f"{name} is from 0 to 60 s; got {getattr(self, name)}")
         for name in ("drop", "corrupt"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise HardwareError(f"{name} is a share, from 0 to 1; got {getattr(self, name)}")
+                raise InputError(f"{name} is a share, from 0 to 1; got {getattr(self, name)}")
 
 
 @dataclass

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
 import math
@@ -13,20 +12,19 @@ import select
 import socket
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, InputError
 from tensionlab.files import writing
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
 
-CHUNK = 65536
-"""Bytes taken at a time."""
+READ_BYTES = 65536
+"""Most bytes read at a time."""
 
 
 class Port(Protocol):
@@ -51,24 +49,15 @@ class Port(Protocol):
 
 
 class TcpPort:
-    """TCP port of this machine. A second client is refused: its connection is closed at once.
+    """TCP port for clients on this machine (host 127.0.0.1) or all that reach it (0.0.0.0); 0 takes a free one.
 
-    Parameters
-    ----------
-    host : str
-        Address to listen at: 127.0.0.1 for this machine only, 0.0.0.0 for all that can reach it.
-    port : int
-        0 takes one that is free; `url` tells which.
-
-    Raises
-    ------
-    HardwareError
-        If the port is taken, or the host is not one of this machine.
+    A second client is refused: its connection is closed at once. A `HardwareError` if the port is taken, or the
+    host is not one of this machine.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
         if not 0 <= port <= 65535:
-            raise HardwareError(f"a port is from 0 to 65535; got {port}")
+            raise InputError(f"a port is from 0 to 65535; got {port}")
         try:
             self._listener = socket.create_server((host, port))
         except OSError as error:
@@ -102,7 +91,7 @@ class TcpPort:
     def send(self, content: bytes) -> None:
         """Send what the client has room for; as over Bluetooth, the rest is lost."""
         if self._client is not None:
-            with contextlib.suppress(OSError):  # full, or about to be found gone
+            with suppress(OSError):  # full, or about to be found gone
                 self._client.send(content)
 
     def close(self) -> None:
@@ -116,7 +105,7 @@ class TcpPort:
         if self._client is None:
             return b""
         try:
-            return self._client.recv(CHUNK) or None
+            return self._client.recv(READ_BYTES) or None
         except BlockingIOError:
             return b""
         except OSError:
@@ -124,7 +113,7 @@ class TcpPort:
 
     def _accept(self) -> None:
         if self._newcomer is None:
-            with contextlib.suppress(BlockingIOError):
+            with suppress(BlockingIOError):
                 self._newcomer, _ = self._listener.accept()
                 self._newcomer.setblocking(False)
                 self._newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -136,13 +125,7 @@ class TcpPort:
 
 
 class PtyPort:
-    """Pseudo-terminal, as a serial port would be; `url` is its path. Whoever opens it is the client.
-
-    Raises
-    ------
-    HardwareError
-        Where there are none.
-    """
+    """Pseudo-terminal, as a serial port would be; `url` is its path. Whoever opens it is the client."""
 
     def __init__(self) -> None:
         if sys.platform == "win32":
@@ -172,13 +155,13 @@ class PtyPort:
         was_open, self._open = self._open, not events & select.POLLHUP
         if events & select.POLLIN:
             self._open = True  # until all of it is read
-            return os.read(self._master, CHUNK)
+            return os.read(self._master, READ_BYTES)
         return None if was_open and not self._open else b""
 
     def send(self, content: bytes) -> None:
         """Send what the client has room for; as over Bluetooth, the rest is lost."""
         if self._open:
-            with contextlib.suppress(OSError):  # full, or about to be found gone
+            with suppress(OSError):  # full, or about to be found gone
                 os.write(self._master, content)
 
     def close(self) -> None:
@@ -186,76 +169,62 @@ class PtyPort:
         os.close(self._master)
 
 
-PERIOD = 5e-3
-"""Time from one row to the next of a module, in s, at least."""
+RECORD_PERIOD_S = 5e-3
+"""Time from one row to the next of a module, at least."""
 COLUMNS = ("time", "module", "tension", "commanded", "distance", "state", "own_time")
 """Time of day in s since 1970, name, N, N, m, the state's name, and the module's own time in s, which passes more
 slowly on a busy machine."""
 
 
-class Recording:
-    """Recording of the cables of simulated modules; a context manager.
+Watcher = Callable[[Sequence[SimulatedModule]], None]
+"""Function that sees the modules after each step."""
 
-    Parameters
-    ----------
-    path : Path
-        A CSV file, with the columns `COLUMNS`.
-    names : sequence of str
-        Of the modules, in the order in which `take` gets them.
 
-    Raises
-    ------
-    WriteError
-        Here and in `take`, if the file cannot be written.
+@contextmanager
+def recording(path: Path, names: Sequence[str]) -> Iterator[Watcher]:
+    """Open a CSV file for modules of these names; yield the function that records all of them, once a period.
+
+    It and this raise a `WriteError` if the file cannot be written.
     """
+    file = io.TextIOWrapper(
+        writing.open_stream(path), encoding="utf-8", newline="", line_buffering=True, write_through=True
+    )
+    rows = csv.writer(file)
+    due = 0.0
 
-    def __init__(self, path: Path, names: Sequence[str]) -> None:
-        self._names = names
-        self._path = path
-        self._file = io.TextIOWrapper(
-            writing.open_stream(path), encoding="utf-8", newline="", line_buffering=True, write_through=True
-        )
-        self._rows = csv.writer(self._file)
-        self._write(COLUMNS)
-        self._due = 0.0
+    def write(row: Sequence[str]) -> None:
+        try:
+            rows.writerow(row)
+        except OSError as error:
+            raise writing.unwritable(path, error) from None
 
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file."""
-        with suppress(OSError):  # that a row could not be written has been said
-            self._file.close()
-
-    def take(self, modules: Sequence[SimulatedModule]) -> None:
-        """Write the state of the modules, if a period has passed."""
+    def take(modules: Sequence[SimulatedModule]) -> None:
+        nonlocal due
         now = time.time()
-        if now < self._due:
+        if now < due:
             return
-        self._due = now + PERIOD
-        for name, module in zip(self._names, modules, strict=True):
+        due = now + RECORD_PERIOD_S
+        for name, module in zip(names, modules, strict=True):
             sample = module.sample
             numbers = (f"{value:.4f}" for value in (sample.tension, sample.commanded, sample.distance))
-            self._write([f"{now:.4f}", name, *numbers, sample.state.name, f"{sample.seconds:.4f}"])
+            write([f"{now:.4f}", name, *numbers, sample.state.name, f"{sample.seconds:.4f}"])
 
-    def _write(self, row: Sequence[str]) -> None:
-        try:
-            self._rows.writerow(row)
-        except OSError as error:
-            raise writing.unwritable(self._path, error) from None
+    try:
+        write(COLUMNS)
+        yield take
+    finally:
+        with suppress(OSError):  # that a row could not be written has been said
+            file.close()
 
 
-TICK, IDLE_TICK = 1e-3, 20e-3
-"""How often time passes in a module that has a client, and in one that has none, in s."""
-LATE = 20e-3
-"""What the server is late beyond this, in s, is time that does not pass in its modules: a busy machine must not
-make them time out."""
-PIECE = 64
-"""Bytes that a module takes at a time, as on the ESP32: the answers to more may not find room."""
-FAULT = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
+TICK_S, IDLE_TICK_S = 1e-3, 20e-3
+"""How often time passes in a module that has a client, and in one that has none."""
+MAX_LATE_S = 20e-3
+"""What the server is late beyond this is time that does not pass in its modules: a busy machine must not make them
+time out."""
+PIECE_BYTES = 64
+"""What a module takes at a time, as on the ESP32: the answers to more may not find room."""
+FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
 
 
 @dataclass(frozen=True)
@@ -267,38 +236,18 @@ class PlannedFault:
 
 
 def parse_fault(text: str) -> PlannedFault:
-    """Return the fault that a text such as ``encoder@2s`` plans; times are in s, or ms if that is written.
-
-    Raises
-    ------
-    HardwareError
-        For a part that a module does not have, or a time that is none.
-    """
-    found = FAULT.fullmatch(text)
+    """Return the fault that a text such as ``encoder@2s`` plans; times are in s, or ms if that is written."""
+    found = FAULT_PATTERN.fullmatch(text)
     if found is None or found["part"] not in PARTS:
-        raise HardwareError(f"no fault {text!r}; write one of {', '.join(PARTS)} and a time, such as encoder@2s")
+        raise InputError(f"no fault {text!r}; write one of {', '.join(PARTS)} and a time, such as encoder@2s")
     return PlannedFault(found["part"], float(found["when"]) * (1e-3 if found["unit"] == "ms" else 1.0))
 
 
 class ServedModule:
-    """Simulated module at a port, behind a link of given conditions.
+    """Simulated module at a port, behind a link of given conditions; the seed is that of the link's accidents.
 
-    Parameters
-    ----------
-    module : SimulatedModule
-        Its settings are those of the file already, if there is one.
-    port : Port
-        Where it is reached. A client that goes away is a link that closed.
-    conditions : Conditions
-        Of the link.
-    seed : int
-        Of the link's accidents.
-    faults : sequence of PlannedFault
-        What breaks, and when.
-    settings_file : Path, optional
-        Written when the module saves.
-    far_end : callable, optional
-        Length of the cable in m, called at each step; as at the start if left out.
+    The settings file is written when the module saves. `far_end`, called at each step, returns the length of the
+    cable in m; it stays as it is if left out.
     """
 
     def __init__(
@@ -333,8 +282,8 @@ class ServedModule:
             if arrived is None:
                 self.module.close_link()
                 continue
-            for begin in range(0, len(arrived), PIECE):
-                self.module.receive(arrived[begin : begin + PIECE])
+            for begin in range(0, len(arrived), PIECE_BYTES):
+                self.module.receive(arrived[begin : begin + PIECE_BYTES])
                 self._listen(now)
         for arrived in self._outbound.take(now):
             if arrived:
@@ -342,7 +291,7 @@ class ServedModule:
 
     def due(self, now: float) -> float:
         """Return the latest time of the next call of `serve`, in s since the start."""
-        tick = TICK if self.port.connected() else IDLE_TICK
+        tick = TICK_S if self.port.connected() else IDLE_TICK_S
         return min((int(now / tick + 1e-6) + 1) * tick, self._inbound.due, self._outbound.due)
 
     def _listen(self, now: float) -> None:
@@ -362,28 +311,18 @@ class ServedModule:
 
 
 class Server:
-    """Server of simulated modules, whose time passes `speed` times as fast as that of the clock.
+    """Server of simulated modules, whose time passes `speed` times as fast as that of the clock, which is in s.
 
     One thread for all: a module needs some 3 % of a processor, and they can't keep each other from running.
-    Deadlines are absolute, so that no delay adds to another.
-
-    Parameters
-    ----------
-    modules : sequence of ServedModule
-    speed : float
-    watchers : sequence of callable
-        See the modules after each step.
-    longest : float
-        Of a step, in s, for watchers that the modules pull.
-    clock : callable
-        Time here, in s.
+    Deadlines are absolute, so that no delay adds to another. After each step, which is no longer than `longest` s,
+    the watchers see the modules; they may pull at them.
     """
 
     def __init__(
         self,
         modules: Sequence[ServedModule],
         speed: float = 1.0,
-        watchers: Sequence[Callable[[Sequence[SimulatedModule]], None]] = (),
+        watchers: Sequence[Watcher] = (),
         longest: float = math.inf,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -397,13 +336,13 @@ class Server:
 
     def wait(self) -> float:
         """Return how long to wait for them until the next step, in s here."""
-        return min(max(self._start + self._due() / self._speed - self._clock(), 0.0), IDLE_TICK)
+        return min(max(self._start + self._due() / self._speed - self._clock(), 0.0), IDLE_TICK_S)
 
     def step(self) -> None:
         """Let time pass in all modules up to now."""
         then, due = self._now, self._due()
         now = (self._clock() - self._start) * self._speed
-        late = now - due - LATE
+        late = now - due - MAX_LATE_S
         if late > 0.0:
             self._start += late / self._speed
             now -= late
@@ -426,20 +365,14 @@ class Server:
 
 def serve(server: Server, stopped: Callable[[], bool]) -> None:
     """Serve in real time until it is to stop; all ports are closed at the end."""
-    with contextlib.closing(server):
+    with closing(server):
         while not stopped():
             select.select(server.files(), [], [], server.wait())
             server.step()
 
 
 def read_settings(path: Path) -> bytes | None:
-    """Return what an earlier module stored in a file; None if there is no such file.
-
-    Raises
-    ------
-    HardwareError
-        If it cannot be read.
-    """
+    """Return what an earlier module stored in a file; None if there is no such file."""
     try:
         return path.read_bytes()
     except FileNotFoundError:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab import _native
-from tensionlab.errors import HardwareError
+from tensionlab.errors import InputError
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2
 from tensionlab.hardware.protocol.codes import Fault, Limit, ResetReason, State
 from tensionlab.hardware.protocol.parameters import PARAMETERS
@@ -42,43 +42,17 @@ whether it is accepted, and the state after it."""
 
 @dataclass(frozen=True)
 class Sample:
-    """State of a simulated module.
+    """State of a simulated module."""
 
-    Attributes
-    ----------
-    seconds : float
-        Since the start.
-    distance : float
-        Of the cable's far end, in m.
-    length : float
-        Of the cable that is out, without its stretch, in m.
-    tension : float
-        Of the cable, in N.
-    commanded : float
-        Tension that the firmware makes the motor pull with, in N.
-    current : float
-        Of the motor, in A.
-    brake_force : float
-        That the pawl holds, in N.
-    state : State
-        Of the firmware.
-    limit : Limit
-        What keeps `commanded` from being what the host wants.
-    driver_on : bool
-        Whether the motor is driven.
-    pawl_down : bool
-        Whether the brake is on.
-    """
-
-    seconds: float
-    distance: float
-    length: float
-    tension: float
-    commanded: float
-    current: float
-    brake_force: float
+    seconds: float  # since the start
+    distance: float  # of the cable's far end, in m
+    length: float  # of the cable that is out, without its stretch, in m
+    tension: float  # of the cable, in N
+    commanded: float  # tension that the firmware makes the motor pull with, in N
+    current: float  # of the motor, in A
+    brake_force: float  # that the pawl holds, in N
     state: State
-    limit: Limit
+    limit: Limit  # what keeps `commanded` from being what the host wants
     driver_on: bool
     pawl_down: bool
 
@@ -102,38 +76,19 @@ class Trace:
     @classmethod
     def from_table(cls, table: NDArray[np.float64]) -> Self:
         """Name the columns of a table of samples, one a row."""
-        c = table.T
-        codes, flags = c[7:9].astype(np.int64), c[9:] != 0.0
-        return cls(c[0], c[1], c[2], c[3], c[4], c[5], c[6], codes[0], codes[1], flags[0], flags[1])
+        columns = table.T
+        return cls(*columns[:7], *columns[7:9].astype(np.int64), *(columns[9:] != 0.0))
 
 
 class SimulatedModule:
     """Simulated module: bytes in, bytes out, in lockstep with calls of `advance`.
 
-    The firmware runs at 4 kHz, and time passes only in `advance` and `trace`. The far end of the cable is where
-    they put it; nothing else moves it.
+    The firmware runs at 4 kHz, and time passes only in `advance` and `trace`. The far end of the cable is at a
+    `distance` in m, where they put it; nothing else moves it. `plant` has changes to the hardware's parameters in
+    `PLANT`. After any reset reason but power the module takes its motor for hot. `settings` is what an earlier
+    module had stored. Damaged ones are left alone, as the firmware does: see `loaded`.
 
-    Parameters
-    ----------
-    serial_number : int
-        What the module calls itself, 32 bits.
-    plant : mapping of str to float, optional
-        Changes to the simulated hardware; `PLANT` lists names, units and standard values.
-    distance : float
-        Of the cable's far end at the start, in m. The cable is then straight, and without tension.
-    seed : int
-        Of the sensors' noise, 32 bits.
-    start_us : int
-        What the module's clock shows at the start, 32 bits.
-    reset_reason : ResetReason
-        Why the module started. After anything but power it takes its motor for hot.
-    settings : bytes, optional
-        What an earlier module had stored. Damaged settings are left alone, as the firmware does: see `loaded`.
-
-    Raises
-    ------
-    HardwareError
-        For a name that `PLANT` does not hold, and for numbers that cannot be.
+    An `InputError` refuses names that `PLANT` does not hold, and numbers that cannot be.
     """
 
     def __init__(
@@ -150,13 +105,13 @@ class SimulatedModule:
         plant = {} if plant is None else plant
         for name, value in plant.items():
             if name not in PLANT:
-                raise HardwareError(f"the plant has no parameter {name!r}; it has {', '.join(PLANT)}")
+                raise InputError(f"the plant has no parameter {name!r}; it has {', '.join(PLANT)}")
             if not PLANT[name].lower <= value < math.inf:
                 least = f"{PLANT[name].lower:g} {PLANT[name].unit}"
-                raise HardwareError(f"plant parameter {name!r} is finite and at least {least}; got {value}")
+                raise InputError(f"plant parameter {name!r} is finite and at least {least}; got {value}")
         for name, number in (("serial_number", serial_number), ("seed", seed), ("start_us", start_us)):
             if not 0 <= number < 1 << 32:
-                raise HardwareError(f"{name} is from 0 to 2**32 - 1; got {number}")
+                raise InputError(f"{name} is from 0 to 2**32 - 1; got {number}")
         _require_distance(distance)
         self._distance = distance
         self._module = _native.SimulatedModule(serial_number, dict(plant), distance, seed, start_us, reset_reason)
@@ -185,7 +140,7 @@ class SimulatedModule:
     def pause(self, seconds: float) -> None:
         """Let the firmware's next step come so much later, as a loop that hangs would."""
         if not 0.0 <= seconds <= 60.0:
-            raise HardwareError(f"a pause takes 0 to 60 s; got {seconds}")
+            raise InputError(f"a pause takes 0 to 60 s; got {seconds}")
         self._module.pause(round(1e6 * seconds))
 
     @property
@@ -215,22 +170,15 @@ class SimulatedModule:
         """What the module has stored, for the next one to start from; empty if nothing."""
         return self._module.stored()
 
-    def damage(self, part: str) -> None:
-        """Break a part of the hardware, one of `PARTS`."""
-        self._set_broken(part, broken=True)
-
-    def repair(self, part: str) -> None:
-        """Make a part of the hardware whole again, one of `PARTS`."""
-        self._set_broken(part, broken=False)
-
-    def _set_broken(self, part: str, *, broken: bool) -> None:
+    def damage(self, part: str, *, broken: bool = True) -> None:
+        """Break a part of the hardware, one of `PARTS`, or make it whole again."""
         if part not in PARTS:
-            raise HardwareError(f"a module has no part {part!r}; it has {', '.join(PARTS)}")
+            raise InputError(f"a module has no part {part!r}; it has {', '.join(PARTS)}")
         self._module.set_broken(part, broken)
 
     def _steps(self, seconds: float, distance: float | None) -> tuple[int, float]:
         if not 0.0 <= seconds < 1e6:
-            raise HardwareError(f"time passes by 0 to 1e6 s; got {seconds}")
+            raise InputError(f"time passes by 0 to 1e6 s; got {seconds}")
         if distance is not None:
             _require_distance(distance)
             self._distance = distance
@@ -239,23 +187,15 @@ class SimulatedModule:
 
 def _require_distance(distance: float) -> None:
     if not 0.0 < distance < math.inf:
-        raise HardwareError(f"the cable's far end is at a finite distance of more than 0 m; got {distance}")
+        raise InputError(f"the cable's far end is at a finite distance of more than 0 m; got {distance}")
 
 
 class HangingMass(SimulatedModule):
-    """Simulated module with a mass on its cable, above a floor.
+    """Simulated module with a mass in kg on its cable, above a floor so many m below the module.
 
-    ``m x'' = m g - T``, with x down from the module and T the cable's tension; the floor takes all speed. Time and
-    place pass as in `SimulatedModule`, but nobody else can move the far end.
-
-    Parameters
-    ----------
-    mass : float
-        In kg; may be changed while it stands on the floor.
-    floor : float
-        Below the module, in m. The mass stands there at first.
-    plant, seed
-        As in `SimulatedModule`.
+    ``m x'' = m g - T``, with x down from the module and T the cable's tension; the floor takes all speed. The mass
+    stands there at first, and may be changed then. Time passes as in `SimulatedModule`, but nobody else can move
+    the far end.
     """
 
     def __init__(
@@ -270,7 +210,7 @@ class HangingMass(SimulatedModule):
     def advance(self, seconds: float, distance: float | None = None) -> None:
         """Let time pass, rounded to steps of the firmware."""
         if distance is not None:
-            raise HardwareError("a hanging mass moves the cable's far end by itself; give no distance")
+            raise InputError("a hanging mass moves the cable's far end by itself; give no distance")
         for _ in range(round(seconds / STEP_S)):
             tension = self._module.sample()[TENSION]
             self._speed += (STANDARD_GRAVITY_M_S2 - tension / self.mass) * STEP_S

@@ -1,16 +1,18 @@
-"""Simulated modules of a rig in this process, around a platform that moves."""
+"""Simulated modules of a rig in this process, and motions of the platform that their cables hold."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, InputError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.links import Link
 from tensionlab.hardware.client.module import ModuleClient
@@ -21,6 +23,7 @@ from tensionlab.hardware.protocol.parameters import PARAMETERS, require_value
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import PLANT, STEP_S, SimulatedModule, Trace
 from tensionlab.model.module import Module
+from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
 
 
@@ -45,23 +48,10 @@ def simulated_module(
 ) -> SimulatedModule:
     """Return a simulated module of a rig, calibrated and with the rig's limits, as a maker would leave it.
 
-    Stored settings take the place of all that but the cable's length, which no module remembers.
-
-    Parameters
-    ----------
-    module : Module
-        Of the rig. What it does not say is as in `PLANT`; without ``brake`` it has none.
-    length : float
-        Of its cable, in m.
-    serial_number, seed, settings
-        As in `SimulatedModule`.
-    plant : mapping of str to float, optional
-        What the hardware really is where it is not as the rig says; the firmware does not know of it.
-
-    Raises
-    ------
-    HardwareError
-        Naming the module, for what no module of this kind can do.
+    Its cable is so many m long. What the rig does not say is as in `PLANT`; without ``brake`` it has none. `plant`
+    is what the hardware really is where it is not as the rig says; the firmware does not know of it. Stored
+    settings take the place of all that but the cable's length, which no module remembers. A `HardwareError` names
+    the module, for what no module of this kind can do.
     """
     built = plant_of(module)
     made = built | ({} if plant is None else dict(plant))
@@ -105,7 +95,7 @@ def _tell(simulated: SimulatedModule, command: Message, name: str) -> None:
 
 
 MOTION_STEP_S = 5e-3
-"""Time, in s, over which the cables' far ends move evenly; in between, the pose is computed."""
+"""Time over which the cables' far ends move evenly; in between, the pose is computed."""
 COMPLIANT_STEP_S = 1e-3
 """The same where what they hold gives way to them: a cable of 5 kN/m shakes a hand at 20 Hz."""
 Motion = Callable[[float], Pose]
@@ -210,3 +200,73 @@ class World:
 
     def _lengths(self) -> list[float]:
         return [float(length) for length in self._rig.lengths(*self.pose)]
+
+
+APPROACH_GAIN_1_S = 20.0
+"""Close to where it is to be, a hand is so many times as fast as it is far."""
+MAX_HAND_SPEED_M_S = 1.5
+"""Modules let the cable in and out at 2 m/s."""
+MAX_HAND_ACCELERATION_M_S2 = 10.0
+"""At twice that, with a body that moves as well, modules still keep their cables taut."""
+TINY_M = 1e-12
+"""A distance that is none."""
+MAX_INTEGRATION_STEP_S = 0.01
+
+
+class GuidedHand:
+    """Hand that follows a pose without overshoot: positions of hand and body frames; rotations at once.
+
+    `guide` returns the target pose at a time in s; the hand starts there.
+    """
+
+    def __init__(self, guide: Callable[[float], Pose]) -> None:
+        self._guide = guide
+        self._places: dict[str, tuple[Floats, Floats]] = {}
+        self._time = 0.0
+
+    def __call__(self, time: float) -> Pose:
+        """Return the pose at a time, which must not go back."""
+        wanted = self._guide(time)
+        step, self._time = time - self._time, time
+        position = self._follow("", wanted.position, step)
+        frames = {}
+        for name, where in (wanted.frames or {}).items():
+            place, rotation = frame_of(where)
+            frames[name] = (self._follow(name, np.asarray(place, dtype=np.float64), step), rotation)
+        return Pose(position, wanted.rotation, frames)
+
+    def _follow(self, name: str, wanted: Floats, seconds: float) -> Floats:
+        place, velocity = self._places.get(name, (wanted, np.zeros_like(wanted)))
+        while seconds > 0.0:
+            step = min(seconds, MAX_INTEGRATION_STEP_S)
+            gap = wanted - place
+            far = float(np.linalg.norm(gap))
+            # So that it can brake in time.
+            speed = min(MAX_HAND_SPEED_M_S, math.sqrt(MAX_HAND_ACCELERATION_M_S2 * far), APPROACH_GAIN_1_S * far)
+            change = gap * (speed / max(far, TINY_M)) - velocity
+            most = MAX_HAND_ACCELERATION_M_S2 * step
+            velocity = velocity + change * (most / max(float(np.linalg.norm(change)), most))
+            place = place + step * velocity
+            seconds -= step
+        self._places[name] = (place, velocity)
+        return place
+
+
+def cable_lengths(rig: Rig, radius: float, period: float) -> dict[str, Callable[[], float]]:
+    """Return functions for the lengths of the cables now, by the time of day, so that processes agree.
+
+    The point goes round the rig's home, across the axis that points up, on a circle with a radius in m, and takes
+    a period in s for each turn.
+    """
+    if not (0.0 <= radius < math.inf and 0.0 < period < math.inf):
+        raise InputError(f"an orbit has a radius of 0 m or more and a period above 0 s; got {radius}, {period}")
+    first, second = [axis for axis in range(3) if rig.dimension == 2 or "xyz"[axis] != rig.vertical][:2]
+
+    def length(index: int) -> float:
+        angle = 2.0 * math.pi * time.time() / period
+        place = rig.home.copy()
+        place[first] += radius * math.cos(angle)
+        place[second] += radius * math.sin(angle)
+        return float(np.asarray(rig.lengths(place, frames=rig.at_rest))[index])
+
+    return {module.name: partial(length, index) for index, module in enumerate(rig.modules)}

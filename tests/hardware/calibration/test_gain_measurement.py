@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
+from tensionlab.files.tables import write_table
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
     LEVELS,
@@ -236,7 +237,7 @@ def test_gain_and_hysteresis_are_what_was_planted(bench):
 
 def test_record_and_sensor_come_back_from_files(bench, tmp_path):
     record, time, force, _ = bench
-    record.save(tmp_path / "staircase.csv")
+    write_table(tmp_path / "staircase.csv", vars(record))
     again = load_staircase(tmp_path / "staircase.csv")
     np.testing.assert_allclose(again.current, record.current)
     lines = [f"{t},{f}" for t, f in zip(time, force, strict=True)]

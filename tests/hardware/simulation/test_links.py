@@ -6,7 +6,7 @@ import time
 import pytest
 
 from benchmarks.processes import simulated
-from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
+from tensionlab.errors import InputError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
@@ -84,7 +84,7 @@ def test_the_same_seed_has_the_same_accidents():
     ],
 )
 def test_conditions_that_cannot_be_are_refused(wrong, message):
-    with pytest.raises(HardwareError, match=message):
+    with pytest.raises(InputError, match=message):
         Conditions(**wrong)
 
 

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 import pytest
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, InputError
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import (
@@ -19,9 +19,14 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
+<<<<<<< HEAD
     IDLE_TICK,
     LATE,
     TICK,
+=======
+    IDLE_TICK_S,
+    TICK_S,
+>>>>>>> 88fabf8 (Simulation: bad arguments are InputErrors, motions lie beside their world, units in names)
     PlannedFault,
     ServedModule,
     Server,
@@ -63,7 +68,7 @@ def test_an_answer_takes_the_latency_both_ways():
     served = ServedModule(SimulatedModule(), port, conditions=Conditions(latency=0.1))
     port.coming.append(Ping(5).frame(1).pack())
     served.serve(1.0)
-    assert served.due(1.0) == pytest.approx(1.0 + TICK)
+    assert served.due(1.0) == pytest.approx(1.0 + TICK_S)
     served.serve(1.0999)
     assert served.due(1.0999) == pytest.approx(1.1)
     served.serve(1.1)
@@ -102,7 +107,7 @@ def test_a_module_without_a_client_is_left_alone_for_longer():
     port = FakePort()
     served = ServedModule(SimulatedModule(), port)
     port.there = False
-    assert served.due(0.0) == pytest.approx(IDLE_TICK)
+    assert served.due(0.0) == pytest.approx(IDLE_TICK_S)
 
 
 def test_time_passes_in_whole_steps_and_none_is_lost():
@@ -155,7 +160,7 @@ def test_serving_ends_when_it_is_told_to_and_closes_the_ports():
     assert port.closed
     assert isinstance(port.got[0], Info)
     assert port.got[0].state is State.IDLE
-    assert module.sample.seconds > 2 * TICK
+    assert module.sample.seconds > 2 * TICK_S
 
 
 @pytest.mark.parametrize(
@@ -175,7 +180,7 @@ def test_a_fault_is_planned_in_words(text, fault):
 
 @pytest.mark.parametrize("text", ["encoder", "encoder@", "encoder@-1s", "encoder@2h", "wheel@2s", "@2s", ""])
 def test_a_plan_that_is_none_is_refused(text):
-    with pytest.raises(HardwareError, match="write one of encoder, supply, motor, brake, cable and a time"):
+    with pytest.raises(InputError, match="write one of encoder, supply, motor, brake, cable and a time"):
         parse_fault(text)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.errors import HardwareError
+from tensionlab.errors import InputError
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import PARTS, PLANT, STEP_S, SimulatedModule
 
@@ -49,10 +49,10 @@ def test_the_same_seed_gives_the_same_noise():
         (lambda: SimulatedModule().advance(np.nan), "got nan"),
         (lambda: SimulatedModule().trace(0.1, np.inf), "distance"),
         (lambda: SimulatedModule().damage("wheel"), "no part 'wheel'; it has encoder, "),
-        (lambda: SimulatedModule().repair("wheel"), "no part 'wheel'"),
+        (lambda: SimulatedModule().damage("wheel", broken=False), "no part 'wheel'"),
         (lambda: SimulatedModule().pause(100.0), "a pause takes 0 to 60 s; got 100.0"),
     ],
 )
 def test_what_cannot_be_is_refused(call, message):
-    with pytest.raises(HardwareError, match=message):
+    with pytest.raises(InputError, match=message):
         call()

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.frames import Decoder
@@ -18,7 +19,7 @@ from tensionlab.hardware.protocol.messages import (
     Telemetry,
     read,
 )
-from tensionlab.hardware.simulation.world import simulated_module
+from tensionlab.hardware.simulation.world import MAX_HAND_SPEED_M_S, GuidedHand, simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.module import Module
 
@@ -93,3 +94,23 @@ def test_settings_that_were_stored_take_the_place_of_the_rigs():
 def test_what_no_module_can_do_is_refused_by_name(module, length, message):
     with pytest.raises(HardwareError, match=message):
         simulated_module(module, length)
+
+
+def test_a_leap_becomes_a_movement_of_a_hand():
+    places = np.array([[0.0, 0.0, 0.0], [0.3, -0.1, 0.0]])
+    hand = GuidedHand(lambda time: Pose(places[int(time > 0.1)]))
+    path = np.array([hand(0.005 * step).position for step in range(200)])
+    speeds = np.linalg.norm(np.diff(path, axis=0), axis=1) / 0.005
+    np.testing.assert_array_equal(path[:20], 0.0)
+    assert 0.9 < speeds.max() <= MAX_HAND_SPEED_M_S + 1e-9
+    np.testing.assert_allclose(path[-1], places[1], atol=1e-4)
+    assert (path[:, 0] <= 0.3 + 1e-3).all()
+
+
+def test_bodies_are_followed_as_well():
+    where = {"hip": (np.zeros(3), None)}
+    hand = GuidedHand(lambda time: Pose(np.zeros(3), frames=where))
+    hand(0.0)
+    where["hip"] = (np.array([0.1, 0.0, 0.0]), None)
+    assert 0.0 < hand(0.02).frames["hip"][0][0] < 0.05
+    assert abs(hand(1.0).frames["hip"][0][0] - 0.1) < 1e-6
