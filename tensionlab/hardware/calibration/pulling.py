@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from tensionlab.errors import HardwareError, ModuleFault
-from tensionlab.hardware.client.connection import Received
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.module import ModuleClient, Received
 from tensionlab.hardware.protocol.codes import Calibration, Limit, State
 from tensionlab.hardware.protocol.messages import Info, Message, Telemetry
 from tensionlab.hardware.runner.watchdog import ENDING, Interrupted, Interrupts

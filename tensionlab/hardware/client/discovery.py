@@ -14,7 +14,7 @@ from tensionlab.errors import HardwareError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.links import SerialPort, serial_ports
 from tensionlab.hardware.client.locks import holder
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Code, State
+from tensionlab.hardware.protocol.codes import Code
 from tensionlab.hardware.protocol.messages import Hello, Info, printable
 
 USB_VENDORS = {0x10C4: "CP210x", 0x1A86: "CH340", 0x0403: "FTDI", 0x303A: "Espressif"}
@@ -94,14 +94,11 @@ def find_all(urls: dict[str, str]) -> list[Found]:
 def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
     """Arm a module, let its cable pulse three times, and stop it; `begun` is called once it is armed.
 
-    Raises
-    ------
-    HardwareError
-        Another client has it armed; it is in fault or emergency stop; it is not calibrated; its hardware has a
-        fault. Or it releases its cable meanwhile, or its link breaks.
+    A `HardwareError` if it is not ready (see `require_ready`) or has a fault, releases its cable meanwhile, or its
+    link breaks.
     """
     info = client.hello()
-    _require_idle(client, info)
+    client.require_ready(info)
     client.stop()  # one that timed out in an earlier run is still in it
     strong = min(info.tension_lower + PULSE_TENSION_N, info.tension_upper)
     try:
@@ -118,20 +115,6 @@ def identify(client: ModuleClient, begun: Callable[[], None]) -> None:
             _pull(client, strong)
     finally:
         client.stop()
-
-
-def _require_idle(client: ModuleClient, info: Info) -> None:
-    if info.state in (State.ARMED, State.RUNNING):
-        raise HardwareError(
-            f'module "{client.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
-            f"`tensionlab module stop {client.link.url}`"
-        )
-    client.require_cleared(info)
-    if not info.calibrated:
-        raise HardwareError(
-            f'module "{client.name}" is not calibrated, and can\'t be armed: '
-            f"`tensionlab module calibrate gain {client.link.url}`"
-        )
 
 
 def _pull(client: ModuleClient, tension: float) -> None:

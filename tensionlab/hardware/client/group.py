@@ -19,24 +19,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tensionlab.errors import HardwareError, LinkError, ModuleFault
+from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.files.reading import brief, read_toml
-from tensionlab.hardware.client.connection import ANSWER_TIMEOUTS_S, AnswerType
 from tensionlab.hardware.client.links import Link
-from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
-from tensionlab.hardware.protocol.messages import (
-    Acknowledge,
-    Arm,
-    ConfigureTelemetry,
-    EmergencyStop,
-    GetParameter,
-    Hello,
-    Info,
-    Message,
-    ParameterValue,
-    Stop,
-)
+from tensionlab.hardware.client.module import ANSWER_TIMEOUTS_S, AnswerType, ModuleClient
+from tensionlab.hardware.protocol import messages
+from tensionlab.hardware.protocol.codes import LATCHED_STATES
+from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Stop
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 from tensionlab.model.rig import Rig
 
@@ -75,16 +64,9 @@ class ModuleGroup:
         HardwareError
             Naming the module: it is in use, has a fault, is not calibrated, or has other limits than the rig.
         """
-        self.infos = tuple(client.check_info(info) for client, info in self._all(Hello(), Info))
+        self.infos = self._all(messages.Hello(), Info)
         for client, info, module in zip(self.clients, self.infos, rig.modules, strict=True):
-            if info.state in (State.ARMED, State.RUNNING):
-                raise LinkError(f'module "{client.name}" at {client.link.url} is in use: somebody has it armed')
-            client.require_cleared(info)
-            if not info.calibrated:
-                raise HardwareError(
-                    f'module "{client.name}" is not calibrated: '
-                    f"`tensionlab module calibrate gain {client.link.url}`"
-                )
+            client.require_ready(info)
             lower = info.tension_lower * (1.0 - LIMIT_TOLERANCE)
             upper = info.tension_upper * (1.0 + LIMIT_TOLERANCE)
             if not lower <= module.lower <= module.upper <= upper:
@@ -94,7 +76,7 @@ class ModuleGroup:
                     f"module's parameters tension_lower and tension_upper"
                 )
         self._all(Stop(), Acknowledge)  # one that timed out in an earlier run is still in it
-        self._all(ConfigureTelemetry(telemetry_ms), Acknowledge)
+        self._all(messages.ConfigureTelemetry(telemetry_ms), Acknowledge)
         self.slews = self._values("slew")
         self.continuous = tuple(
             current * info.newton_per_ampere
@@ -120,10 +102,7 @@ class ModuleGroup:
         ModuleFault, LinkTimeout, LinkError
             A module refuses, or does not answer. The others may be armed by then: `stop` them.
         """
-        commands: dict[ModuleClient, Message] = {}
-        for client in self.clients:
-            client.begin_session()
-            commands[client] = Arm(client.session)
+        commands: dict[ModuleClient, Message] = {client: client.new_session() for client in self.clients}
         taut = dict(zip(self.clients, tensions, strict=True))
         _, failed = self._together(commands, Acknowledge, taut)
         for client in self.clients:
@@ -137,7 +116,7 @@ class ModuleGroup:
 
     def emergency_stop(self) -> dict[str, HardwareError]:
         """Stop all modules until `clear`, and return the errors of those that did not confirm it."""
-        return self._release(EmergencyStop())
+        return self._release(messages.EmergencyStop())
 
     def close(self) -> None:
         """Close all links; modules that are still pulling notice, and release their cables."""
@@ -151,24 +130,23 @@ class ModuleGroup:
 
     def _release(self, command: Message) -> dict[str, HardwareError]:
         _, failed = self._together(dict.fromkeys(self.clients, command), Acknowledge, {})
-        there = {
-            client
-            for client in failed
-            if isinstance(failed[client], ModuleFault) and client.state in LATCHED_STATES
+        return {
+            client.name: error
+            for client, error in failed.items()
+            if not (isinstance(error, ModuleFault) and client.state in LATCHED_STATES)
         }
-        return {client.name: error for client, error in failed.items() if client not in there}
 
     def _values(self, parameter: str) -> tuple[float, ...]:
         """Return a parameter of each module."""
-        command = GetParameter(PARAMETERS[parameter].index)
-        return tuple(found.value for _, found in self._all(command, ParameterValue))
+        command = messages.GetParameter(PARAMETERS[parameter].index)
+        return tuple(found.value for found in self._all(command, messages.ParameterValue))
 
-    def _all(self, command: Message, kind: type[AnswerType]) -> list[tuple[ModuleClient, AnswerType]]:
+    def _all(self, command: Message, kind: type[AnswerType]) -> tuple[AnswerType, ...]:
         """Return the answer of each module; the first error is raised."""
         answers, failed = self._together(dict.fromkeys(self.clients, command), kind, {})
         for error in failed.values():
             raise error
-        return [(client, answers[client]) for client in self.clients]
+        return tuple(answers[client] for client in self.clients)
 
     def _together(
         self,

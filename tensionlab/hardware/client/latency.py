@@ -25,15 +25,10 @@ BLUETOOTH_PREFIXES = ("bt://", "/dev/rfcomm", "/dev/cu.tensionlab-", "/dev/tty.t
 
 @dataclass(frozen=True)
 class RoundTrips:
-    """Round-trip times of pings.
+    """Round-trip times of the pings that came back, in s, and the number of those that were lost.
 
-    Attributes
-    ----------
-    times : tuple of float
-        Of those that came back, in s.
-    lost : int
-    offset, offset_error : float
-        Module's clock less that of the link, in s, and its error, half the shortest trip; NaN if none came back.
+    `offset` is the module's clock less that of the link, in s, and its error half the shortest trip; NaN if none
+    came back.
     """
 
     times: tuple[float, ...]

@@ -34,10 +34,9 @@ NEEDS_PYSERIAL = 'links to modules need pyserial; pip install "tensionlab[hardwa
 
 @dataclass(frozen=True)
 class SerialPort:
-    """Serial port, as the system describes it.
+    """Serial port, as the system describes it; `vendor` is the number of the USB chip's maker.
 
-    `hardware` is such as ``USB VID:PID=10C4:EA60 ...``, or ``BTHENUM...`` for Bluetooth on Windows; `vendor` is
-    the number of the USB chip's maker.
+    `hardware` is such as ``USB VID:PID=10C4:EA60 ...``, or ``BTHENUM...`` for Bluetooth on Windows.
     """
 
     url: str
@@ -86,12 +85,7 @@ def require_known(url: str) -> None:
 def open_link(url: str) -> Link:
     """Open the link of a URL, of a kind in `URL_KINDS`.
 
-    Raises
-    ------
-    LinkError
-        If the URL is of no known kind, nothing answers there, or the module is in use.
-    MissingDependency
-        If pyserial or filelock is not installed.
+    A `LinkError` if it is of no known kind, nothing answers there, or the module is in use.
     """
     require_known(url)
     if url in OPENERS:

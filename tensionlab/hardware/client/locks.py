@@ -49,12 +49,7 @@ class Holder:
 class LinkLock:
     """Lock on a link, held by this process until it is released or the process ends.
 
-    Raises
-    ------
-    LinkError
-        If another process has it; names the process and what it runs.
-    MissingDependency
-        If filelock is not installed.
+    A `LinkError` names the process that has it already, and what that runs.
     """
 
     def __init__(self, url: str) -> None:

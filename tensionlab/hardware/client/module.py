@@ -1,47 +1,111 @@
-"""Client of one module: a method for each command."""
+"""Client of one module: numbered commands out, a method for each; answers and telemetry in."""
 
 from __future__ import annotations
 
+import random
+import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import Self
+from typing import Generic, Self, TypeVar
 
-from tensionlab.errors import HardwareError, ModuleFault
-from tensionlab.hardware.client.connection import Connection
-from tensionlab.hardware.client.links import Link
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, RELEASED_STATES, Calibration, Fault
-from tensionlab.hardware.protocol.messages import (
-    Arm,
-    Calibrate,
-    Clear,
-    ConfigureTelemetry,
-    EmergencyStop,
-    GetParameter,
-    Hello,
-    Info,
-    ParameterValue,
-    Ping,
-    Pong,
-    Save,
-    SetImpedance,
-    SetParameter,
-    SetTension,
-    Stop,
+from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
+from tensionlab.hardware.client.links import Link, open_link
+from tensionlab.hardware.protocol import messages
+from tensionlab.hardware.protocol.codes import (
+    LATCHED_STATES,
+    RELEASED_STATES,
+    Calibration,
+    Code,
+    Fault,
+    State,
+    Type,
 )
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
 
+ANSWER_TIMEOUTS_S = (0.2, 0.3, 0.45)
+"""How long each try waits for an answer."""
+RESTARTED_US = 1_000_000
+"""A module's clock that has gone back by so much has restarted."""
+CLOCK_WRAP_US = 1 << 32
+"""Where the clocks of modules wrap around."""
+READ_TIMEOUT_S = 0.1
+"""How long the reader waits before it checks whether to end."""
 SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 """How long each try waits for an answer to a command that takes the module long."""
+SET_POINTS = (Type.SET_TENSION, Type.SET_IMPEDANCE)
+ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)
+"""Frames whose damage is an error of the request that waits for them."""
+
+AnswerType = TypeVar("AnswerType", bound=Message)
+MessageType_co = TypeVar("MessageType_co", bound=Message, covariant=True)
 
 
-class ModuleClient(Connection):
-    """Client of one module: a `Connection`, and the `session` of the last `arm`."""
+@dataclass(frozen=True)
+class Received(Generic[MessageType_co]):
+    """Unrequested message of a module, and when it came by the clock of the link, in s."""
+
+    message: MessageType_co
+    time: float
+
+
+class ModuleClient:
+    """Client of one module: commands, their answers, and messages that the module sends by itself.
+
+    A thread reads the link. Of a simulated module in this process, messages are read by each request and `listen`.
+    It is a context manager, which closes the link; after an error it stops the module first.
+
+    Parameters
+    ----------
+    name : str
+        The module's name in error messages.
+    link : Link or str
+        A link, or the URL of one.
+    seed : int, optional
+        Of the numbers that messages and sessions begin with, for a simulation that is to be the same again.
+
+    Attributes
+    ----------
+    session : int
+        That of the last `arm`.
+    telemetry : Received or None
+        The latest.
+    stale_frames, repeated : int
+        Ignored telemetry that was no newer than the latest: altogether, and since the latest.
+    state, faults
+        Of the latest message that had them.
+    on_message : callable or None
+        Called with each unrequested message.
+    """
 
     def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
-        super().__init__(name, link, seed)
+        self.name = name
+        self.link = open_link(link) if isinstance(link, str) else link
         self.session = 0
+        self.telemetry: Received[Telemetry] | None = None
+        self.stale_frames = self.repeated = 0
+        self.state: State | None = None
+        self.faults = Fault(0)
+        self.on_message: Callable[[Received[Message]], None] | None = None
+        self._decoder = Decoder()
+        self._random = random.Random(seed)
+        self._sequence = self._random.randrange(256)
+        self._set_point = self._armed = self._random.randrange(256)
+        self._listener: messages.Protocol1Listener | None = None
+        self._answers: dict[int, Message | ProtocolError] = {}
+        self._refused: Acknowledge | None = None  # the latest refused set-point
+        self._unreadable = 0
+        self._broken: LinkError | None = None
+        self._arrived = threading.Condition()
+        self._closing = False
+        self._reader: threading.Thread | None = None
+        if not self.link.lockstep:
+            self._reader = threading.Thread(target=self._read, name=f"reader of {name}", daemon=True)
+            self._reader.start()
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -56,17 +120,115 @@ class ModuleClient(Connection):
                 self.stop()
         self.close()
 
-    def hello(self) -> Info:
+    def close(self) -> None:
+        """Close the link; a module that was pulling notices, and releases its cable."""
+        self._closing = True
+        self.link.close()
+        if self._reader is not None and self._reader is not threading.current_thread():
+            self._reader.join(timeout=1.0)
+
+    def command(self, command: Message, tries: tuple[float, ...] = ANSWER_TIMEOUTS_S) -> None:
+        """Send a command and wait until it is acknowledged.
+
+        Raises
+        ------
+        ModuleFault
+            The module refuses; the code says why.
+        LinkTimeout, LinkError
+            It does not answer; the link broke.
+        ProtocolError
+            The module speaks another protocol, or its answer makes no sense.
+        """
+        self.request(command, Acknowledge, tries)
+
+    def request(
+        self, command: Message, answer: type[AnswerType], tries: tuple[float, ...] = ANSWER_TIMEOUTS_S
+    ) -> AnswerType:
+        """Return the answer to a command, which keeps its number when repeated; errors as those of `command`."""
+        sequence: int | None = None
+        for timeout in tries:
+            sequence = self.send(command, sequence)
+            end = self.link.clock() + timeout
+            while (found := self.answer(command, sequence, answer)) is None:
+                left = end - self.link.clock()
+                if left <= 0 or not self._wait(sequence, left):
+                    break
+            if found is not None:
+                return found
+        raise self.unanswered(command, len(tries))
+
+    def send(self, command: Message, sequence: int | None = None) -> int:
+        """Send a command without waiting and return its number; sent again, it keeps its number."""
+        if sequence is None:
+            sequence = self._next_set_point() if isinstance(command, messages.Arm) else self._next()
+            if isinstance(command, messages.Arm):
+                self._armed = sequence
+            with self._arrived:
+                self._answers.pop(sequence, None)
+            self.link.send(command.frame(sequence).pack())
+            return sequence
+        # No answer: does the module speak protocol 1?
+        self._listener = self._listener or messages.Protocol1Listener()
+        frame = command.frame(sequence)
+        self.link.send(frame.pack() + messages.repeated_in_protocol_1(frame))
+        return sequence
+
+    def answer(self, command: Message, sequence: int, kind: type[AnswerType]) -> AnswerType | None:
+        """Return the answer to a command if it has come, else None; errors as those of `command`."""
+        if self._broken is not None:
+            raise self._broken
+        with self._arrived:
+            found = self._answers.pop(sequence, None)
+        if isinstance(found, messages.OtherProtocolError):
+            raise ProtocolError(f'module "{self.name}" {found}')
+        if isinstance(found, ProtocolError):
+            raise ProtocolError(f'module "{self.name}" answered what makes no sense: {found}')
+        if isinstance(found, Acknowledge) and found.command is not command.type:
+            return None
+        if isinstance(found, Acknowledge) and found.code is not Code.OK:
+            raise ModuleFault(
+                f'module "{self.name}" refused {type(command).__name__}: {found.code.name} '
+                f"(it is {found.state.name})",
+                self.name,
+                found.code,
+            )
+        return found if isinstance(found, kind) else None
+
+    def unanswered(self, command: Message, tries: int) -> LinkTimeout:
+        """Return the error of a command that was sent so many times."""
+        return LinkTimeout(
+            f'module "{self.name}" at {self.link.url} did not answer {type(command).__name__} in {tries} tries; '
+            "is it on, and in range?"
+        )
+
+    def send_set_point(self, message: messages.SetTension | messages.SetImpedance) -> int:
+        """Send a set-point, which is not answered, and return its number."""
+        sequence = self._next_set_point()
+        self.link.send(message.frame(sequence).pack())
+        return sequence
+
+    def listen(self, seconds: float = 0.0) -> None:
+        """Let a simulated module run for some seconds and read its messages; others are read all the time."""
+        if self._reader is not None or self._broken is not None:
+            return
+        try:
+            end = self.link.clock() + seconds if seconds else 0.0
+            while content := self.link.receive(end - self.link.clock() if seconds else 0.0):
+                self._take(content)
+        except LinkError as error:
+            self._broken = error
+
+    def hello(self) -> messages.Info:
         """Return the module's description of itself; errors as those of `command`."""
-        return self.check_info(self.request(Hello(), Info))
+        return self.request(messages.Hello(), messages.Info)
 
-    def check_info(self, info: Info) -> Info:
-        """Store the state of a description, and return the description."""
-        self.state = info.state
-        return info
-
-    def require_cleared(self, info: Info) -> None:
-        """Refuse a module that is in fault or emergency stop, by a `ModuleFault` that says what to do."""
+    def require_ready(self, info: messages.Info) -> None:
+        """Refuse a module that somebody else has armed, that has a fault, or is not calibrated; say what to do."""
+        if info.state in (State.ARMED, State.RUNNING):
+            raise LinkError(
+                f'module "{self.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
+                f"`tensionlab module stop {self.link.url}`"
+            )
         if info.state in LATCHED_STATES:
             raise ModuleFault(
                 f'module "{self.name}" is in {info.state.name}: find out why, then '
@@ -74,21 +236,26 @@ class ModuleClient(Connection):
                 self.name,
                 info.state,
             )
+        if not info.calibrated:
+            raise HardwareError(
+                f'module "{self.name}" is not calibrated, and can\'t be armed: '
+                f"`tensionlab module calibrate gain {self.link.url}`"
+            )
 
     def ping(self) -> tuple[float, int]:
         """Return the round-trip time of a message, in s, and the module's clock, in us."""
         began = self.link.clock()
-        pong = self.request(Ping(self._random.getrandbits(64)), Pong)
+        pong = self.request(messages.Ping(self._random.getrandbits(64)), messages.Pong)
         return self.link.clock() - began, pong.time_us
 
     def arm(self) -> None:
         """Make the module pull with the taut minimum, and wait for set-points of a new session."""
-        self.begin_session()
-        self.command(Arm(self.session))
+        self.command(self.new_session())
 
-    def begin_session(self) -> None:
-        """Draw the session of the next `Arm`; a module accepts each only once."""
+    def new_session(self) -> messages.Arm:
+        """Draw a session, which a module accepts only once, and return the command that begins it."""
         self.session = self._random.randrange(1, 1 << 16)
+        return messages.Arm(self.session)
 
     def wait(self, seconds: float) -> None:
         """Let time pass by the module's link: a simulated module runs meanwhile, a real one does so anyway."""
@@ -100,43 +267,43 @@ class ModuleClient(Connection):
 
     def stop(self) -> None:
         """Make the module release its cable and be idle; a fault or an emergency stop needs `clear`."""
-        self.command(Stop())
+        self.command(messages.Stop())
 
     def estop(self) -> None:
         """Make the module release its cable at once, and stay so until `clear`."""
-        self.command(EmergencyStop())
+        self.command(messages.EmergencyStop())
 
     def clear(self) -> None:
         """Make the module leave fault or emergency stop."""
-        self.command(Clear())
+        self.command(messages.Clear())
         self.faults = Fault(0)
 
     def telemetry_every(self, period_ms: int) -> None:
         """Set the period of telemetry, in ms; 0 for none."""
-        self.command(ConfigureTelemetry(period_ms))
+        self.command(messages.ConfigureTelemetry(period_ms))
 
     def calibrate(self, what: Calibration, value: float = 0.0) -> None:
         """Give the module a measured length or N/A, or make it find its motor's zero."""
-        self.command(Calibrate(what, value), SAVE_TIMEOUTS_S)
+        self.command(messages.Calibrate(what, value), SAVE_TIMEOUTS_S)
 
     def parameter(self, name: str) -> float:
         """Return the value of a parameter."""
-        return self.request(GetParameter(require_name(name).index), ParameterValue).value
+        return self.request(messages.GetParameter(require_name(name).index), messages.ParameterValue).value
 
     def set_parameter(self, name: str, value: float) -> None:
         """Change a parameter until the next start, or for good with `save`."""
         require_value(name, value, f'module "{self.name}"')
-        self.command(SetParameter(PARAMETERS[name].index, value))
+        self.command(messages.SetParameter(PARAMETERS[name].index, value))
 
     def save(self) -> None:
         """Store the module's parameters for good."""
-        self.command(Save(), SAVE_TIMEOUTS_S)
+        self.command(messages.Save(), SAVE_TIMEOUTS_S)
 
     def set_tension(self, tension: float, *, brake: bool = False, ttl_ms: int = 0) -> int:
         """Command a tension, in N; return the sequence number, which telemetry repeats."""
-        return self.send_set_point(SetTension(self.session, tension, brake, ttl_ms))
+        return self.send_set_point(messages.SetTension(self.session, tension, brake, ttl_ms))
 
-    def set_impedance(self, setting: SetImpedance) -> int:
+    def set_impedance(self, setting: messages.SetImpedance) -> int:
         """Command a spring and damper, with this session; return the sequence number."""
         return self.send_set_point(replace(setting, session=self.session))
 
@@ -167,3 +334,94 @@ class ModuleClient(Connection):
     def forget_refusals(self) -> None:
         """Discard the refusals up to now."""
         self._refused = None
+
+    @property
+    def reports_since_arm(self) -> bool:
+        """Whether the latest telemetry reports a set-point since the latest ARM."""
+        if self.telemetry is None:
+            return False
+        since = (self.telemetry.message.sequence - self._armed) % 256
+        return since <= (self._set_point - self._armed) % 256
+
+    @property
+    def bad_frames(self) -> int:
+        """Number of frames that were damaged or could not be read."""
+        return self._decoder.bad_frames + self._unreadable
+
+    def _wait(self, sequence: int, seconds: float) -> bool:
+        """Wait for an answer; return False if nothing came in time."""
+        if self._reader is None:
+            content = self.link.receive(seconds)
+            self._take(content)
+            return bool(content)
+        with self._arrived:
+            return self._arrived.wait_for(lambda: sequence in self._answers or self._broken is not None, seconds)
+
+    def _next(self) -> int:
+        with self._arrived:
+            self._sequence = (self._sequence + 1) % 256
+            return self._sequence
+
+    def _next_set_point(self) -> int:
+        """Return the next number of ARM and set-points: the module accepts up to 127 after the last."""
+        with self._arrived:
+            self._set_point = (self._set_point + 1) % 256
+            return self._set_point
+
+    def _read(self) -> None:
+        while not self._closing:
+            try:
+                content = self.link.receive(READ_TIMEOUT_S)
+            except LinkError as error:
+                with self._arrived:
+                    self._broken = error
+                    self._arrived.notify_all()
+                return
+            self._take(content)
+
+    def _take(self, content: bytes) -> None:
+        """Decode received bytes: answers for those who wait, the rest for `on_message`."""
+        if not content:
+            return
+        now = self.link.clock()
+        if self._listener is not None:
+            with self._arrived:
+                self._answers |= self._listener.feed(content)
+                self._arrived.notify_all()
+        for frame in self._decoder.feed(content):
+            try:
+                message = messages.read(frame)
+            except ProtocolError as error:
+                self._unreadable += 1
+                if frame.type in ANSWERS:
+                    with self._arrived:
+                        self._answers[frame.sequence] = error
+                        self._arrived.notify_all()
+                continue
+            if not isinstance(message, Telemetry | messages.Event | messages.Log):
+                with self._arrived:
+                    if isinstance(message, Acknowledge | messages.Info):
+                        self.state = message.state
+                    if isinstance(message, Acknowledge) and message.command in SET_POINTS:
+                        self._refused = message
+                        continue
+                    self._answers[frame.sequence] = message
+                    self._arrived.notify_all()
+                continue
+            if isinstance(message, Telemetry):
+                if self.telemetry is not None and not is_newer(message, self.telemetry.message):
+                    self.stale_frames += 1
+                    self.repeated += 1
+                    continue
+                self.repeated = 0
+                self.telemetry = Received(message, now)
+            if isinstance(message, Telemetry | messages.Event):
+                self.state, self.faults = message.state, message.faults
+            if self.on_message is not None:
+                self.on_message(Received(message, now))
+
+
+def is_newer(message: Telemetry, before: Telemetry) -> bool:
+    """Return whether telemetry was sent after another one, or by a module that has restarted since."""
+    behind = (before.time_us - message.time_us) % CLOCK_WRAP_US
+    return behind > CLOCK_WRAP_US // 2 or behind >= RESTARTED_US

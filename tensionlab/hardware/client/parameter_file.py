@@ -112,14 +112,8 @@ def change(client: ModuleClient, values: Mapping[str, float], origin: str) -> li
     """Set the parameters of an idle module, until it is switched off, and return those that changed.
 
     All values are checked before the first is changed, together with those that stay. They are changed in an order
-    in which parameters that bound each other never conflict, and read back. `origin` is for messages.
-
-    Raises
-    ------
-    HardwareError
-        Naming origin and parameter: there is none of that name, or it can't have that value. Nothing is changed.
-    ModuleFault, LinkTimeout, LinkError
-        The module refuses, because it is not idle; it does not answer; the link broke.
+    in which parameters that bound each other never conflict, and read back. A `HardwareError` names origin and
+    parameter where there is none of that name, or it can't have that value.
     """
     wanted = checked(values, origin)
     before = {name: found.value for name, found in parameters(client).items()}

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
-from tensionlab.hardware.client.connection import CLOCK_WRAP_US, Received
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
 from tensionlab.hardware.protocol.codes import Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
 from tensionlab.hardware.runner.guard import Derating

@@ -19,14 +19,9 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
-<<<<<<< HEAD
-    IDLE_TICK,
-    LATE,
-    TICK,
-=======
     IDLE_TICK_S,
+    MAX_LATE_S,
     TICK_S,
->>>>>>> 88fabf8 (Simulation: bad arguments are InputErrors, motions lie beside their world, units in names)
     PlannedFault,
     ServedModule,
     Server,
@@ -199,7 +194,7 @@ def test_time_passes_as_fast_as_it_is_to(here, speed):
     module = SimulatedModule()
     serving = server(here, module, speed=speed)
     for _ in range(5000):
-        assert 0.0 <= serving.wait() <= TICK / speed + 1e-9
+        assert 0.0 <= serving.wait() <= TICK_S / speed + 1e-9
         here[0] += 0.0002
         serving.step()
     assert module.seconds == pytest.approx(speed * 1.0, abs=2 * STEP_S)
@@ -214,12 +209,12 @@ def test_a_delay_adds_to_no_other_unless_it_is_long(here):
     assert module.seconds == pytest.approx(0.032, abs=2 * STEP_S)
     here[0] += 5.0
     serving.step()
-    assert module.seconds == pytest.approx(0.032 + LATE, abs=2 * TICK)
+    assert module.seconds == pytest.approx(0.032 + MAX_LATE_S, abs=2 * TICK_S)
     before = module.seconds
     for _ in range(100):
-        here[0] += TICK
+        here[0] += TICK_S
         serving.step()
-    assert module.seconds - before == pytest.approx(0.1, abs=2 * TICK)
+    assert module.seconds - before == pytest.approx(0.1, abs=2 * TICK_S)
 
 
 def test_after_a_stall_time_passes_in_pieces_for_those_who_watch(here):
@@ -231,4 +226,4 @@ def test_after_a_stall_time_passes_in_pieces_for_those_who_watch(here):
         here[0] += stall
         serving.step()
     assert np.diff(times).max() <= 1e-3 + STEP_S + 1e-9
-    assert times[-1] == pytest.approx(0.039, abs=2 * TICK)
+    assert times[-1] == pytest.approx(0.039, abs=2 * TICK_S)
