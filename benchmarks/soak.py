@@ -24,8 +24,7 @@ from tensionlab.hardware.runner.program import Program, Step
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
-from tensionlab.hardware.simulation.motions import position
-from tensionlab.hardware.simulation.world import World
+from tensionlab.hardware.simulation.world import World, position
 from tensionlab.model.files import load_rig
 from tensionlab.records import manifest
 

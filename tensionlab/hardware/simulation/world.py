@@ -252,21 +252,26 @@ class GuidedHand:
         return place
 
 
+def position(rig: Rig, radius: float, period: float, now: float) -> Floats:
+    """Return the point at a time, in m: on a circle around the rig's home, across the axis that points up."""
+    first, second = [axis for axis in range(3) if rig.dimension == 2 or "xyz"[axis] != rig.vertical][:2]
+    angle = 2.0 * math.pi * now / period
+    place: Floats = rig.home.copy()
+    place[first] += radius * math.cos(angle)
+    place[second] += radius * math.sin(angle)
+    return place
+
+
 def cable_lengths(rig: Rig, radius: float, period: float) -> dict[str, Callable[[], float]]:
     """Return functions for the lengths of the cables now, by the time of day, so that processes agree.
 
-    The point goes round the rig's home, across the axis that points up, on a circle with a radius in m, and takes
-    a period in s for each turn.
+    The circle has a radius in m, and one turn a period in s.
     """
     if not (0.0 <= radius < math.inf and 0.0 < period < math.inf):
         raise InputError(f"an orbit has a radius of 0 m or more and a period above 0 s; got {radius}, {period}")
-    first, second = [axis for axis in range(3) if rig.dimension == 2 or "xyz"[axis] != rig.vertical][:2]
 
     def length(index: int) -> float:
-        angle = 2.0 * math.pi * time.time() / period
-        place = rig.home.copy()
-        place[first] += radius * math.cos(angle)
-        place[second] += radius * math.sin(angle)
+        place = position(rig, radius, period, time.time())
         return float(np.asarray(rig.lengths(place, frames=rig.at_rest))[index])
 
     return {module.name: partial(length, index) for index, module in enumerate(rig.modules)}
