@@ -24,38 +24,18 @@ EXACT_SOLVER = "newton"
 class GuardedAllocator:
     """Allocator whose answers are certified: the solver's, or else that of the exact solver.
 
-    A module that does not take part has a tension of zero.
-
-    Parameters
-    ----------
-    limits : TensionLimits
-        Of all m modules, in N.
-    solver : str or Solver
-        As in `tensionlab.allocate`.
-    nearest : str or None
-        Policy for an infeasible wrench; None: the solver's own.
+    A module that does not take part has a tension of zero. The policy `nearest` is the solver's own if None.
     """
 
-    def __init__(self, limits: TensionLimits, solver: str | Solver, nearest: Nearest | None = None) -> None:
-        self._limits = limits
+    def __init__(self, solver: str | Solver, nearest: Nearest | None = None) -> None:
         self._solver, self._nearest = resolve_solver(solver, nearest)
         self._prepared: dict[bytes, tuple[Allocator, Allocator]] = {}
 
     def __call__(
-        self, structure: Floats, wrench: Floats, part: NDArray[np.bool_], limits: TensionLimits | None = None
+        self, structure: Floats, wrench: Floats, part: NDArray[np.bool_], limits: TensionLimits
     ) -> tuple[Allocation, bool]:
-        """Return an allocation, and whether the exact solver made it.
-
-        Parameters
-        ----------
-        structure : (n, m) array
-        wrench : (n,) array
-        part : (m,) array of bool
-            Modules that take part.
-        limits : TensionLimits, optional
-            In place of those given at first.
-        """
-        chosen, exact = self._for(part, self._limits if limits is None else limits)
+        """Return an allocation with the modules in `part` (m,), and whether the exact solver made it."""
+        chosen, exact = self._for(part, limits)
         allocation = chosen(structure, wrench)
         if int(allocation.status) in CERTIFIED:
             return allocation, False
@@ -73,13 +53,7 @@ class GuardedAllocator:
 
 
 def require_within(tensions: Floats, limits: TensionLimits, part: NDArray[np.bool_], names: list[str]) -> None:
-    """Refuse tensions that a module must never be sent.
-
-    Raises
-    ------
-    HardwareError
-        Naming the module; NaN included.
-    """
+    """Refuse, by a `HardwareError` that names the module, tensions that it must never be sent, NaN among them."""
     within = (limits.lower <= tensions) & (tensions <= limits.upper) | ~part
     if not within.all():
         index = int(np.argmin(within))
@@ -113,23 +87,9 @@ EVENT_STEP_N = 0.5
 class Derating:
     """Upper tension limits of all modules, by the spent share of each winding's budget.
 
-    From cold to spent a limit falls from the rig's own to the winding's continuous tension, without a jump.
-
-    Parameters
-    ----------
-    limits : TensionLimits
-        Of all m modules, in N.
-    continuous : (m,) array
-        Tension that each winding can hold without end, in N.
-    names : list of str
-        Of the modules.
-
-    Attributes
-    ----------
-    limits : TensionLimits
-        As they are now.
-    lowest : dict of str to float
-        Of modules whose limit was below the rig's, the lowest that it has been, in N.
+    From cold to spent a limit falls from the rig's own to the winding's continuous tension (m,) in N, without a
+    jump. `limits` are those now. `lowest` has, of modules whose limit was below the rig's, the lowest that it has
+    been, in N.
     """
 
     def __init__(self, limits: TensionLimits, continuous: Floats, names: list[str]) -> None:
@@ -144,10 +104,7 @@ class Derating:
     def update(self, thermal: Floats) -> list[tuple[int, str]]:
         """Set the limits by the spent shares (m,) of the budgets, 0 to 1; NaN where nothing new is known.
 
-        Returns
-        -------
-        list of (int, str)
-            Modules whose limit has changed by `EVENT_STEP_N`, and the text of each event.
+        Return the modules whose limit has changed by `EVENT_STEP_N`, and the text of each event.
         """
         if self.limits is self._own and not (thermal >= self._warm).any():
             return []
@@ -194,24 +151,12 @@ TAUT_AFTER_TIMEOUT_S = 2.0
 
 @dataclass(frozen=True)
 class Release:
-    """Course of a module's tension as it releases its cable.
+    """Course of a module's tension as it releases its cable."""
 
-    Attributes
-    ----------
-    tension : float
-        Until it begins, in N.
-    begin : float
-        When it begins, in s.
-    slew : float
-        How fast the tension falls, in N/s.
-    taut : float
-        Where it stays for `TAUT_AFTER_TIMEOUT_S`, in N; 0: nowhere.
-    """
-
-    tension: float
-    begin: float
-    slew: float
-    taut: float = 0.0
+    tension: float  # until it begins, in N
+    begin: float  # in s
+    slew: float  # how fast the tension falls, in N/s
+    taut: float = 0.0  # where it stays for `TAUT_AFTER_TIMEOUT_S`, in N; 0: nowhere
 
     def pull(self, now: float) -> float:
         """Return the tension in N at a time in s."""
@@ -230,14 +175,7 @@ RELEASED = Release(0.0, 0.0, 1.0)
 class ReleasedModules:
     """Lost modules, and what each still pulls with as far as is known: no cable goes slack at once.
 
-    Parameters
-    ----------
-    lower : (m,) array
-        Of the tension limits, in N.
-    slews : sequence of float
-        Of the modules, in N/s.
-    ttl : float
-        Time to live of set-points, in s.
+    `lower` (m,) is of the tension limits in N, `slews` are in N/s, and `ttl` in s is of set-points.
     """
 
     def __init__(self, lower: Floats, slews: Sequence[float], ttl: float) -> None:
@@ -247,20 +185,7 @@ class ReleasedModules:
     def add(
         self, index: int, tension: float, heard: float, now: float, state: State | None, error: HardwareError
     ) -> None:
-        """Add a lost module.
-
-        Parameters
-        ----------
-        index : int
-        tension : float
-            Of its last set-point, in N.
-        heard, now : float
-            When it was heard last, and the time, in s.
-        state : State or None
-            As reported last.
-        error : HardwareError
-            Why it was lost.
-        """
+        """Add a lost module: tension of its last set-point in N, time last heard, state it reported, and why."""
         slew, taut = self._slews[index], float(self._lower[index])
         if state in LATCHED_STATES:
             release = RELEASED  # its driver is off

@@ -40,19 +40,9 @@ STALL_SHARE = 0.75
 class ModuleMonitor:
     """Monitor of the modules: checks each in every cycle, and sends set-points to those that take part.
 
-    Parameters
-    ----------
-    group : ModuleGroup
-    ttl : float
-        Time to live of set-points, in s: a module that is silent for so long is lost.
-    on_loss : {"stop", "continue"}
-    on_lost : callable
-        Called with the index and the error of each module that is lost.
-
-    Attributes
-    ----------
-    active : (m,) array of bool
-        Modules that take part. One that is lost does not come back.
+    A module that is silent for `ttl` s, as long as set-points live, is lost. `on_lost` is called with the index
+    and the error of each that is lost; `active` (m,) has those that take part. One that is lost does not come
+    back.
     """
 
     def __init__(
@@ -67,19 +57,8 @@ class ModuleMonitor:
     def check(self, seen: Observation, delays: Floats, derating: Derating, now: float) -> None:
         """Check all modules by their latest telemetry and its age.
 
-        Parameters
-        ----------
-        seen : Observation
-        delays : (m,) array
-            How old the newest set-points are that modules report to follow, in s.
-        derating : Derating
-        now : float
-            In s.
-
-        Raises
-        ------
-        HardwareError
-            A module is lost and the run is to stop, or none is left.
+        `delays` (m,) are how old the newest set-points are that modules report to follow, in s. A `HardwareError`
+        if a module is lost and the run is to stop, or none is left.
         """
         self._stall.update(now)
         self._loops.update(delays, now)
@@ -107,12 +86,9 @@ class ModuleMonitor:
             self._loops.require_prompt(index)
 
     def send(self, tensions: Floats, demand: Demand, ttl_ms: int) -> Integers:
-        """Send set-points to modules that take part: tensions in N, NaN where an impedance is commanded.
+        """Send set-points to modules that take part; return their sequence numbers (m,), -1 where none was sent.
 
-        Returns
-        -------
-        (m,) array
-            Their sequence numbers; -1 where none was sent.
+        Tensions are in N, NaN where an impedance is commanded.
         """
         sequences: Integers = np.full(len(self._clients), -1, dtype=np.int64)
         for index, client in enumerate(self._clients):
@@ -143,15 +119,8 @@ class ModuleMonitor:
 class Stall:
     """Cycle that came late, by a busy computer or a slow solver: what modules miss by it is not their fault.
 
-    Parameters
-    ----------
-    ttl : float
-        Time to live of set-points, in s. After a stall, modules have as long to be heard again.
-
-    Attributes
-    ----------
-    seconds : float
-        How long the latest one lasted; 0 if it was long ago, or there was none.
+    After a stall, modules have the time to live of set-points, `ttl` in s, to be heard again. `seconds` is how
+    long the latest one lasted; 0 if it was long ago, or there was none.
     """
 
     def __init__(self, ttl: float) -> None:
@@ -175,13 +144,7 @@ class Stall:
 
 
 def require_following(client: ModuleClient) -> None:
-    """Refuse a module that no longer follows set-points.
-
-    Raises
-    ------
-    ModuleFault, LinkError
-        It has released, refused a set-point, was stopped by somebody else or restarted; its link broke.
-    """
+    """Refuse a module that has released, refused a set-point, was stopped by somebody else or restarted."""
     client.check()
     late = client.state is State.IDLE and not client.reports_since_arm  # what it was before; see `LatencyCheck`
     if client.state not in (State.ARMED, State.RUNNING) and not late:
@@ -206,12 +169,7 @@ def silence(client: ModuleClient, age: float) -> str:
 def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:
     """Refuse telemetry that cannot be true, by a `ModuleFault` that names the module, the quantity and the value.
 
-    Parameters
-    ----------
-    name : str
-        Of the module.
-    before, heard : Received of Telemetry
-        Two that came one after the other, of a module that follows set-points.
+    It came after the one `before`, of a module that follows set-points.
     """
     now = heard.message
     for field, unit in TELEMETRY_UNITS.items():
@@ -249,12 +207,7 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
 class LatencyCheck:
     """Check that modules follow set-points, and report it, before those are older than their time to live.
 
-    Parameters
-    ----------
-    names : list of str
-        Of the modules.
-    ttl : float
-        Time to live of set-points, in s. A loop latency above it, for as long, is refused.
+    A loop latency above `ttl` s, for as long, is refused.
     """
 
     def __init__(self, names: list[str], ttl: float) -> None:

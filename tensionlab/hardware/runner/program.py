@@ -121,21 +121,7 @@ class ProgramFile(Table):
 
 
 def require_demand(demand: object, rig: Rig, here: str) -> Demand:
-    """Return the demand, or refuse what this rig cannot render.
-
-    Parameters
-    ----------
-    demand : object
-        What a demand source returned.
-    rig : Rig
-    here : str
-        Name of the demand in messages.
-
-    Raises
-    ------
-    HardwareError
-        Naming what is wrong.
-    """
+    """Return what a demand source returned, or refuse what this rig cannot render; `here` names it in messages."""
     if not isinstance(demand, Demand):
         raise HardwareError(f"{here} is {demand!r}; return a Demand")
     if demand.wrench is not None:

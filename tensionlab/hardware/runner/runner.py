@@ -119,8 +119,8 @@ class Runner:
         self.settings = RunSettings() if settings is None else settings
         self.latest: Cycle | None = None
         self.statistics = Statistics()
-        self._allocator = GuardedAllocator(rig.limits, solver, self.settings.nearest)
-        self._taut = GuardedAllocator(rig.limits, EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
+        self._allocator = GuardedAllocator(solver, self.settings.nearest)
+        self._taut = GuardedAllocator(EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
         self.log = log
         self._clock = RealClock(modules.clients) if clock is None else clock
@@ -204,7 +204,7 @@ class Runner:
             self._clock.wait_until(self._clock.now() + 1e-3 * self.settings.telemetry_ms)
         self._step("the first answer of the solver", WARM_UP_S)
         home = self.rig.structure_matrix(self.rig.home, frames=self.rig.at_rest)
-        self._allocator(home, np.zeros(self.rig.n), self._monitor.active)
+        self._allocator(home, np.zeros(self.rig.n), self._monitor.active, self.rig.limits)
         self._rest()
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)

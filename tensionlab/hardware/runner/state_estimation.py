@@ -68,14 +68,7 @@ class SetPointDelays:
     """Ages of the set-points that modules report to follow, by the times at which they were sent.
 
     A number stands for many set-points at high rates. Which one it is follows from how many were sent since the
-    last report; of the first one that is reported, the newest is taken.
-
-    Parameters
-    ----------
-    count : int
-        Of modules, m.
-    rate : float
-        Set-points a second.
+    last report; of the first one that is reported, the newest is taken. `rate` is set-points a second.
     """
 
     def __init__(self, count: int, rate: float) -> None:
@@ -101,14 +94,10 @@ class SetPointDelays:
         self._times[self._sent[new] % self._kept, self._indices[new]] = now
 
     def delays(self, last_sequence: Integers, now: float) -> tuple[Floats, Floats]:
-        """Return how old the set-points are that modules report to follow, by their numbers (m,); -1: none yet.
+        """Return how old the set-points are, in s, that modules report to follow by their numbers; -1: none yet.
 
-        Returns
-        -------
-        (m,) array
-            In s; NaN where a module has not reported to follow one of these.
-        (m,) array
-            The same; there, the time since the first was sent.
+        Returned twice (m,): NaN where a module has not reported to follow one of these, and with the time since
+        the first was sent there.
         """
         newest = self._sent - (self._sent - last_sequence) % SEQUENCE_NUMBERS
         step = (last_sequence - self._followed) % SEQUENCE_NUMBERS
@@ -142,22 +131,8 @@ class PoseTracker:
     """Tracker of the platform from cycle to cycle by Gauss and Newton's method, from where it was.
 
     The derivative of the lengths is the structure matrix, ``-W'``. What fewer lengths than unknowns leave open
-    stays as it was.
-
-    Parameters
-    ----------
-    rig : Rig
-        With all modules fixed in the world.
-
-    Attributes
-    ----------
-    fits : bool
-        Whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`.
-
-    Raises
-    ------
-    HardwareError
-        If modules ride on bodies, or there are fewer than unknowns: the lengths do not fix the pose.
+    stays as it was. `fits` is whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`. A
+    `HardwareError` where lengths do not fix the pose: modules ride on bodies, or there are fewer than unknowns.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -249,24 +224,11 @@ def reel_in(
     *,
     redundant: bool,
 ) -> None:
-    """Do cycles until all cables are taut: slack lengths fix no pose.
+    """Do cycles until all cables are taut, since slack lengths fix no pose; then the tracker knows the pose.
 
-    Parameters
-    ----------
-    tracker : PoseTracker
-        Knows the pose then.
-    cycle : callable
-        Waits for the next cycle, commands taut cables, and returns the observation.
-    active : (m,) array of bool
-        Modules that take part; it may change meanwhile.
-    clock : Clock
-    redundant : bool
-        Whether there are more cables than unknowns.
-
-    Raises
-    ------
-    HardwareError
-        If the lengths of taut cables fit no pose.
+    `cycle` waits for the next one, commands taut cables, and returns the observation. The modules that take part,
+    `active` (m,), may change meanwhile. `redundant` is whether there are more cables than unknowns. A
+    `HardwareError` if the lengths of taut cables fit no pose.
     """
     began, settled = clock.now(), 0
     while settled < SETTLED_CYCLES or (not redundant and clock.now() - began < MIN_REEL_IN_S):

@@ -61,47 +61,24 @@ class Cycle:
 
 @dataclass
 class Statistics:
-    """Counts and times of a run.
-
-    Attributes
-    ----------
-    cycles : int
-    missed : int
-        Deadlines that no cycle began at, because one before them was still going on.
-    fallback_used : int
-        Cycles in which the exact solver gave the answer.
-    slew_limited : int
-        Cycles whose set-points went only a part of the way, by the limit on their change.
-    statuses : Counter of Status
-        Of the allocations sent.
-    late_telemetry : Counter of str
-        Cycles in which a module's latest telemetry was more than two of its periods old, by module.
-    derated : dict of str to float
-        Modules whose upper tension limit was lowered because their winding got warm, and the lowest, in N.
-    lost : dict of str to str
-        Modules, and why.
-    ended : str
-        What ended the run.
-    emergency : bool
-        Whether that was an emergency stop from elsewhere.
-    unconfirmed : dict of str to str
-        Modules that did not confirm the stop at the end, and why.
-    start_delays, compute_times : deque of float
-        Of the latest cycles, in s.
-    """
+    """Counts and times of a run."""
 
     cycles: int = 0
-    missed: int = 0
-    fallback_used: int = 0
-    slew_limited: int = 0
-    statuses: Counter[Status] = field(default_factory=Counter)
+    missed: int = 0  # deadlines that no cycle began at, because one before them was still going on
+    fallback_used: int = 0  # cycles in which the exact solver gave the answer
+    slew_limited: int = 0  # cycles whose set-points went only a part of the way, by the limit on their change
+    statuses: Counter[Status] = field(default_factory=Counter)  # of the allocations sent
+    # Cycles in which a module's latest telemetry was more than two of its periods old, by module.
     late_telemetry: Counter[str] = field(default_factory=Counter)
+    # Modules whose upper tension limit was lowered because their winding got warm, and the lowest, in N.
     derated: dict[str, float] = field(default_factory=dict)
-    lost: dict[str, str] = field(default_factory=dict)
-    ended: str = ""
-    emergency: bool = False
-    unconfirmed: dict[str, str] = field(default_factory=dict)
-    start_delays: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))
+    lost: dict[str, str] = field(default_factory=dict)  # modules, and why
+    ended: str = ""  # by what
+    emergency: bool = False  # whether that was an emergency stop from elsewhere
+    unconfirmed: dict[str, str] = field(default_factory=dict)  # modules that did not confirm the stop, and why
+    start_delays: deque[float] = field(
+        default_factory=lambda: deque(maxlen=MAX_TIMES)
+    )  # of the latest cycles, in s
     compute_times: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))
 
     def add(
@@ -117,10 +94,7 @@ class Statistics:
 
     def percentiles(self) -> dict[str, tuple[float, ...]]:
         """Return median, 99th percentile and largest delay and compute time, in s."""
-        return {
-            "start_delay": percentiles(self.start_delays),
-            "compute_time": percentiles(self.compute_times),
-        }
+        return {"start_delay": percentiles(self.start_delays), "compute_time": percentiles(self.compute_times)}
 
     def counts(self) -> dict[str, Any]:
         """Return what can be recounted from a log, as plain numbers; times are zero before the first cycle."""

@@ -39,12 +39,8 @@ class Step(NamedTuple):
 class Watchdog:
     """Watchdog over steps of this thread; a context manager.
 
-    Parameters
-    ----------
-    interrupt : callable
-        Called with the reason, in another thread: stops the modules at once and interrupts this one, if it can.
-    end : callable
-        Called with the reason where that did not help, in another thread: ends the process.
+    In another thread, `interrupt` is called with the reason: it stops the modules at once and interrupts this one,
+    if it can. Where that did not help, `end` is, which ends the process.
     """
 
     def __init__(self, interrupt: Callable[[str], None], end: Callable[[str], None]) -> None:

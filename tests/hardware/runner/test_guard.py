@@ -42,7 +42,7 @@ def test_tensions_outside_the_limits_are_refused(value):
 
 
 def test_a_proved_answer_stands(structure):
-    allocation, replaced = GuardedAllocator(LIMITS, "newton")(structure, np.array([0.0, 0.0, 1.0]), ALL)
+    allocation, replaced = GuardedAllocator("newton")(structure, np.array([0.0, 0.0, 1.0]), ALL, LIMITS)
     assert not replaced
     assert allocation.status == Status.EXACT
 
@@ -51,7 +51,7 @@ def test_one_that_stops_too_early_is_replaced_by_the_optimum(structure):
     wrench = np.array([1.0, 2.0, 1.0])
     lazy = tl.Dykstra(iteration_limit=2)
     assert tl.allocate(structure, wrench, LIMITS, solver=lazy).status == Status.ITERATION_LIMIT
-    allocation, replaced = GuardedAllocator(LIMITS, lazy)(structure, wrench, ALL)
+    allocation, replaced = GuardedAllocator(lazy)(structure, wrench, ALL, LIMITS)
     assert replaced
     np.testing.assert_allclose(allocation.tensions, tl.allocate(structure, wrench, LIMITS).tensions)
 
@@ -59,17 +59,17 @@ def test_one_that_stops_too_early_is_replaced_by_the_optimum(structure):
 def test_out_of_reach_the_exact_solver_keeps_to_the_policy(structure):
     wrench = np.array([0.0, -50.0, 1.0])
     for policy in ("force", "tension", "direction"):
-        allocation, _ = GuardedAllocator(LIMITS, "newton", policy)(structure, wrench, ALL)
+        allocation, _ = GuardedAllocator("newton", policy)(structure, wrench, ALL, LIMITS)
         expected = tl.allocate(structure, wrench, LIMITS, nearest=policy)
         np.testing.assert_allclose(allocation.tensions, expected.tensions, atol=1e-9)
     # One that promises no best substitute: the exact solver's own policy.
-    allocation, replaced = GuardedAllocator(LIMITS, "pseudoinverse")(structure, wrench, ALL)
+    allocation, replaced = GuardedAllocator("pseudoinverse")(structure, wrench, ALL, LIMITS)
     assert replaced
     assert allocation.status == Status.NEAREST
 
 
 def test_modules_that_do_not_take_part_pull_nothing(structure):
     part = np.array([True, False, True, True])
-    allocation, _ = GuardedAllocator(LIMITS, "newton")(structure, np.array([0.1, -0.2, 0.0]), part)
+    allocation, _ = GuardedAllocator("newton")(structure, np.array([0.1, -0.2, 0.0]), part, LIMITS)
     assert allocation.tensions[1] == 0.0
     assert (allocation.tensions[part] >= 0.5).all()

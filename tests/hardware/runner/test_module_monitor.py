@@ -1,0 +1,31 @@
+"""Checks of modules while they follow set-points."""
+
+import pytest
+
+from tensionlab.errors import ModuleFault
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.protocol.messages import Stop
+from tensionlab.hardware.runner.module_monitor import require_following
+from tensionlab.hardware.simulation.links import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+
+
+def test_a_module_that_somebody_else_stopped_does_not_follow_any_more():
+    simulated = SimulatedModule()
+    simulated.advance(STEP_S)
+    with ModuleClient("one", SimulatedLink(simulated)) as client:
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, 3.0)
+        client.telemetry_every(10)
+        client.arm()
+        for _ in range(5):
+            client.set_tension(2.0)
+            client.listen(0.02)
+        require_following(client)
+        simulated.receive(Stop().frame(99).pack())
+        client.listen(0.05)
+        with pytest.raises(
+            ModuleFault, match='"one" is IDLE: somebody else stopped it, or it started anew'
+        ) as caught:
+            require_following(client)
+        assert caught.value.code is State.IDLE
