@@ -70,15 +70,9 @@ class Column(NamedTuple):
 
 
 def column(source: str | Callable[[Cycle, Rig], Any], unit: str, meaning: str, *dims: str) -> Any:
-    """Return a field of `CycleTable`.
+    """Return a field of `CycleTable`; ``dims`` are its axes after the first, which is the cycle.
 
-    Parameters
-    ----------
-    source : str or callable
-        Attribute of the `Cycle` that is kept, or a function of the cycle and the rig.
-    unit, meaning : str
-    dims : str
-        Axes after the first, which is the cycle.
+    Its values come from an attribute of the `Cycle`, or from a function of the cycle and the rig.
     """
     return field(metadata={"column": Column(source, unit, meaning, dims)})
 
@@ -222,10 +216,7 @@ def encode(cycle: Cycle, rig: Rig) -> bytes:
 def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     """Return the columns that cycles in JSON make, whichever edition wrote them.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError, OverflowError, RecursionError
-        If one of them is no cycle of this rig.
+    What is no cycle of this rig is a KeyError, TypeError, ValueError, OverflowError or RecursionError.
     """
     parsed = [json.loads(row) for row in rows]
     length = sizes(rig)

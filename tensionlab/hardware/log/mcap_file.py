@@ -23,24 +23,11 @@ MISSING_MCAP = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
 
 
 class McapWriter:
-    """Writer of a log: metadata, attachments, then messages in JSON.
+    """Writer of a log: metadata, attachments, then messages in JSON, whose schemas are given by channel.
 
-    Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run.
-    A chunk ends with `flush`; what came after the last one is lost where the process is killed.
-
-    Parameters
-    ----------
-    path : path
-        A new or an empty file.
-    schemas : mapping of str to JSON schema
-        Of the messages of each channel.
-
-    Raises
-    ------
-    LogError
-        If there is something in the file already.
-    OSError
-        Here and in all methods, if the system can't write.
+    Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run. A
+    chunk ends with `flush`; what came after the last one is lost where the process is killed. A `LogError` if
+    there is something in the file already; an `OSError`, here and in all methods, if the system can't write.
     """
 
     def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
@@ -113,12 +100,8 @@ class _Bounded:
 def read_records(path: Path, progress: Callable[[float], None] | None = None) -> Iterator[Record]:
     """Yield the records of a log that are whole, up to the first that is not.
 
-    ``progress`` is called now and then with the share of the file that has been read.
-
-    Raises
-    ------
-    LogError
-        If it can't be read, or is no log of a run.
+    ``progress`` is called now and then with the share of the file that has been read. A `LogError` if it can't be
+    read, or is no log of a run.
     """
     try:
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata

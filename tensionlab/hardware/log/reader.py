@@ -48,25 +48,13 @@ OLD_SUMMARY = {
 
 @dataclass(frozen=True)
 class RunEvent:
-    """Event in a run, besides its cycles.
+    """Event in a run, besides its cycles."""
 
-    Attributes
-    ----------
-    cycle : int
-        Number of the latest cycle; -1 before the first.
-    time : float
-        Begin of that cycle, in s since the run began.
-    kind, text : str
-        In a word and in a sentence.
-    module : str
-        Name of the module; empty where it is none, or all.
-    """
-
-    cycle: int
-    time: float
-    kind: str
-    text: str
-    module: str
+    cycle: int  # number of the latest cycle; -1 before the first
+    time: float  # begin of that cycle, in s since the run began
+    kind: str  # in a word
+    text: str  # in a sentence
+    module: str  # name of the module; empty where it is none, or all
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -284,73 +272,36 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
     """Write the dataset of a run to a NetCDF file (version 3, 64-bit offsets), which nearly everything reads.
 
     That version knows no 64-bit integers and no truth values: they become 32-bit integers and bytes.
-
-    Raises
-    ------
-    MissingDependency
-        As `to_dataset`.
-    WriteError
-        If the file cannot be written; what was there before stays.
     """
     writing.write_bytes(path, bytes(run.to_dataset().to_netcdf(engine="scipy")))
 
 
 @dataclass(frozen=True)
 class ModuleReport:
-    """One module in a run.
-
-    Attributes
-    ----------
-    name, link : str
-        The module, and where it was reached.
-    commanded_min_n, commanded_mean_n, commanded_max_n : float
-        Set-points, in N; NaN if none was sent.
-    limiters : dict of str to float
-        Share of the cycles in which each `Limit` held the tension back; those that never did are left out.
-    faults : list of str
-        That it ever reported.
-    telemetry_age_s : dict of str to float
-        Median, 99th percentile and largest.
-    lost_at_s : float or None
-        Time since when it did not take part any more, in s.
-    """
+    """One module in a run."""
 
     name: str
-    link: str
-    commanded_min_n: float
+    link: str  # where it was reached
+    commanded_min_n: float  # of its set-points; NaN if none was sent
     commanded_mean_n: float
     commanded_max_n: float
-    limiters: dict[str, float]
-    faults: list[str]
-    telemetry_age_s: dict[str, float]
-    lost_at_s: float | None
+    limiters: dict[str, float]  # share of the cycles in which each held the tension back, if any
+    faults: list[str]  # that it ever reported
+    telemetry_age_s: dict[str, float]  # median, 99th percentile and largest
+    lost_at_s: float | None  # since when it did not take part any more
 
 
 @dataclass(frozen=True)
 class RunReport:
-    """How a run went, as far as its log goes.
-
-    Attributes
-    ----------
-    rig, solver, nearest : str
-        What ran, by which solver, with which policy; None if it honours none.
-    rate_hz, duration_s : float
-        Desired cycles a second; time from the first cycle to the last.
-    statistics : Statistics
-        Recounted from the cycles. What ended the run is empty if the log does not say.
-    complete : bool
-        Whether the log was closed.
-    modules : tuple of ModuleReport
-    events : tuple of RunEvent
-    """
+    """How a run went, as far as its log goes."""
 
     rig: str
     solver: str
     nearest: str | None
-    rate_hz: float
-    duration_s: float
-    statistics: Statistics
-    complete: bool
+    rate_hz: float  # desired cycles
+    duration_s: float  # from the first cycle to the last
+    statistics: Statistics  # recounted from the cycles; what ended the run is empty if the log does not say
+    complete: bool  # whether the log was closed
     modules: tuple[ModuleReport, ...]
     events: tuple[RunEvent, ...]
 

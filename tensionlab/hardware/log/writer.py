@@ -49,33 +49,17 @@ EVENT_SCHEMA = {
 
 @dataclass(frozen=True)
 class RunSetup:
-    """Setup of a run.
+    """Setup of a run; rate, ttl and on_loss are as in `RunSettings`."""
 
-    Attributes
-    ----------
-    solver : str
-        Its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class.
-    parameters : mapping
-        The solver's hyper-parameters.
-    nearest : str or None
-        Its policy for infeasible wrenches.
-    rate, ttl, on_loss
-        As in `RunSettings`.
-    lower, upper : tuple of float
-        Tension limits that the solver kept to, in N.
-    links : mapping of str to str
-        Where each module was reached, by its name.
-    """
-
-    solver: str
-    parameters: Mapping[str, Any]
-    nearest: Nearest | None
+    solver: str  # its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class
+    parameters: Mapping[str, Any]  # the solver's hyper-parameters
+    nearest: Nearest | None  # its policy for infeasible wrenches
     rate: float
     ttl: float
     on_loss: str
-    lower: tuple[float, ...]
+    lower: tuple[float, ...]  # tension limits that the solver kept to, in N
     upper: tuple[float, ...]
-    links: Mapping[str, str]
+    links: Mapping[str, str]  # where each module was reached, by its name
 
 
 def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
