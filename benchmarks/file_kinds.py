@@ -7,6 +7,7 @@ import json
 import random
 import tomllib
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -212,9 +213,10 @@ def _read_lengths(place: Path) -> object:
 
 
 def _read_forces(place: Path) -> object:
-    from tensionlab.validation.sensors import read_forces
+    from tensionlab.validation.sensors import follow_file
 
-    return read_forces(place)
+    with closing(follow_file(place)) as sensor:
+        return sensor.take()
 
 
 def _positions() -> dict[str, bytes]:

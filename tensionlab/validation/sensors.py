@@ -14,6 +14,7 @@ import csv
 import math
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -21,8 +22,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.files.reading import brief, read_text
-from tensionlab.files.tables import MAX_FILE_BYTES
+from tensionlab.files.reading import brief
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """From the sensor's axes, Z up, to the devices', Y up: a turn by -90 degrees about X."""
@@ -122,31 +122,11 @@ class ForceParser:
         return HardwareError(f"{self._source}, line {self._line}: {problem}")
 
 
-def read_forces(path: str | Path) -> Floats:
-    """Return the forces in a sensor's file, (K, 3) in N, in its own axes; `HardwareError` names file and line."""
-    text = read_text(path, "a table of forces (*.csv)", HardwareError, MAX_FILE_BYTES)
-    found = ForceParser(str(path)).feed(text + "\n")
-    if not len(found):
-        raise HardwareError(f"{path}: no forces in it; a line must name the columns Fx, Fy and Fz")
-    return found
+class TextSensor:
+    """Sensor that writes or sends lines of forces, read without waiting; ``source`` names it in messages."""
 
-
-class FileSensor:
-    """File that the sensor's own program writes during the validation, such as ATI's CSV.
-
-    What was in it before counts for the names of the columns alone. The program must write without delay: what
-    comes late is taken for a later force.
-    """
-
-    def __init__(self, path: str | Path) -> None:
-        self._parser = ForceParser(str(path))
-        try:
-            self._file = Path(path).open(encoding="utf-8-sig", newline="")  # noqa: SIM115 - closed by close()
-        except OSError as error:
-            raise HardwareError(
-                f"{path}: cannot be read ({error.strerror}); have the sensor's program write there first"
-            ) from None
-        self.take()
+    def __init__(self, source: str, read: Callable[[], str], close: Callable[[], None]) -> None:
+        self._parser, self._read, self.close = ForceParser(source), read, close
 
     @property
     def simulated(self) -> bool:
@@ -155,57 +135,69 @@ class FileSensor:
 
     def take(self) -> Floats:
         """Return the forces since the last call."""
-        return self._parser.feed(self._file.read())
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        return self._parser.feed(self._read())
 
 
-class NetworkSensor:
-    """Sensor that sends a line of 3 or 6 numbers for each sample to whoever connects; `SCHEMES`, host and port."""
+def follow_file(path: str | Path) -> TextSensor:
+    """Open a file that the sensor's own program writes during the validation, such as ATI's CSV.
 
-    def __init__(self, url: str) -> None:
-        host, colon, port = url.partition("://")[2].rpartition(":")
-        if not (colon and host and port.isdecimal()):
-            raise LinkError(f"{url} is no address of a sensor; write it like socket://192.168.1.20:5005")
-        self._url, self._parser = url, ForceParser(url)
-        try:
-            self._socket = socket.create_connection((host, int(port)), TIMEOUT_S)
-        except (OSError, OverflowError) as error:
-            raise LinkError(f"{url}: no force sensor there ({error}); is it on?") from None
-        self._socket.setblocking(False)
-        end = time.monotonic() + TIMEOUT_S
-        while not len(self.take()):
-            if time.monotonic() > end:
-                self.close()
-                raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
-            time.sleep(POLL_S)
+    What was in it before counts for the names of the columns alone. The program must write without delay: what
+    comes late is taken for a later force. Raise `HardwareError` if it can't be read.
+    """
+    try:
+        file = Path(path).open(encoding="utf-8-sig", errors="replace", newline="")  # noqa: SIM115 - see close()
+    except OSError as error:
+        raise HardwareError(
+            f"{path}: cannot be read ({error.strerror}); have the sensor's program write there first"
+        ) from None
+    sensor = TextSensor(str(path), file.read, file.close)
+    try:
+        sensor.take()
+    except HardwareError:
+        sensor.close()
+        raise
+    return sensor
 
-    @property
-    def simulated(self) -> bool:
-        """Whether its first line says so."""
-        return self._parser.simulated
 
-    def take(self) -> Floats:
-        """Return the forces since the last call; raise `LinkError` if the sensor has gone."""
-        pieces = [np.empty((0, 3))]
+def connect_sensor(url: str) -> TextSensor:
+    """Connect to a sensor that sends a line of 3 or 6 numbers for each sample; `SCHEMES`, host and port.
+
+    Raise `LinkError` if nobody is there, or nothing comes, or it is no address; later, if the sensor has gone.
+    """
+    host, colon, port = url.partition("://")[2].rpartition(":")
+    if not (colon and host and port.isdecimal()):
+        raise LinkError(f"{url} is no address of a sensor; write it like socket://192.168.1.20:5005")
+    try:
+        connection = socket.create_connection((host, int(port)), TIMEOUT_S)
+    except (OSError, OverflowError) as error:
+        raise LinkError(f"{url}: no force sensor there ({error}); is it on?") from None
+    connection.setblocking(False)
+
+    def receive() -> str:
+        pieces: list[bytes] = []
         while True:
             try:
-                content = self._socket.recv(CHUNK_BYTES)
+                pieces.append(connection.recv(CHUNK_BYTES))
             except BlockingIOError:
-                return np.concatenate(pieces)
+                return b"".join(pieces).decode("ascii", "replace")
             except OSError as error:
-                raise LinkError(f"{self._url}: the force sensor has gone ({error})") from None
-            if not content:
-                raise LinkError(f"{self._url}: the force sensor has hung up")
-            pieces.append(self._parser.feed(content.decode("ascii", "replace")))
+                raise LinkError(f"{url}: the force sensor has gone ({error})") from None
+            if not pieces[-1]:
+                raise LinkError(f"{url}: the force sensor has hung up")
 
-    def close(self) -> None:
-        """Close the connection."""
-        self._socket.close()
+    sensor = TextSensor(url, receive, connection.close)
+    end = time.monotonic() + TIMEOUT_S
+    try:
+        while not len(sensor.take()):
+            if time.monotonic() > end:
+                raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
+            time.sleep(POLL_S)
+    except HardwareError:
+        sensor.close()
+        raise
+    return sensor
 
 
-def open_sensor(where: str) -> ForceSensor:
-    """Open the sensor at a URL, or that writes a file; errors as those of `FileSensor` and `NetworkSensor`."""
-    return NetworkSensor(where) if where.startswith(SCHEMES) else FileSensor(where)
+def open_sensor(where: str) -> TextSensor:
+    """Open the sensor at a URL, or that writes a file; errors as those of `follow_file` and `connect_sensor`."""
+    return connect_sensor(where) if where.startswith(SCHEMES) else follow_file(where)

@@ -3,8 +3,10 @@
 ``python -m tensionlab.validation.what_if`` goes through the protocol on many simulated rigs like the published
 one, of which one thing differs, and writes a row for each (`tensionlab.validation.data_tables`). Tensions are
 those of the solver, proved or not: in a run, the runner would have sent the exact solver's in place of the latter.
-Rigs are worked out by `predict_forces`, which equals the protocol on stepped modules, but without the rests that
-these take where windings get hot: with solvers that pull harder than they must, and in small triangles.
+Rigs are worked out by `predict_forces`: what the sensor shows once tensions have settled, without steps in time. A
+cable's tension follows the motor's pull with a play of the dry friction, to either side; the rest is linear. That
+equals the protocol on stepped modules, and is some thousand times faster, but leaves out the rests that these take
+where windings get hot: with solvers that pull harder than they must, and in small triangles.
 
 Calibration is held out: a model of the rig is fitted to what half of the vectors showed, all vectors are commanded
 again by that model, and the other half is counted.
@@ -15,9 +17,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab.allocation import allocate
 from tensionlab.arrays import Floats
@@ -28,10 +32,11 @@ from tensionlab.solvers import select_solvers
 from tensionlab.solvers.base import Solver, Status
 from tensionlab.solvers.least_squares import Dykstra
 from tensionlab.validation.data_tables import Trial, write_trials
-from tensionlab.validation.error_model import PRESETS, ErrorModel, draw_errors
-from tensionlab.validation.protocol import AXIS_FORCES, Protocol
-from tensionlab.validation.quasi_static import mean_noise, predict_forces
-from tensionlab.validation.statistics import MAX_ANGLE_DEG, MODELS, deviations
+from tensionlab.validation.error_model import PRESETS, ErrorModel, RigErrors, draw_errors, true_rig
+from tensionlab.validation.protocol import AXIS_FORCES, ZERO_S, Protocol
+from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
+from tensionlab.validation.simulated_sensor import DriftNoise
+from tensionlab.validation.statistics import ALIGNMENTS, MAX_ANGLE_DEG, MODELS, deviations
 
 PAPER_LIKE = PRESETS["paper-like"]
 SINGLE_ERRORS = {
@@ -48,6 +53,68 @@ SIDE_M, SIDES_M = 1.0, (0.3, 0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
 ITERATION_LIMITS = (10, 30, 100, 1000)
 """Of Dykstra's algorithm, where it is cut short."""
 RIG_COUNT = 200
+ARMING_S = 0.020
+"""From the sensor's zero to the first force: a period of the telemetry."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorForces:
+    """Forces that the sensor shows.
+
+    The rotation (3, 3) leads from the readings, upright, into the devices' axes. ``sensor`` (3 + K, 3) are the
+    readings less their zero, in the sensor's axes, in N, the forces on the axes first; ``forces`` (K, 3) the
+    others, in the devices' axes.
+    """
+
+    rotation: Floats
+    sensor: Floats
+    forces: Floats
+
+
+def predict_forces(
+    rig: Rig, errors: RigErrors, tensions: Floats, rendered: Floats, noise: Floats, rotation: Floats | None = None
+) -> SensorForces:
+    """Predict what the sensor of a rig with errors shows of tensions (3 + K, m), commanded one after another.
+
+    Before them, all cables are held at their lower limits. ``rendered`` (3, 3) is the force of the first three by
+    the nominal rig, for the alignment, unless its ``rotation`` was found before; ``noise`` (3 + K, 3) comes from
+    `mean_noise`.
+    """
+    real = true_rig(rig, errors)
+    pulled = np.maximum(friction_play(errors.gains * tensions, errors.gains * rig.limits.lower, errors.play), 0.0)
+    pulled = np.maximum(pulled + errors.biases, 0.0)
+    forces = pulled @ real.structure_matrix(real.home, frames=real.at_rest).T @ errors.tilt.T
+    upright = forces + noise @ UPRIGHT.T
+    if rotation is None:
+        rotation = ALIGNMENTS["paper"](rendered, upright[:AXIS_FORCES])
+    return SensorForces(rotation, upright @ UPRIGHT, upright[AXIS_FORCES:] @ rotation.T)
+
+
+def friction_play(pulls: Floats, first: Floats, width: float) -> Floats:
+    """Return the tensions of the motors' pulls, (K, m) in N one after another, which stop short by the play.
+
+    ``first`` (m,) are the pulls before, ahead of which cables are slack; ``width`` is the dry friction in N.
+    """
+    tension = np.maximum(first - width, 0.0)
+    found = np.empty_like(pulls)
+    for index, pull in enumerate(pulls):
+        tension = np.clip(tension, pull - width, pull + width)
+        found[index] = tension
+    return found
+
+
+def mean_noise(deviation: float, seed: int, protocol: Protocol) -> Floats:
+    """Return the sensor's noise in each average, less that in its zero: (3 + K, 3) in N, in its own axes.
+
+    It comes of the same samples that a `SimulatedSensor` would add.
+    """
+    count = len(protocol.forces)
+    if deviation == 0.0:
+        return np.zeros((count, 3))
+    zero, hold, settle = (round(SAMPLE_RATE_HZ * each) for each in (ZERO_S, protocol.hold, protocol.settle))
+    samples = DriftNoise(deviation, seed).take(2 * zero + round(SAMPLE_RATE_HZ * ARMING_S) + count * hold)
+    held = samples[-count * hold :].reshape(count, hold, 3)[:, settle:]
+    return np.asarray(held.mean(axis=1) - samples[zero : 2 * zero].mean(axis=0))
 
 
 def study_solvers(rig: Rig) -> dict[str, str | Solver]:
@@ -102,7 +169,7 @@ def make_trial(
     seed: int,
     desired: Floats,
     measured: Floats,
-    exact: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    exact: NDArray[np.bool_],
 ) -> Trial:
     """Return the row of a validation, of forces (K, 3) in N and whether the allocation of each is exact."""
     found = deviations(desired, measured)

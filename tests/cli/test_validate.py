@@ -13,7 +13,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.validation.data_tables import read_recording
 from tensionlab.validation.protocol import Protocol
 from tensionlab.validation.report import evaluate
-from tensionlab.validation.sensors import NetworkSensor
+from tensionlab.validation.sensors import connect_sensor
 from tensionlab.validation.session import ValidationPlan, validate
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -83,7 +83,7 @@ def test_over_tcp_the_statistics_are_the_same(tmp_path):
     modules = tmp_path / "modules.toml"
     with simulated(RIG, "--sensor-port", 0, "--seed", 2, "--modules", modules) as (links, _):
         url = modules.read_text().partition("# Force sensor: ")[2].strip()
-        sensor, group = NetworkSensor(url), connect(rig, links)
+        sensor, group = connect_sensor(url), connect(rig, links)
         setup, found = validate(ValidationPlan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
         group.close()
         sensor.close()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tensionlab.errors import HardwareError, LinkError
-from tensionlab.validation.sensors import FileSensor, ForceParser, NetworkSensor, open_sensor, read_forces
+from tensionlab.validation.sensors import ForceParser, follow_file, open_sensor
 
 ATI = """"Start Time: 11/21/2026 9:00:00 AM"
 "RDT Sample Rate: 1000"
@@ -19,12 +19,10 @@ ATI = """"Start Time: 11/21/2026 9:00:00 AM"
 """
 
 
-def test_a_table_of_ati_is_scaled_by_its_counts(tmp_path):
-    file = tmp_path / "nano17.csv"
-    file.write_text(ATI, encoding="utf-8")
-    assert read_forces(file).tolist() == [[1.5, -0.25, 0.0], [1.5, -0.25, 0.125]]
-    file.write_text(ATI.replace('Units: N"', 'Units: lbf"'), encoding="utf-8")
-    assert read_forces(file)[0, 0] == pytest.approx(1.5 * 4.44822)
+def test_a_table_of_ati_is_scaled_by_its_counts():
+    assert ForceParser("nano17").feed(ATI).tolist() == [[1.5, -0.25, 0.0], [1.5, -0.25, 0.125]]
+    pounds = ForceParser("nano17").feed(ATI.replace('Units: N"', 'Units: lbf"'))
+    assert pounds[0, 0] == pytest.approx(1.5 * 4.44822)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +60,6 @@ def test_a_file_is_followed_from_where_it_is(tmp_path):
     file = tmp_path / "live.csv"
     file.write_text("Fx,Fy,Fz\n9,9,9\n", encoding="utf-8")
     sensor = open_sensor(str(file))
-    assert isinstance(sensor, FileSensor)
     with file.open("a", encoding="utf-8") as more:
         more.write("1,2,3\n4,5")
         more.flush()
@@ -78,10 +75,10 @@ def test_a_file_is_followed_from_where_it_is(tmp_path):
 def test_files_without_forces_are_refused(tmp_path):
     with pytest.raises(HardwareError, match=r"nowhere\.csv: cannot be read"):
         open_sensor(str(tmp_path / "nowhere.csv"))
-    empty = tmp_path / "empty.csv"
-    empty.write_text("Fx,Fy,Fz\n", encoding="utf-8")
-    with pytest.raises(HardwareError, match="no forces in it"):
-        read_forces(empty)
+    other = tmp_path / "other.csv"
+    other.write_bytes(b"Fx,Fy,Fz\n\xff\xfe\x00,1,2\n")
+    with pytest.raises(HardwareError, match=r"line 2: .* has no three forces"):
+        follow_file(other)
 
 
 @pytest.fixture
@@ -112,7 +109,7 @@ def server():
 
 def test_a_sensor_at_a_port_and_its_end(server):
     url, leave = server(b"# simulated\n1 2 3\n4 5 6\n")
-    sensor = NetworkSensor(url)
+    sensor = open_sensor(url)
     assert sensor.simulated
     assert sensor.take().shape == (0, 3)
     leave()

@@ -10,7 +10,6 @@ from tensionlab.model.kinematics import exponential
 from tensionlab.model.layouts import ring_plus_top
 from tensionlab.validation.error_model import ErrorModel, draw_errors
 from tensionlab.validation.protocol import AXIS_FORCES, Protocol
-from tensionlab.validation.quasi_static import mean_noise, predict_forces
 from tensionlab.validation.sensors import UPRIGHT
 from tensionlab.validation.statistics import (
     MODELS,
@@ -24,6 +23,7 @@ from tensionlab.validation.statistics import (
     rotation_angle,
     score,
 )
+from tensionlab.validation.what_if import mean_noise, predict_forces
 
 AXES = 1.5 * np.eye(3)
 DESIRED = 1.5 * grid18()

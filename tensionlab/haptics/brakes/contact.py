@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from tensionlab.allocation import TOLERANCE
 from tensionlab.arrays import Floats, finite
 from tensionlab.errors import InputError
-from tensionlab.haptics.brakes.choice import LOCK_RULE, Flags, LockRule, LockSet, choose_locks
+from tensionlab.haptics.brakes.choice import Flags, LockSet, choose_locks
 from tensionlab.model import pose
 from tensionlab.model.module import TensionLimits
 
@@ -33,14 +33,9 @@ for this wall; the impact would exceed the cap; the wall is not near yet; the ha
 class Timing:
     """Times and distances at which brakes lock and are released.
 
-    Attributes
-    ----------
-    latency : float
-        From the decision to a locked brake, in s.
-    slack : float
-        Cable that pays out before the pawl meets a tooth, in m.
-    release : float
-        How far along the normal from where it was held a hand has withdrawn when brakes are released, in m.
+    ``latency`` is from the decision to a locked brake, in s; ``slack`` the cable that pays out before the pawl
+    meets a tooth, and ``release`` how far along the normal from where it was held a hand has withdrawn when brakes
+    are released, in m.
     """
 
     latency: float = 0.080
@@ -53,14 +48,9 @@ class Timing:
                 raise InputError(f"Timing({name}={value}): must be 0 or more")
 
     def near(self, distance: ArrayLike, approach: ArrayLike) -> Flags:
-        """Return whether brakes must be locked now, so that they hold where the wall is: (...) array of bool.
+        """Return whether brakes must be locked now, so that they hold where the wall is.
 
-        Parameters
-        ----------
-        distance : (...) array
-            To the wall, below zero inside it, in m.
-        approach : (...) array
-            Speed towards the wall, ``-n·v``, in m/s.
+        The distance to the wall is in m, below zero inside it; the approach ``-n·v`` in m/s.
         """
         return np.asarray(np.asarray(distance) <= np.maximum(0.0, approach) * self.latency + self.slack)
 
@@ -116,14 +106,8 @@ class ImpactCap:
 class Wall(NamedTuple):
     """Wall, as seen from the point that the cables hold.
 
-    Attributes
-    ----------
-    normal : (d,) array
-        Unit vector towards the free side.
-    distance : float
-        To the surface, below zero inside, in m.
-    force : float
-        What it should hold, in N.
+    The unit normal (d,) leads towards the free side; the distance to the surface is in m, below zero inside; the
+    force that it should hold is in N.
     """
 
     normal: ArrayLike
@@ -133,14 +117,7 @@ class Wall(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BrakeContact:
-    """Brakes that hold a hand, and where.
-
-    Attributes
-    ----------
-    locked : (m,) array of bool
-    position : (d,) array
-        Where it was deepest in the wall, in m.
-    """
+    """Brakes (m,) that hold a hand, and the position (d,) where it was deepest in the wall, in m."""
 
     locked: Flags
     position: Floats
@@ -148,20 +125,10 @@ class BrakeContact:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """Brakes and tensions of this cycle.
+    """Brakes (m,) to lock in this cycle, all others being released; why; and the contact for the next cycle.
 
-    Attributes
-    ----------
-    locked : (m,) array of bool
-        Brakes to lock; all others are to be released.
-    motors : (m,) array
-        Tensions for the wall, in N: as `LockSet.motors` inside it, and the least ones before it is reached.
-    reason : str
-        One of `Reason`.
-    chosen : LockSet
-        What a push with the whole force of the wall will meet.
-    contact : BrakeContact or None
-        To be given to the next cycle; None where nothing is locked.
+    The motors' tensions for the wall (m,), in N, are those of the chosen lock set, with which a push with the
+    whole force of the wall is met; before the wall is reached they are the least ones.
     """
 
     locked: Flags
@@ -181,7 +148,6 @@ def decide(
     contact: BrakeContact | None = None,
     timing: Timing = TIMING,
     cap: ImpactCap | None = None,
-    rule: LockRule = LOCK_RULE,
 ) -> Decision:
     """Return the brakes to lock in this cycle, and why.
 
@@ -215,9 +181,8 @@ def decide(
     stiffness_ratio = None
     if cap is not None:
         hold = np.minimum(hold, cap.force)
-        stiffness_ratio = cap.stiffness_ratio(
-            np.linalg.norm(v)
-        )  # a cable stops what moves along it, not along the normal
+        # A cable stops what moves along it, not along the normal.
+        stiffness_ratio = cap.stiffness_ratio(np.linalg.norm(v))
     chosen = choose_locks(
         structure,
         n,
@@ -227,7 +192,6 @@ def decide(
         pushing=near and approach >= 0.0,
         held=None if contact is None else contact.locked,
         stiffness_ratio=stiffness_ratio,
-        rule=rule,
     )
     reason: Reason
     if chosen.locked.any():
