@@ -167,9 +167,10 @@ def simulate(
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
         watchers: list[Watcher] = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
-            sensor = opened.enter_context(SensorServer(loaded, errors, seed, TcpPort(listen, sensor_port)))
+            sensor = TcpPort(listen, sensor_port)
+            opened.callback(sensor.close)
             text += f"# Force sensor: {sensor.url}\n"
-            watchers.append(sensor.take)
+            watchers.append(SensorServer(loaded, errors, seed, sensor).take)
         if record is not None:
             watchers.append(opened.enter_context(recording(record, chosen)))
         if modules is not None:

@@ -5,9 +5,8 @@ and in the room: where they stand here, and all numbers, are proposals of this p
 """
 
 from tensionlab.scenarios.demand_source import ScenarioDemand
-from tensionlab.scenarios.person import Person, PersonPlan, PersonRecord
+from tensionlab.scenarios.person import Person, PersonPlan, PersonRecord, Script, Sway, Waypoint
 from tensionlab.scenarios.scenario import SCENARIOS, BrakeTarget, Phase, Scenario, load_scenario
-from tensionlab.scenarios.script import Script, Sway, Waypoint
 
 __all__ = [
     "SCENARIOS",

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,27 +96,13 @@ class SimulatedSensor:
 
 
 class SensorServer:
-    """Server of a `SimulatedSensor` over TCP: a line of three numbers each ms to whoever connects.
-
-    A context manager, which closes the port.
-    """
+    """Server of a `SimulatedSensor` over TCP: a line of three numbers each ms to whoever connects."""
 
     def __init__(self, rig: Rig, errors: RigErrors, seed: int, port: TcpPort) -> None:
         self._sensor = SimulatedSensor(rig, errors, seed)
         self._port = port
-        self.url = port.url
         self._sent = 0
         self._greeted = False
-
-    def __enter__(self) -> Self:
-        """Return itself; the port is open."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the port."""
-        self._port.close()
 
     def take(self, modules: Sequence[SimulatedModule]) -> None:
         """Sample the modules, if it is time to, and send the force.

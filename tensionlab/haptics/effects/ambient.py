@@ -9,23 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from tensionlab.arrays import Floats
+from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
-from tensionlab.haptics.effects.parameters import (
-    Damping,
-    Direction,
-    Force,
-    Length,
-    ModuleFrequency,
-    Parameters,
-    Point,
-    QuadraticDamping,
-    Stiffness,
-)
 
 
 @dataclass(frozen=True)
-class Viscous(Parameters):
+class Viscous(parameters.Parameters):
     """Viscous damping: ``F = -b v``. Continuous; passive.
 
     Parameters
@@ -34,7 +24,7 @@ class Viscous(Parameters):
         b in N s/m; water's 2 is a default of this project.
     """
 
-    damping: Damping = 2.0
+    damping: parameters.Damping = 2.0
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the drag."""
@@ -42,7 +32,7 @@ class Viscous(Parameters):
 
 
 @dataclass(frozen=True)
-class Spring(Parameters):
+class Spring(parameters.Parameters):
     """Spring to a point: ``F = K (centre - p) - B v``. Continuous; passive.
 
     Parameters
@@ -55,9 +45,9 @@ class Spring(Parameters):
         B in N s/m; 0.
     """
 
-    centre: Point = ORIGIN
-    stiffness: Stiffness = 30.0
-    damping: Damping = 0.0
+    centre: parameters.Point = ORIGIN
+    stiffness: parameters.Stiffness = 30.0
+    damping: parameters.Damping = 0.0
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the pull to the centre."""
@@ -80,7 +70,7 @@ class Spring(Parameters):
 
 
 @dataclass(frozen=True)
-class Water(Parameters):
+class Water(parameters.Parameters):
     """Water: drag, and a lift.
 
     ``F = s (-b v - c |v| v + F_b up)``, where s goes from 0 at the surface to 1 at a depth of ``mixing``, as a
@@ -103,10 +93,10 @@ class Water(Parameters):
     """
 
     surface: Plane = field(default_factory=Plane)
-    linear: Damping = 2.0
-    quadratic: QuadraticDamping = 3.0
-    lift: Force = 1.0
-    mixing: Length = 0.02
+    linear: parameters.Damping = 2.0
+    quadratic: parameters.QuadraticDamping = 3.0
+    lift: parameters.Force = 1.0
+    mixing: parameters.Length = 0.02
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return drag and lift."""
@@ -117,7 +107,7 @@ class Water(Parameters):
 
 
 @dataclass(frozen=True)
-class Vibration(Parameters):
+class Vibration(parameters.Parameters):
     """Vibration: ``F = A sin(2 pi f t) axis``. Not passive: it works like a motor.
 
     It runs on a module, whose cable pulls all the time with A more than its least tension, so that it never goes
@@ -134,9 +124,9 @@ class Vibration(Parameters):
         f in Hz; 40 is a default of this project.
     """
 
-    axis: Direction = (0.0, 0.0, 1.0)
-    amplitude: Force = 1.0
-    frequency: ModuleFrequency = 40.0
+    axis: parameters.Direction = (0.0, 0.0, 1.0)
+    amplitude: parameters.Force = 1.0
+    frequency: parameters.ModuleFrequency = 40.0
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push or pull at the motion's time."""

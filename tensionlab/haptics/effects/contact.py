@@ -16,27 +16,15 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
+from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
-from tensionlab.haptics.effects.parameters import (
-    Damping,
-    Direction,
-    Force,
-    FrictionCoefficient,
-    Length,
-    LengthOrNone,
-    Parameters,
-    Point,
-    PositiveForce,
-    PositiveStiffness,
-    Stiffness,
-)
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Plane(Parameters):
+class Plane(parameters.Parameters):
     """Flat surface.
 
     Parameters
@@ -47,8 +35,8 @@ class Plane(Parameters):
         Out of it; its length does not matter.
     """
 
-    point: Point = ORIGIN
-    normal: Direction = UP
+    point: parameters.Point = ORIGIN
+    normal: parameters.Direction = UP
 
     @cached_property
     def n(self) -> Floats:
@@ -61,7 +49,7 @@ class Plane(Parameters):
 
 
 @dataclass(frozen=True)
-class Wall(Parameters):
+class Wall(parameters.Parameters):
     """Flat wall: a spring and a damper that only push.
 
     ``F = n max(0, K d - B n·v)`` where the penetration d > 0, else 0. Continuous in the position for a hand at
@@ -78,8 +66,8 @@ class Wall(Parameters):
     """
 
     plane: Plane = Plane()
-    stiffness: Stiffness = 300.0
-    damping: Damping = 2.0
+    stiffness: parameters.Stiffness = 300.0
+    damping: parameters.Damping = 2.0
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the push, in contact."""
@@ -102,7 +90,7 @@ class Wall(Parameters):
 
 
 @dataclass(frozen=True)
-class Magnet(Parameters):
+class Magnet(parameters.Parameters):
     """Magnetic surface, which draws the hand near and holds it there.
 
     At the distance h: towards the surface, ``K h`` for ``h < h_1``, else ``F_1 (h_max - h)/(h_max - h_1)``, and
@@ -124,10 +112,10 @@ class Magnet(Parameters):
     """
 
     plane: Plane = Plane()
-    max_force: PositiveForce = 3.0
-    reach: Length = 0.10
-    stiffness: PositiveStiffness = 300.0
-    damping: Damping = 1.0
+    max_force: parameters.PositiveForce = 3.0
+    reach: parameters.Length = 0.10
+    stiffness: parameters.PositiveStiffness = 300.0
+    damping: parameters.Damping = 1.0
 
     @property
     def peak(self) -> float:
@@ -181,7 +169,7 @@ class Bristle(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Friction(Parameters):
+class Friction(parameters.Parameters):
     """Dry friction: a bristle that holds the hand, and gives way when pulled too hard.
 
     The implicit return mapping (Kikuuwe, Takesue, Sano, Mochiyama and Fujimoto 2006, "Admittance and impedance
@@ -202,11 +190,11 @@ class Friction(Parameters):
         s0 in N/m and s1 in N s/m; 400 and 2 are defaults of this project.
     """
 
-    load: Force = 1.0
-    static: FrictionCoefficient = 0.5
-    dynamic: FrictionCoefficient = 0.35
-    stiffness: PositiveStiffness = 400.0
-    damping: Damping = 2.0
+    load: parameters.Force = 1.0
+    static: parameters.FrictionCoefficient = 0.5
+    dynamic: parameters.FrictionCoefficient = 0.35
+    stiffness: parameters.PositiveStiffness = 400.0
+    damping: parameters.Damping = 2.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -252,7 +240,7 @@ def _tangential(vector: Floats, normal: Floats | None) -> Floats:
 
 
 @dataclass(frozen=True)
-class Ripples(Parameters):
+class Ripples(parameters.Parameters):
     """Even ripples across a surface under a load: the slope of their sides.
 
     With x the way along the direction and F_n the load, ``-F_n (2 pi A/l) cos(2 pi x/l)`` for ripples of height A
@@ -274,10 +262,10 @@ class Ripples(Parameters):
         In N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this project.
     """
 
-    direction: Direction = (1.0, 0.0, 0.0)
-    period: Length = 0.004
-    height: LengthOrNone = 0.0003
-    stiffness: Stiffness = 10_000.0
+    direction: parameters.Direction = (1.0, 0.0, 0.0)
+    period: parameters.Length = 0.004
+    height: parameters.LengthOrNone = 0.0003
+    stiffness: parameters.Stiffness = 10_000.0
 
     def across(self, normal: Floats) -> Floats:
         """Return the unit vector across them, along a surface with this normal (d,); zero where there is none."""

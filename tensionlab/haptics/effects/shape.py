@@ -15,17 +15,9 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
+from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.contact import ORIGIN, Plane
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, dot, norm, normalized
-from tensionlab.haptics.effects.parameters import (
-    Damping,
-    Edges,
-    Length,
-    Parameters,
-    Point,
-    Range,
-    Stiffness,
-)
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 MAX_PROXY_STEPS = 10
@@ -48,7 +40,7 @@ class HalfSpace:
 
 
 @dataclass(frozen=True)
-class Sphere(Parameters):
+class Sphere(parameters.Parameters):
     """Ball; in the plane, a disc. At its very centre, out is the last axis.
 
     Parameters
@@ -59,8 +51,8 @@ class Sphere(Parameters):
         In m.
     """
 
-    centre: Point = ORIGIN
-    radius: Length = 0.10
+    centre: parameters.Point = ORIGIN
+    radius: parameters.Length = 0.10
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
@@ -71,7 +63,7 @@ class Sphere(Parameters):
 
 
 @dataclass(frozen=True)
-class Box(Parameters):
+class Box(parameters.Parameters):
     """Box along the axes. Inside, out is through the nearest face; of equally near ones, the first axis's.
 
     Parameters
@@ -82,8 +74,8 @@ class Box(Parameters):
         Its edges, in m.
     """
 
-    centre: Point = ORIGIN
-    size: Edges = (0.2, 0.2, 0.2)
+    centre: parameters.Point = ORIGIN
+    size: parameters.Edges = (0.2, 0.2, 0.2)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -104,7 +96,7 @@ class Box(Parameters):
 
 
 @dataclass(frozen=True)
-class Distance(Parameters):
+class Distance(parameters.Parameters):
     """Field from a function that gives the distance alone; the direction out comes from central differences.
 
     Parameters
@@ -116,7 +108,7 @@ class Distance(Parameters):
     """
 
     of: Callable[[Floats], Floats]
-    step: Annotated[float, Range("m", 1e-9, 1.0)] = 1e-5
+    step: Annotated[float, parameters.Range("m", 1e-9, 1.0)] = 1e-5
 
     def __call__(self, position: Floats) -> tuple[Floats, Floats]:
         """Return distances and directions out."""
@@ -126,7 +118,7 @@ class Distance(Parameters):
 
 
 @dataclass(frozen=True)
-class VirtualCoupling(Parameters):
+class VirtualCoupling(parameters.Parameters):
     """Spring and damper between the hand and a proxy: ``F = K_c (proxy - p) - B_c v``.
 
     Whatever holds the proxy, the hand meets no more than K_c and B_c; so they alone decide whether it is stable
@@ -140,8 +132,8 @@ class VirtualCoupling(Parameters):
         B_c in N s/m; 0.
     """
 
-    stiffness: Stiffness = 400.0
-    damping: Damping = 0.0
+    stiffness: parameters.Stiffness = 400.0
+    damping: parameters.Damping = 0.0
 
     def force(self, motion: Motion, proxy: Floats) -> Floats:
         """Return the force (..., d) on the hand, in N."""

@@ -12,26 +12,8 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
 from tensionlab.files.reading import brief
+from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
-from tensionlab.haptics.effects.parameters import (
-    Acceleration,
-    Direction,
-    Duration,
-    Force,
-    Frequency,
-    Gravity,
-    Length,
-    LengthOrNone,
-    Mass,
-    ModuleFrequency,
-    Parameters,
-    Rate,
-    Share,
-    Stiffness,
-    TimeOrEver,
-    TimeOrNever,
-    Times,
-)
 
 GRAVITY_M_S2 = 9.81
 
@@ -44,7 +26,7 @@ class WeightMotion(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Weight(Parameters):
+class Weight(parameters.Parameters):
     """Mass in the hand: gravity, and its inertia, ``F = m (g - a)``.
 
     a is the change of the velocity, low-passed (first order), each component clipped; then the whole rises from 0
@@ -67,12 +49,12 @@ class Weight(Parameters):
         How long it then takes to be there, in s; 0.1 is a default of this project.
     """
 
-    mass: Mass = 0.5
-    gravity: Gravity = (0.0, 0.0, -GRAVITY_M_S2)
-    cutoff: Frequency = 10.0
-    limit: Acceleration = 5.0
-    grasped: TimeOrEver = -math.inf
-    ramp: Duration = 0.1
+    mass: parameters.Mass = 0.5
+    gravity: parameters.Gravity = (0.0, 0.0, -GRAVITY_M_S2)
+    cutoff: parameters.Frequency = 10.0
+    limit: parameters.Acceleration = 5.0
+    grasped: parameters.TimeOrEver = -math.inf
+    ramp: parameters.Duration = 0.1
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the pull down, and against the acceleration."""
@@ -87,7 +69,7 @@ class Weight(Parameters):
 
 
 @dataclass(frozen=True)
-class Recoil(Parameters):
+class Recoil(parameters.Parameters):
     """Shot: a kick that rises at once and fades.
 
     After each shot ``F = F_p t/t_r`` up to t_r, then ``F_p exp(-(t - t_r)/tau)``, along the direction; what is
@@ -110,12 +92,12 @@ class Recoil(Parameters):
         Most shots a second; 10 is a default of this project.
     """
 
-    shots: Times = ()
-    direction: Direction = (0.0, -1.0, 0.0)
-    peak: Force = 5.5
-    rise: Duration = 0.005
-    fade: Duration = 0.060
-    rate: Rate = 10.0
+    shots: parameters.Times = ()
+    direction: parameters.Direction = (0.0, -1.0, 0.0)
+    peak: parameters.Force = 5.5
+    rise: parameters.Duration = 0.005
+    fade: parameters.Duration = 0.060
+    rate: parameters.Rate = 10.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -144,7 +126,7 @@ class Recoil(Parameters):
 
 
 @dataclass(frozen=True)
-class Bow(Parameters):
+class Bow(parameters.Parameters):
     """Bow, for the hand that draws it. The motion is that hand's, seen from the bow's.
 
     Drawn by ``x = max(0, |p| - brace)``, it pulls towards the bow's hand with ``F = min(F_max, F_0 + k x)``; a
@@ -181,19 +163,19 @@ class Bow(Parameters):
         A in N, f in Hz and time constant in s; 1, 60 and 50 ms are defaults of this project.
     """
 
-    brace: LengthOrNone = 0.20
-    initial: Force = 1.0
-    stiffness: Stiffness = 8.3
-    most: Force = 6.0
-    draw_length: Length = 0.60
-    let_off: Share = 0.0
-    valley: Share = 0.75
-    loosed: TimeOrNever = math.inf
-    slack: Force = 0.5
-    loose: Duration = 0.010
-    hum: Force = 1.0
-    frequency: ModuleFrequency = 60.0
-    fade: Duration = 0.050
+    brace: parameters.LengthOrNone = 0.20
+    initial: parameters.Force = 1.0
+    stiffness: parameters.Stiffness = 8.3
+    most: parameters.Force = 6.0
+    draw_length: parameters.Length = 0.60
+    let_off: parameters.Share = 0.0
+    valley: parameters.Share = 0.75
+    loosed: parameters.TimeOrNever = math.inf
+    slack: parameters.Force = 0.5
+    loose: parameters.Duration = 0.010
+    hum: parameters.Force = 1.0
+    frequency: parameters.ModuleFrequency = 60.0
+    fade: parameters.Duration = 0.050
 
     def __post_init__(self) -> None:
         super().__post_init__()
