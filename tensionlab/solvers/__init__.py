@@ -7,7 +7,7 @@ runs before one is wanted by its name, or all solvers are listed.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import is_dataclass
 from typing import TYPE_CHECKING, Any, cast, get_args
 
@@ -70,9 +70,13 @@ def make(name: str) -> Solver:
         refuses the hyper-parameter.
     """
     family = name.partition(":")[0]
-    offered = {} if family in SOLVERS else offered_plugins()
-    found = _load_only(offered[family]) if family in offered else SOLVERS.get(family)
-    solver: Solver = variants.make(name, found, [*SOLVERS, *offered], "solver", UnknownSolver)
+    found = SOLVERS.get(family)
+    names: Iterable[str] = SOLVERS
+    if found is None:
+        offered = offered_plugins()
+        found = _load_only(offered[family]) if family in offered else None
+        names = [*SOLVERS, *offered]
+    solver: Solver = variants.make(name, found, names, "solver", UnknownSolver)
     return solver
 
 
