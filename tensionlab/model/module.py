@@ -51,7 +51,7 @@ KINDS = {
 
 @dataclass(frozen=True, eq=False)
 class Module:
-    """Winch module: where its cable pulls from, and how hard it can.
+    """Winch module: where its cable pulls from, and how hard it can. RigError names the module and the wrong key.
 
     Attributes
     ----------
@@ -69,11 +69,6 @@ class Module:
         Tension per motor current, in N/A; None if not known.
     spool_radius : float or None
         In m; None if not known.
-
-    Raises
-    ------
-    RigError
-        Naming the module and the key.
     """
 
     name: str
@@ -143,7 +138,7 @@ class Module:
 
 @dataclass(frozen=True, eq=False)
 class Platform:
-    """Mass, in kg, and inertia of what the cables hold.
+    """Mass, in kg, and inertia of what the cables hold. RigError names the wrong key.
 
     Attributes
     ----------
@@ -152,11 +147,6 @@ class Platform:
     inertia : (k, k) read-only array or None
         About the centre of mass in platform axes, in kg·m²; k = 3 in space, 1 in the plane. None if not
         known, and always for a point.
-
-    Raises
-    ------
-    RigError
-        Naming the key.
     """
 
     mass: float

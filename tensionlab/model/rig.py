@@ -45,6 +45,8 @@ class Cables(NamedTuple):
 class Rig:
     """Set of modules around a point or a platform.
 
+    RigError names the module and the wrong key. Parallel cables (same anchor, same attachment) are legal.
+
     Attributes
     ----------
     kind : str
@@ -59,11 +61,6 @@ class Rig:
     up : str or None
         Axis of the world that points up: "x", "y" or "z", or with a minus if it points down. None if that is not
         known: then the rig has no weight, and plays in no scenario.
-
-    Raises
-    ------
-    RigError
-        Naming the module and the key. Parallel cables (same anchor, same attachment) are legal.
     """
 
     name: str

@@ -42,7 +42,7 @@ class Coordinate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Every combination of coordinates, and of orientations if there are any.
+    """Every combination of coordinates, and of orientations if there are any; ShapeError for what is neither.
 
     Attributes
     ----------
@@ -51,10 +51,6 @@ class Grid:
     rotations : (k, 3, 3) array, (k,) array or None
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
 
-    Raises
-    ------
-    ShapeError
-        If an axis is empty or has more than one dimension, an entry is no finite number, or a matrix no rotation.
     """
 
     x: Floats
@@ -120,7 +116,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class PoseList:
-    """Poses one after another.
+    """Poses one after another; ShapeError if they do not fit together, are not finite, or a matrix is no rotation.
 
     Attributes
     ----------
@@ -131,10 +127,6 @@ class PoseList:
     distance : (k,) array or None
         How far along a path each pose is, in m; None where they are no path.
 
-    Raises
-    ------
-    ShapeError
-        If the shapes do not fit, an entry is no finite number, or a matrix no rotation.
     """
 
     position: Floats

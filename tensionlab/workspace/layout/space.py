@@ -25,7 +25,8 @@ GENE_BORDER = 0.15
 class Surface:
     """Rail, rectangle or box on which modules may be put.
 
-    All points ``corner + x @ edges`` with every entry of x from 0 to 1.
+    All points ``corner + x @ edges`` with every entry of x from 0 to 1. RigError names the surface and the wrong
+    key; for edges that do not span k dimensions, too.
 
     Attributes
     ----------
@@ -38,10 +39,6 @@ class Surface:
     frame : str
         "world", or the name of a body frame that carries the modules.
 
-    Raises
-    ------
-    RigError
-        Naming the surface and the key; edges that do not span k dimensions, too.
     """
 
     name: str
@@ -113,6 +110,8 @@ class Places(NamedTuple):
 class Space:
     """Surfaces for modules, how many of them, and their tension limits.
 
+    RigError names the surface, module or frame, and the wrong key.
+
     Attributes
     ----------
     counts : tuple of int
@@ -124,10 +123,6 @@ class Space:
     frames : mapping of name to Frame
         Poses of the body frames while the hand is in the target.
 
-    Raises
-    ------
-    RigError
-        Naming the surface, module or frame, and the key.
     """
 
     surfaces: tuple[Surface, ...]
