@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 
 from tensionlab.errors import HardwareError
 
-ENDING = 10.0
+ENDING = 60.0
 """How long a process may take to end, in s, once it is told to."""
 
 

@@ -1,69 +1,129 @@
 """How commands end: one line and an exit status, whatever happens, and names that are shown as they are."""
 
+import io
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from benchmarks.processes import command
 from tensionlab import cli
 from tensionlab.cli.common import output
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, RigError
 from tensionlab.model.files import load_rig, rig_to_toml
 
-pytestmark = pytest.mark.realtime  # signals to processes
-
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
 AWKWARD = "[/x] $_$ :x:"
+HANG_S = 60.0
+"""No event takes that long on a machine that is merely busy."""
 
 
-def shell(line):
-    """Run a line with tensionlab for $T: the exit statuses of its commands, stdout, stderr."""
-    script = f"{line}; echo ${{PIPESTATUS[@]}} >&2"
-    done = subprocess.run(
-        ["bash", "-c", script],
-        env=os.environ | {"T": f"{sys.executable} -m tensionlab"},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    *said, statuses = done.stderr.splitlines()
-    return [int(status) for status in statuses.split()], done.stdout, said
+FULL = Path("/dev/full")
+needs_full = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
+
+
+@pytest.fixture
+def run_to(run, monkeypatch):
+    """Run `tensionlab` in this process with a stdout, or none: exit status, stderr."""
+
+    def call(stdout, *words):
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "stdout", stdout)
+            status, out, err = run(*words)
+            if stdout is None:
+                sys.stdout.close()  # what it wrote to instead
+        assert out == ""
+        return status, err
+
+    return call
 
 
 @pytest.mark.parametrize("words", ["solvers", "solvers --json", f"rig show {RIG} --json"])
-def test_a_reader_that_goes_away_ends_it_without_a_word(words):
-    statuses, out, said = shell(f"$T {words} | true")
-    assert (statuses, out, said) == ([141, 0], "", [])
+def test_a_reader_that_goes_away_ends_it_without_a_word(run_to, words):
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "w", encoding="utf-8") as stdout:
+        assert run_to(stdout, *words.split()) == (141, "")
 
 
-def test_the_first_line_is_there_for_who_wants_only_that():
-    statuses, out, said = shell("$T solvers --json | head -1")
-    assert (out, said) == ("{\n", [])
-    assert statuses[0] in (0, 141)
+@pytest.mark.skipif(sys.platform != "linux", reason="pipes have one size there")
+def test_the_first_line_is_there_for_who_wants_only_that(run_to):
+    import fcntl
+
+    reader, writer = os.pipe()
+    fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)  # less than what is written
+    lines = []
+
+    def head():
+        lines.append(os.read(reader, 2))
+        os.close(reader)
+
+    thread = threading.Thread(target=head)
+    thread.start()
+    with os.fdopen(writer, "w", encoding="utf-8") as stdout:
+        assert run_to(stdout, "solvers", "--json") == (141, "")
+    thread.join()
+    assert lines == [b"{\n"]
 
 
+@needs_full
 @pytest.mark.parametrize("words", ["solvers", "solvers --json"])
-def test_a_full_stdout_is_one_line_and_bad(words):
-    if not Path("/dev/full").exists():
-        pytest.skip("no /dev/full")
-    statuses, _, said = shell(f"$T {words} >/dev/full")
-    assert (statuses, said) == ([2], ["tensionlab: stdout cannot be written (No space left on device)"])
+def test_a_full_stdout_is_one_line_and_bad(run_to, words):
+    with FULL.open("w", encoding="utf-8") as stdout:
+        status, said = run_to(stdout, *words.split())
+    assert (status, said) == (2, "tensionlab: stdout cannot be written (No space left on device)\n")
 
 
-@pytest.mark.parametrize("closed", [">&-", ">&- 2>/dev/null"])
-def test_a_closed_stdout_takes_nothing_and_that_is_that(closed):
-    statuses, out, said = shell(f"$T rig show {RIG} {closed}")
-    assert (statuses, out, said) == ([0], "", [])
+@pytest.mark.parametrize("closed", ["stdout", "stdout and stderr"])
+def test_a_closed_stdout_takes_nothing_and_that_is_that(run_to, monkeypatch, closed):
+    if closed != "stdout":
+        monkeypatch.setattr(sys, "stderr", None)
+    assert run_to(None, "rig", "show", RIG) == (0, "")
+    if closed != "stdout":
+        sys.stderr.close()
 
 
-def test_ascii_screens_are_written_to():
-    statuses, _, said = shell("PYTHONIOENCODING=ascii $T solvers")
-    assert (statuses, said) == ([0], [])
+@contextmanager
+def process(line, **options):
+    """A process beside this one, killed at the end if it still runs."""
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
+    with subprocess.Popen(line, **options) as running:
+        try:
+            yield running
+        finally:
+            running.kill()
+
+
+@pytest.mark.realtime  # processes: the interpreter writes at its end what is left
+@needs_full
+def test_the_interpreter_has_nothing_to_add_at_its_end():
+    reader, writer = os.pipe()
+    os.close(reader)
+    without_stdout = ["bash", "-c", '"$@" >&-', "-"]
+    with (
+        os.fdopen(writer, "wb") as left,
+        FULL.open("wb") as full,
+        process(command("solvers", "--json"), stdout=left) as first,
+        process(command("solvers", "--json"), stdout=full) as second,
+        process([*without_stdout, *command("rig", "show", RIG)]) as third,
+    ):
+        outcomes = [each.communicate(timeout=HANG_S) for each in (first, second, third)]
+        assert [each.returncode for each in (first, second, third)] == [141, 2, 0]
+    complaint = "tensionlab: stdout cannot be written (No space left on device)\n"
+    assert outcomes == [(None, ""), (None, complaint), ("", "")]
+
+
+def test_ascii_screens_are_written_to(run_to):
+    written = io.BytesIO()
+    with io.TextIOWrapper(written, encoding="ascii") as stdout:
+        assert run_to(stdout, "solvers") == (0, "")
+        assert "\\u2013" in written.getvalue().decode("ascii")
 
 
 @pytest.mark.parametrize(
@@ -126,7 +186,7 @@ def awkward(tmp_path):
         "workspace {rig} --box 0,0.1,0.3,0.4,0,0.1 --step 0.05 --measure wrench-closure --plot {out}.svg",
     ],
 )
-def test_names_are_shown_as_they_are(run, awkward, tmp_path, words):
+def test_names_are_shown_as_they_are(run, awkward, tmp_path, simulated_time, words):
     code, out, err = run(*words.format(rig=awkward, out=tmp_path / "x").split())
     assert code in (0, 1), err
     assert AWKWARD in out
@@ -160,26 +220,26 @@ def heeding_ctrl_c():
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
+def until(event):
+    """Wait for something that only a hang keeps from happening, and return it."""
+    end = time.monotonic() + HANG_S
+    while not (found := event()):
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return found
+
+
+@pytest.mark.realtime  # a signal to a group of processes
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are listed in /proc")
 def test_ctrl_c_ends_a_benchmark_with_one_line_and_its_measuring_process(tmp_path):
     """The terminal sends it to the whole group of processes in the foreground."""
-    command = [sys.executable, "-m", "tensionlab", "bench", "--out", str(tmp_path / "new")]
-    process = subprocess.Popen(
-        command,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=heeding_ctrl_c,  # noqa: PLW1509 - no thread runs here
-    )
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-    if not children.parent.exists():
-        process.kill()
-        pytest.skip("children are listed in /proc")
-    while not (
-        measuring := [pid for pid in children.read_text().split() if "tensionlab.benchmark" in words_of(pid)]
-    ):
-        assert process.poll() is None
-    os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    assert (process.returncode, said) == (130, "tensionlab: interrupted\n")
-    while words_of(measuring[0]):  # no longer than to its next sign of life, which nobody hears
-        time.sleep(0.05)
+    bench = command("bench", "--out", tmp_path / "new")
+    with process(bench, start_new_session=True, preexec_fn=heeding_ctrl_c) as running:
+        children = Path(f"/proc/{running.pid}/task/{running.pid}/children")
+        [measuring] = until(
+            lambda: [pid for pid in children.read_text().split() if "tensionlab.benchmark" in words_of(pid)]
+        )
+        os.killpg(running.pid, signal.SIGINT)
+        _, said = running.communicate(timeout=HANG_S)
+        assert (running.returncode, said) == (130, "tensionlab: interrupted\n")
+    until(lambda: not words_of(measuring))  # no longer than to its next sign of life, which nobody hears
