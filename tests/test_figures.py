@@ -1,8 +1,8 @@
 """The committed figures are the ones that the committed data make, and other data make other figures."""
 
 import re
+import runpy
 import shutil
-import subprocess
 import sys
 import zlib
 from dataclasses import replace
@@ -24,9 +24,20 @@ pinned = pytest.mark.skipif(
 )
 
 
-def make(out, *words):
-    command = [sys.executable, ROOT / "paper_figures" / "make.py", "--out", out, *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+@pytest.fixture
+def make(monkeypatch, capsys):
+    """Run `paper_figures/make.py` in this process: exit status, stderr."""
+    monkeypatch.syspath_prepend(ROOT / "paper_figures")
+
+    def call(out, *words):
+        monkeypatch.setattr(sys, "argv", [str(word) for word in ("make.py", "--out", out, *words)])
+        try:
+            runpy.run_path(str(ROOT / "paper_figures" / "make.py"), run_name="__main__")
+        except SystemExit as left:
+            return left.code, capsys.readouterr().err
+        return 0, ""
+
+    return call
 
 
 def content(path):
@@ -44,37 +55,35 @@ def content(path):
 
 @pinned
 @pytest.mark.slow
-def test_the_committed_figures_are_up_to_date(tmp_path):
-    made = make(tmp_path)
-    assert made.returncode == 0, made.stderr
+def test_the_committed_figures_are_up_to_date(tmp_path, make):
+    assert make(tmp_path) == (0, "")
     names = {path.name for path in COMMITTED.iterdir()}
     assert {path.name for path in tmp_path.iterdir()} == names
     different = [name for name in sorted(names) if content(tmp_path / name) != content(COMMITTED / name)]
     assert not different, "run `make figures` and look at what changed"
 
 
-def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path):
+def test_the_same_data_make_the_same_bytes_and_other_data_others(tmp_path, make):
     for out in ("one", "two"):
-        assert make(tmp_path / out, "time-accuracy").returncode == 0
+        assert make(tmp_path / out, "time-accuracy") == (0, "")
     shutil.copytree(ROOT / "datasets", tmp_path / "datasets")
     path = tmp_path / "datasets" / "benchmarks" / "results.parquet"
     found = results.read(path)
     rows = [replace(row, median_s=3 * row.median_s) if row.solver == "newton" else row for row in found.rows]
     results.write(path, rows, found.manifest, evidence=False)
-    assert make(tmp_path / "three", "time-accuracy", "--datasets", tmp_path / "datasets").returncode == 0
+    assert make(tmp_path / "three", "time-accuracy", "--datasets", tmp_path / "datasets") == (0, "")
     for suffix in (".pdf", ".png"):
         one, two, three = (tmp_path / out / f"time-accuracy{suffix}" for out in ("one", "two", "three"))
         assert one.read_bytes() == two.read_bytes()
         assert content(one) != content(three)
 
 
-def test_other_recordings_and_trials_make_other_figures_and_tables(tmp_path):
+def test_other_recordings_and_trials_make_other_figures_and_tables(tmp_path, make):
     data = tmp_path / "datasets"
     shutil.copytree(ROOT / "datasets", data)
     write_recording(data / "recordings" / "paper-like-simulated.parquet", made_up())
     write_trials(data / "what-if" / "paper-like-simulated.parquet", made_up_trials(), {})
-    made = make(tmp_path / "out", "forces", "error-sphere", "published", "what-if", "--datasets", data)
-    assert made.returncode == 0, made.stderr
+    assert make(tmp_path / "out", "forces", "error-sphere", "published", "what-if", "--datasets", data) == (0, "")
     files = list((tmp_path / "out").iterdir())
     assert len(files) == 8
     for path in files:
@@ -92,8 +101,8 @@ def test_every_figure_is_described_and_small():
         assert path.stat().st_size < 300_000, path.name
 
 
-def test_a_figure_that_is_not_there_is_refused(tmp_path):
-    refused = make(tmp_path, "wrkspace")
-    assert refused.returncode == 2
-    assert "no figure is called 'wrkspace'; there are forces" in refused.stderr
+def test_a_figure_that_is_not_there_is_refused(tmp_path, make):
+    status, said = make(tmp_path, "wrkspace")
+    assert status == 2
+    assert "no figure is called 'wrkspace'; there are forces" in said
     assert not list(tmp_path.iterdir())
