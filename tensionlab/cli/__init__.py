@@ -15,6 +15,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -134,9 +135,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     raise SystemExit(status)
 
 
+@cache
+def _parser() -> Any:
+    """Return the parser of all verbs, which takes 0.1 s to make."""
+    return typer.main.get_command(app)
+
+
 def _invoke(words: Sequence[str]) -> None:
     """Carry out the verb; errors are let through, which the parser's own way of running it would not do."""
-    with typer.main.get_command(app).make_context("tensionlab", list(words)) as context:
+    with _parser().make_context("tensionlab", list(words)) as context:
         context.command.invoke(context)
 
 

@@ -25,6 +25,7 @@ from tensionlab.benchmark import run as bench
 from tensionlab.cli import app
 from tensionlab.files import writing
 from tensionlab.files.tables import write_table
+from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.simulation import serve as serving
 from tensionlab.model.files import load_rig
 from tests.support import runs
@@ -163,18 +164,18 @@ def quick(monkeypatch):
         brief = replace(what, count=2, seconds=0.01, repeats=1, rounds=0)
         return bench.measure_here(brief, folder, call, progress)
 
-    def served(modules, speed, stopped, watchers, *_):
-        for each in modules:
-            each.port.close()
+    def served(server, stopped):
+        server.close()
+        for each in server._modules:
             if each._settings_file is not None:
                 writing.write_bytes(each._settings_file, b"what a module saves")
         for _ in range(3):
-            for watch in watchers:
-                watch([each.module for each in modules])
+            for watch in server._watchers:
+                watch([each.module for each in server._modules])
 
     @contextmanager
     def nobody(*_):
-        yield None
+        yield ModuleGroup([])
 
     monkeypatch.setattr(bench, "measure", measured)
     monkeypatch.setattr(serving, "serve", served)
