@@ -116,13 +116,7 @@ class Allocation:
             )
 
     def raise_for_status(self) -> Allocation:
-        """Return the allocation if every wrench is rendered exactly, or raise.
-
-        Raises
-        ------
-        Unreachable
-            If any status is not EXACT. The error carries this allocation.
-        """
+        """Return the allocation if every status is EXACT; `Unreachable`, which carries it, if any is not."""
         flawed = np.flatnonzero(self.status != Status.EXACT)
         if not flawed.size:
             return self

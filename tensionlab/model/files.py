@@ -22,10 +22,7 @@ SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
 def load_rig(path: str | PathLike[str]) -> Rig:
     """Read a rig from a TOML file. ``datasets/README.md`` shows the format, with every key.
 
-    Raises
-    ------
-    RigError
-        Naming the file, the module and the key: what is wrong and what to do.
+    RigError names the file, the module and the key, and says what is wrong and what to do.
     """
     return rig_from_toml(read_text(path, "a rig file (*.toml)", RigError), source=str(path))
 

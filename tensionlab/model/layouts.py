@@ -29,8 +29,9 @@ def ring_plus_top(
 ) -> Rig:
     """Return a rig with modules at the corners of a regular polygon on the floor, and one above its centre.
 
-    The floor is y = 0, its centre the origin, and the first corner lies on the X axis. The point is at home
-    above the centre. Three corners and a top are the published validation rig (Bartels et al. 2026).
+    The floor is y = 0, its centre the origin, and the first corner lies on the X axis. The point is at home above
+    the centre. Three corners and a top are the published validation rig (Bartels et al. 2026). RigError if the
+    polygon has fewer than two corners, or the side is not a positive number.
 
     Parameters
     ----------
@@ -45,10 +46,6 @@ def ring_plus_top(
     limits : (lower, upper)
         Tension limits of every module, in N.
 
-    Raises
-    ------
-    RigError
-        If the polygon has fewer than two corners, or the side is not a positive number.
     """
     if count < 2:
         raise RigError(f"ring_plus_top: count is {count}; a ring has two corners or more")

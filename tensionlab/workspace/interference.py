@@ -81,18 +81,12 @@ def body_distance(
 ) -> Clearance:
     """Return the minimum distance from a cable to a body, such as the user's head or torso.
 
-    Every cable against every body, along the whole cable. What the cables hold is close to them by design: end
-    the forearm of a user short of the attachments. Source: as `cable_distance`.
+    Every cable against every body, along the whole cable. What the cables hold is close to them by design: end the
+    forearm of a user short of the attachments. Source: as `cable_distance`.
 
     Poses are as in `Rig.structure_matrix`; leading axes broadcast. The pair are the indices of a module and of a
-    body.
-
-    Raises
-    ------
-    ShapeError, RigError
-        As `Rig.structure_matrix`; and for a body with other coordinates than the rig.
-    InputError
-        For a negative radius, or more cables and bodies than the kernel serves.
+    body. ShapeError for a body with other coordinates than the rig, InputError for a negative radius, or more
+    cables and bodies than the kernel serves.
     """
     cables = _cables(rig, position, rotation, frames)
     segments, radii = [], []

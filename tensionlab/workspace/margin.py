@@ -44,7 +44,8 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     0 or more if and only if all of it is feasible. The available wrench set is all ``W t`` with t inside the
     limits; one without volume (W of lower rank) ends at once in the directions that it lacks: its margin is at
     most 0, less the distance of the required set from its plane. Where n is more than 3, its distances mix N and
-    N·m: divide the torques of W and of the required wrenches by a length of your choice first.
+    N·m: divide the torques of W and of the required wrenches by a length of your choice first. ShapeError names
+    an entry that does not fit.
 
     Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
     2014; Ruiz, Caro, Cardou and Guay, "ARACHNIS: Analysis of robots actuated by cables with handy and neat
@@ -61,11 +62,6 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
         None is no wrench at all: zero. An array with one axis is one wrench. An array with more holds the vertices
         of a set, k for each pose or for all; one wrench for each pose is ``wrench[..., None, :]``. A tuple is
         always a ball, ``(centre, radius)``: (..., n) and (...).
-
-    Raises
-    ------
-    ShapeError
-        Naming the entry.
     """
     batch, wrenches, radius = _arguments(structure, limits, required)
     margin = _native.capacity_margin(*batch[:3], wrenches, RANK_TOLERANCE)

@@ -67,7 +67,7 @@ def vary(
 
     The axes are "rig" or one for each listed parameter, "anchor_NAME" for each module (spaces become _), and
     "limits". ``vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 5, 6, 8], limits=[(0.5, 6), (0.5, 12)])``
-    are 20 rigs.
+    are 20 rigs. SweepError names the argument: no values, values of no use, names that are not the layout's.
 
     Parameters
     ----------
@@ -80,10 +80,6 @@ def vary(
     **parameters
         Of the layout: a list of the values to try, or one value that stays.
 
-    Raises
-    ------
-    SweepError
-        Naming the argument: no values, values of no use, names that are not the layout's.
     """
     axes, make = _layout(what, parameters) if callable(what) else _rigs(what, parameters)
     first = len(axes)
