@@ -6,7 +6,8 @@ evenly moves a mass at rest by the cube of time, so the cube root of the way lea
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,12 +15,26 @@ from pathlib import Path
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import CalibrationError
+from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
 from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, Balance
-from tensionlab.hardware.calibration.pulling import PERIOD_S, Puller, pulling
-from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.module import ModuleClient, Received
+from tensionlab.hardware.protocol.codes import Calibration, Limit, State
+from tensionlab.hardware.protocol.messages import Info, Message, Telemetry
+from tensionlab.hardware.runner.watchdog import stopping
 
+PERIOD_S = 0.02
+"""From one set-point to the next, in s."""
+TELEMETRY_MS = 10
+MAX_SILENT_PERIODS = 25
+"""Without telemetry."""
+ARM_TRIES = 3
+LIMITER_ADVICE = {
+    Limit.THERMAL: "its winding's budget is spent; let it cool, and pull less",
+    Limit.SPEED: "its cable reels in too fast; is there nothing on it?",
+    Limit.LENGTH: "its cable is as short or as long as it may be; move the module, or calibrate its length",
+}
+"""Limiters that keep a module from the commanded tension, and what to do about them."""
 SEARCH_N_S, RAMP_N_S = 0.5, 0.1
 """How fast the set-point changes in N/s: at first, to find out where the mass moves; and then to weigh it."""
 LIFT_M, MOVED_M, STARTED_M = 0.01, 0.003, 0.0005
@@ -36,6 +51,84 @@ MIN_MOVING_SAMPLES = 4
 """Telemetry of a cable on its way that it takes to find its start."""
 TREND_S = 0.5
 """Time before it moves, in s, whose currents are taken."""
+
+
+class Puller:
+    """Armed module, what it said of itself, and its telemetry since `forget`, or since it was armed."""
+
+    def __init__(self, client: ModuleClient, info: Info) -> None:
+        self.client = client
+        self.info = info
+        self.heard: list[Telemetry] = []
+
+    def take(self, heard: Received[Message]) -> None:
+        """Store telemetry."""
+        if isinstance(heard.message, Telemetry):
+            self.heard.append(heard.message)
+
+    def forget(self) -> None:
+        """Discard the telemetry up to now."""
+        self.heard.clear()
+
+    def hold(self, tension: float) -> Telemetry:
+        """Pull with so many N for a period, and return the telemetry at its end; refuse a module that cannot."""
+        for _ in range(MAX_SILENT_PERIODS):
+            self.client.set_tension(tension)
+            self.client.wait(PERIOD_S)
+            self.client.check()
+            if self.heard:
+                break
+        else:
+            raise HardwareError(f'module "{self.client.name}" sends no telemetry')
+        latest = self.heard[-1]
+        if latest.limit in LIMITER_ADVICE:
+            raise HardwareError(
+                f'module "{self.client.name}" does not pull with {tension:.2f} N: {LIMITER_ADVICE[latest.limit]}'
+            )
+        return latest
+
+
+@contextmanager
+def pulling(client: ModuleClient) -> Iterator[Puller]:
+    """Arm a module, and stop it at the end, also if that is an error.
+
+    A module whose N/A was never calibrated refuses to be armed; for as long as this lasts it is taken for
+    calibrated.
+    """
+    info = client.hello()
+    if info.state is not State.IDLE:
+        raise ModuleFault(
+            f'module "{client.name}" is {info.state.name}, not IDLE; stop it first (after a fault: clear it)',
+            client.name,
+            info.state,
+        )
+    puller = Puller(client, info)
+    if not info.calibrated:
+        client.calibrate(Calibration.NEWTON_PER_AMPERE, info.newton_per_ampere)
+    before, client.on_message = client.on_message, puller.take
+    try:
+        with stopping(client.stop, client.estop):
+            client.telemetry_every(TELEMETRY_MS)
+            _arm(client, info.tension_lower)
+            yield puller
+    finally:
+        client.on_message = before
+        with suppress(HardwareError):
+            client.telemetry_every(0)
+            client.wait(0.3)  # until nothing pulls any more
+            if not info.calibrated:
+                client.set_parameter("calibrated", 0.0)
+
+
+def _arm(client: ModuleClient, tension: float) -> None:
+    """Arm a module. Where the answer is lost, it may have timed out before the next one comes: then once more."""
+    for _ in range(ARM_TRIES):
+        client.arm()
+        client.set_tension(tension)
+        client.wait(0.1)
+        if client.state is not State.TIMEOUT:
+            return
+        client.stop()
 
 
 def weigh(

@@ -11,11 +11,11 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import CalibrationError, HardwareError
 from tensionlab.files.tables import read_table
 from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
-from tensionlab.hardware.calibration.pulling import stopping
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.protocol.messages import Telemetry
 from tensionlab.hardware.runner.settings import Clock
+from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.module import KINDS
 from tensionlab.model.rig import Rig
 

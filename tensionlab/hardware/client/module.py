@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import TracebackType
@@ -14,15 +14,7 @@ from typing import Generic, Self, TypeVar
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import Link, open_link
 from tensionlab.hardware.protocol import messages
-from tensionlab.hardware.protocol.codes import (
-    LATCHED_STATES,
-    RELEASED_STATES,
-    Calibration,
-    Code,
-    Fault,
-    State,
-    Type,
-)
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, RELEASED_STATES, Calibration, Code, Fault, State
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
@@ -37,8 +29,8 @@ READ_TIMEOUT_S = 0.1
 """How long the reader waits before it checks whether to end."""
 SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 """How long each try waits for an answer to a command that takes the module long."""
-SET_POINTS = (Type.SET_TENSION, Type.SET_IMPEDANCE)
-ANSWERS = (Type.INFO, Type.PARAMETER, Type.PONG)
+SET_POINTS = (messages.SetTension.type, messages.SetImpedance.type)
+ANSWERS = (messages.Info.type, messages.ParameterValue.type, messages.Pong.type)
 """Frames whose damage is an error of the request that waits for them."""
 
 AnswerType = TypeVar("AnswerType", bound=Message)
@@ -385,28 +377,22 @@ class ModuleClient:
             return
         now = self.link.clock()
         if self._listener is not None:
-            with self._arrived:
-                self._answers |= self._listener.feed(content)
-                self._arrived.notify_all()
+            self._keep(self._listener.feed(content))
         for frame in self._decoder.feed(content):
             try:
                 message = messages.read(frame)
             except ProtocolError as error:
                 self._unreadable += 1
                 if frame.type in ANSWERS:
-                    with self._arrived:
-                        self._answers[frame.sequence] = error
-                        self._arrived.notify_all()
+                    self._keep({frame.sequence: error})
                 continue
             if not isinstance(message, Telemetry | messages.Event | messages.Log):
-                with self._arrived:
-                    if isinstance(message, Acknowledge | messages.Info):
-                        self.state = message.state
-                    if isinstance(message, Acknowledge) and message.command in SET_POINTS:
-                        self._refused = message
-                        continue
-                    self._answers[frame.sequence] = message
-                    self._arrived.notify_all()
+                if isinstance(message, Acknowledge | messages.Info):
+                    self.state = message.state
+                if isinstance(message, Acknowledge) and message.command in SET_POINTS:
+                    self._refused = message
+                else:
+                    self._keep({frame.sequence: message})
                 continue
             if isinstance(message, Telemetry):
                 if self.telemetry is not None and not is_newer(message, self.telemetry.message):
@@ -419,6 +405,12 @@ class ModuleClient:
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:
                 self.on_message(Received(message, now))
+
+    def _keep(self, answers: Mapping[int, Message | ProtocolError]) -> None:
+        """Keep answers, by their numbers, for those who wait for them."""
+        with self._arrived:
+            self._answers.update(answers)
+            self._arrived.notify_all()
 
 
 def is_newer(message: Telemetry, before: Telemetry) -> bool:

@@ -40,9 +40,9 @@ STALL_SHARE = 0.75
 class ModuleMonitor:
     """Monitor of the modules: checks each in every cycle, and sends set-points to those that take part.
 
-    A module that is silent for `ttl` s, as long as set-points live, is lost. `on_lost` is called with the index
-    and the error of each that is lost; `active` (m,) has those that take part. One that is lost does not come
-    back.
+    A module that is silent for `ttl` s, as long as set-points live, is lost, and so is one that follows older ones
+    for as long. `on_lost` is called with the index and the error of each; `active` (m,) has those that take part.
+    One that is lost does not come back.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class ModuleMonitor:
         self.active: NDArray[np.bool_] = np.ones(len(group.clients), dtype=bool)
         self._clients, self._ttl, self._on_loss, self._on_lost = group.clients, ttl, on_loss, on_lost
         self._heard: list[Received[Telemetry] | None] = [None] * len(group.clients)
-        self._loops = LatencyCheck([client.name for client in group.clients], ttl)
+        self._late_since = np.full(len(group.clients), np.nan)
         self._stall = Stall(ttl)
 
     def check(self, seen: Observation, delays: Floats, derating: Derating, now: float) -> None:
@@ -61,11 +61,17 @@ class ModuleMonitor:
         if a module is lost and the run is to stop, or none is left.
         """
         self._stall.update(now)
-        self._loops.update(delays, now)
+        self._late_since = np.where(delays > self._ttl, np.fmin(self._late_since, now), np.nan)
         for index, client in enumerate(self._clients):
             if self.active[index]:
                 try:
                     self._require_healthy(index, client, float(seen.ages[index]))
+                    if not self._stall.seconds and now - self._late_since[index] > self._ttl:
+                        raise LinkTimeout(
+                            f'module "{client.name}" is late: the newest set-point that it reports to follow was '
+                            f"sent {delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or "
+                            "crowded"
+                        )
                     derating.require_taut(index, float(seen.thermal[index]))
                 except HardwareError as error:
                     self._lose(index, error)
@@ -82,8 +88,6 @@ class ModuleMonitor:
             require_plausible(client.name, before, client.telemetry)
         if age > self._ttl + self._stall.seconds:
             raise LinkTimeout(f'module "{client.name}" at {client.link.url} {silence(client, age)}')
-        if not self._stall.seconds:
-            self._loops.require_prompt(index)
 
     def send(self, tensions: Floats, demand: Demand, ttl_ms: int) -> Integers:
         """Send set-points to modules that take part; return their sequence numbers (m,), -1 where none was sent.
@@ -146,7 +150,7 @@ class Stall:
 def require_following(client: ModuleClient) -> None:
     """Refuse a module that has released, refused a set-point, was stopped by somebody else or restarted."""
     client.check()
-    late = client.state is State.IDLE and not client.reports_since_arm  # what it was before; see `LatencyCheck`
+    late = client.state is State.IDLE and not client.reports_since_arm  # what it was before
     if client.state not in (State.ARMED, State.RUNNING) and not late:
         state = State.IDLE if client.state is None else client.state
         raise ModuleFault(
@@ -202,27 +206,3 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
             name,
             Fault.ENCODER,
         )
-
-
-class LatencyCheck:
-    """Check that modules follow set-points, and report it, before those are older than their time to live.
-
-    A loop latency above `ttl` s, for as long, is refused.
-    """
-
-    def __init__(self, names: list[str], ttl: float) -> None:
-        self._names, self._ttl = names, ttl
-        self._late_since = np.full(len(names), np.nan)
-
-    def update(self, delays: Floats, now: float) -> None:
-        """Note how old the newest set-points are, (m,) in s, that modules are known to follow, at a time in s."""
-        self._late_since = np.where(delays > self._ttl, np.fmin(self._late_since, now), np.nan)
-        self._delays, self._now = delays, now
-
-    def require_prompt(self, index: int) -> None:
-        """Refuse, by a `LinkTimeout`, a module whose loop has been late for too long."""
-        if self._now - self._late_since[index] > self._ttl:
-            raise LinkTimeout(
-                f'module "{self._names[index]}" is late: the newest set-point that it reports to follow was sent '
-                f"{self._delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or crowded"
-            )

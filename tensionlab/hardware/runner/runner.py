@@ -20,14 +20,7 @@ from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.messages import Stop
-from tensionlab.hardware.runner.guard import (
-    EXACT_SOLVER,
-    Derating,
-    GuardedAllocator,
-    ReleasedModules,
-    limit_slew,
-    require_within,
-)
+from tensionlab.hardware.runner import guard
 from tensionlab.hardware.runner.module_monitor import ModuleMonitor
 from tensionlab.hardware.runner.program import require_demand
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
@@ -119,19 +112,19 @@ class Runner:
         self.settings = RunSettings() if settings is None else settings
         self.latest: Cycle | None = None
         self.statistics = Statistics()
-        self._allocator = GuardedAllocator(solver, self.settings.nearest)
-        self._taut = GuardedAllocator(EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
+        self._allocator = guard.GuardedAllocator(solver, self.settings.nearest)
+        self._taut = guard.GuardedAllocator(guard.EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
         self.log = log
         self._clock = RealClock(modules.clients) if clock is None else clock
         self._lengths = PoseTracker(rig) if tracker is None else None
-        self._derating = Derating(
+        self._derating = guard.Derating(
             rig.limits, np.full(rig.m, np.inf), self._names
         )  # until the modules have reported
         self._monitor = ModuleMonitor(modules, self.settings.ttl, self.settings.on_loss, self._lost)
         self._before = rig.limits.lower.copy()
         self._delays = SetPointDelays(rig.m, self.settings.rate)
-        self._released: ReleasedModules | None = None
+        self._released: guard.ReleasedModules | None = None
         self._seen: Observation | None = None
         self._fitted_at = 0.0
         self._watchdog: Watchdog | None = None
@@ -191,7 +184,7 @@ class Runner:
     def _begin(self) -> None:
         """Have all modules report, and arm them."""
         self.modules.prepare(self.rig, self.settings.telemetry_ms)
-        self._derating = Derating(self.rig.limits, np.array(self.modules.continuous), self._names)
+        self._derating = guard.Derating(self.rig.limits, np.array(self.modules.continuous), self._names)
         if self.log is not None:
             self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
@@ -207,7 +200,7 @@ class Runner:
         self._allocator(home, np.zeros(self.rig.n), self._monitor.active, self.rig.limits)
         self._rest()
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
-        self._released = ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
+        self._released = guard.ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
         self.modules.arm(self.rig.limits.lower)
         self._note("armed", f"{self.rig.m} modules")
         if self._lengths is not None:
@@ -266,9 +259,9 @@ class Runner:
             if demand.impedances or not state.active.all():
                 wrench = wrench - state.structure @ self._pulls(demand, state)
             allocation, fallback_used = self._allocator(state.structure, wrench, free, limits)
-        require_within(allocation.tensions, limits, free, self._names)
+        guard.require_within(allocation.tensions, limits, free, self._names)
         chosen = np.where(free, allocation.tensions, self._before)
-        self._before = limit_slew(self._before, chosen, min(self.modules.slews) / self.settings.rate)
+        self._before = guard.limit_slew(self._before, chosen, min(self.modules.slews) / self.settings.rate)
         sequences = self._send(self._before, demand)
         compute_time = time.perf_counter() - began
         commanded = np.where(free, self._before, np.nan)

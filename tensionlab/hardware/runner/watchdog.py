@@ -12,12 +12,14 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import NamedTuple, Self
 
 from tensionlab import _native
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 
 TICK_S = 0.02
 """Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none."""
@@ -171,3 +173,23 @@ class Interrupts:
         if not self._deaf:
             self._deaf = True
             raise Interrupted(number) if self._hung is None else self._hung
+
+
+@contextmanager
+def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` in the end, whatever it is that ends this: also Ctrl-C, and signals that would end the program.
+
+    `tensionlab estop` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
+    """
+    interrupts = Interrupts()
+    with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
+        try:
+            yield
+        except BaseException as error:
+            interrupts.ignore()
+            at_once = isinstance(error, Interrupted) and error.number == ESTOP_SIGNAL
+            with suppress(HardwareError):
+                (stop_at_once if at_once else stop)()
+            raise
+        interrupts.ignore()
+        stop()
