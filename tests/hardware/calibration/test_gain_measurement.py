@@ -5,7 +5,7 @@ import signal
 import numpy as np
 import pytest
 
-from tensionlab.errors import CalibrationError, HardwareError, ModuleFault
+from tensionlab.errors import CalibrationError, InputError, ModuleFault
 from tensionlab.files.tables import write_table
 from tensionlab.hardware.calibration.gain import STANDARD_GRAVITY_M_S2, gain_from_sensor, gain_from_weights
 from tensionlab.hardware.calibration.gain_measurement import (
@@ -64,7 +64,7 @@ def test_a_mass_hangs_as_newton_says():
     assert -acceleration * inertia == pytest.approx(
         3.0 - 0.2 * STANDARD_GRAVITY_M_S2 - 0.05 - 0.05 * 1.5, rel=0.05
     )
-    with pytest.raises(HardwareError, match="moves the cable's far end by itself"):
+    with pytest.raises(InputError, match="moves the cable's far end by itself"):
         simulated.advance(0.1, 0.9)
 
 
