@@ -49,16 +49,7 @@ class Check(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ForceRecord:
-    """Force on the hand or head over time.
-
-    Attributes
-    ----------
-    time : (K,) array
-    position : (K, d) array
-        In the frame of the effects, in m.
-    force : (K, d) array
-        In N.
-    """
+    """Force (K, d) in N on the hand or head over time, and its position in the frame of the effects, in m."""
 
     time: Floats
     position: Floats
@@ -140,17 +131,7 @@ def dominant_frequency(time: Floats, values: Floats) -> float:
 
 @dataclass(frozen=True)
 class Directions:
-    """Counts of the cycles of a run by the direction of their measured force.
-
-    Attributes
-    ----------
-    cycles : int
-        With a force above 0.5 N.
-    within : int
-        Those within 45 degrees of the desired one.
-    reasons : dict of str to int
-        The others, by `REASONS`.
-    """
+    """Counts of cycles with a force above 0.5 N, of those within 45 degrees, and of the others by `REASONS`."""
 
     cycles: int
     within: int

@@ -84,11 +84,7 @@ class ValidationResult:
 
 
 def evaluate(setup: Mapping[str, Any], measurements: Sequence[Measurement]) -> ValidationResult:
-    """Return the result of a complete validation.
-
-    The alignment compares with the force of the commanded tensions on the three axes by the nominal rig, which is
-    the desired one wherever that is feasible.
-    """
+    """Return the result of a complete validation; it is aligned by what the nominal rig renders on the axes."""
     measured = np.array([each.measured for each in measurements]) @ UPRIGHT.T
     rendered = np.array([each.rendered for each in measurements])
     desired = np.array([each.desired for each in measurements])[AXIS_FORCES:]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,18 +124,10 @@ class SensorServer:
         self._port.send("".join(lines).encode())
 
 
-class SimulatedSetup(NamedTuple):
-    """Modules, clock and sensor of a simulated rig, for `measure`."""
-
-    modules: ModuleGroup
-    clock: WorldClock
-    sensor: SimulatedSensor
-
-
-def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> SimulatedSetup:
-    """Return simulated modules and a sensor, in lockstep, where the errors put them."""
+def simulated_setup(rig: Rig, errors: RigErrors, seed: int = 0) -> tuple[ModuleGroup, WorldClock, SimulatedSensor]:
+    """Return simulated modules, their clock and a sensor, in lockstep, where the errors put them."""
     require_point(rig)
     world = World(true_rig(rig, errors), seed=seed, plants=true_plants(rig, errors))
     sensor = SimulatedSensor(rig, errors, seed)
     world.watch = sensor.watch
-    return SimulatedSetup(world.group(), WorldClock(world), sensor)
+    return world.group(), WorldClock(world), sensor

@@ -38,17 +38,11 @@ Flags = NDArray[np.bool_]
 class LockRule:
     """Rule by which sets of brakes are compared.
 
-    Attributes
-    ----------
-    margin : float
-        Least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the hand, or 2 cm of
-        error in the hand's position at 1 m from the anchor. A locked one stays until it is 0.
-    max_locked : int
-        Largest number of locked cables, up to 3: any force of a cone is one of three of its cables.
-    price : float
-        Of each lock, as a share of the desired force.
-    hysteresis : float
-        By which share of the desired force another set must be better than the one that is locked.
+    ``margin`` is the least ``u·n`` of a cable that may be locked: 0.02 is 1.1 degrees before it would keep the
+    hand, or 2 cm of error in the hand's position at 1 m from the anchor; a locked one stays until it is 0. Up to 3
+    cables are locked: any force of a cone is one of three of its cables. ``price`` of each lock, and
+    ``hysteresis``, by which another set must be better than the one that is locked, are shares of the desired
+    force.
     """
 
     margin: float = 0.02
@@ -80,15 +74,13 @@ class LockSet(NamedTuple):
 
     Attributes
     ----------
-    locked : (..., m) array of bool
-    motors : (..., m) array
-        Tensions of the motors, inside their limits, in N.
-    brakes : (..., m) array
-        What each brake adds while the user pushes with the desired force, in N; 0 where it is not locked.
+    locked, available : (..., m) arrays of bool
+        Brakes to lock, and those that may be locked for this wall. Where none is, the motors are all there is.
+    motors, brakes : (..., m) arrays
+        Tensions of the motors, inside their limits, and what each brake adds while the user pushes with the
+        desired force, in N; 0 where it is not locked.
     unresisted : (...) array
         Norm of what is missing to the desired force while the user pushes with it, in N.
-    available : (..., m) array of bool
-        Which brakes may be locked for this wall. Where none is, the motors are all there is.
     """
 
     locked: Flags
@@ -210,18 +202,10 @@ def _rows(array: NDArray[Any], shape: tuple[int, ...], inner: int) -> NDArray[An
 
 
 class BrakeMap(NamedTuple):
-    """Force that meets a push against each of many walls.
+    """Force that meets a push in N against each of many walls with unit normals (k, d), towards the free side.
 
-    Attributes
-    ----------
-    normals : (k, d) array
-        Unit vectors towards the free side.
-    force : float
-        Of the push, in N.
-    chosen : LockSet
-        With leading axes (..., k).
-    angles : (..., k) array
-        Angle from the normal to the force that meets the push, in rad, from 0 to pi; pi where no force does.
+    The lock sets have leading axes (..., k); ``angles`` (..., k) lead from the normal to the force that meets the
+    push, in rad, from 0 to pi; pi where no force does.
     """
 
     normals: Floats

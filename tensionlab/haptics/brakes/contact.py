@@ -65,16 +65,9 @@ class ImpactCap:
     A body of mass m, stopped by a cable of stiffness k, meets at most ``v sqrt(k m)``. That is the impact: a body
     that goes on pushing is held with all that the brakes bear, and no sensor measures how much that is. So links
     that break away below the cap are part of it: without them, 23 of 1,000 random heads met more. A scenario
-    refuses a rig whose motors and brakes could together pull harder than its cap.
-
-    Attributes
-    ----------
-    force : float
-        Largest force on it, in N. The cable should have a link that breaks away at this force.
-    stiffness : float
-        Of a locked cable with all that gives way at both of its ends, in N/m.
-    mass : float
-        In kg.
+    refuses a rig whose motors and brakes could together pull harder than its cap. Links should break away at
+    ``force`` in N; ``stiffness`` in N/m is that of a locked cable with all that gives way at both of its ends; the
+    mass is in kg.
     """
 
     force: float = 60.0
@@ -151,25 +144,10 @@ def decide(
 ) -> Decision:
     """Return the brakes to lock in this cycle, and why.
 
-    Parameters
-    ----------
-    structure : (d, m) array
-        Structure matrix of a point: unit vectors towards the anchors.
-    position, velocity : (d,) arrays
-        Of the point, in m and m/s. Where anchors move with the user's body, as seen from there.
-    limits : TensionLimits
-        Of the motors.
-    strengths : (m,) array
-        As in `choose_locks`.
-    contact : BrakeContact or None
-        What the last cycle decided.
-    cap : ImpactCap or None
-        For what must not be hurt. It limits what each brake may be loaded with as well.
-
-    Raises
-    ------
-    ShapeError
-        As `choose_locks`.
+    The structure matrix (d, m), position and velocity (d,) in m and m/s are those of a point; where anchors move
+    with the user's body, as seen from there. Limits are those of the motors, strengths as in `choose_locks`, the
+    contact is what the last cycle decided. A cap, for what must not be hurt, limits what each brake may be loaded
+    with as well. Raise `ShapeError` as `choose_locks` does.
     """
     n = finite("normal", wall.normal, 0)
     p, v = pose.points(position, n.size, "position"), pose.points(velocity, n.size, "velocity")

@@ -152,16 +152,7 @@ class Magnet(parameters.Parameters):
 
 
 class Bristle(NamedTuple):
-    """Memory of friction.
-
-    Attributes
-    ----------
-    position : (..., d) array
-        Of the step before, in m.
-    stretch : (..., d) array
-        z, the bristle's, in m.
-    sliding : (...) array of bool
-    """
+    """Memory of friction: position of the step before, stretch z of the bristle, in m, and whether it slides."""
 
     position: Floats
     stretch: Floats
@@ -208,15 +199,7 @@ class Friction(parameters.Parameters):
         return self.rub(motion, np.full(motion.position.shape[:-1], self.load), None, memory)
 
     def rub(self, motion: Motion, load: Floats, normal: Floats | None, memory: Memory = None) -> Rendered:
-        """Return the friction under a load, along a surface.
-
-        Parameters
-        ----------
-        load : (...) array
-            F_n in N.
-        normal : (..., d) array or None
-            Unit normal of the surface; None: every direction rubs.
-        """
+        """Return the friction under a load (...) in N along a surface with a unit normal; None: every way."""
         if not isinstance(memory, Bristle):
             still = np.zeros(motion.position.shape[:-1], dtype=np.bool_)
             memory = Bristle(motion.position, np.zeros_like(motion.position), still)

@@ -19,21 +19,10 @@ from tensionlab.model.rig import Rig
 
 
 def effect_of(name: str, given: object, rig: Rig) -> Effect:
-    """Return the effect that a client or a file describes.
+    """Return the effect that a client or a file describes, by its ``kind`` and parameters.
 
-    Parameters
-    ----------
-    name : str
-        What the client calls it.
-    given : mapping
-        ``kind``, and parameters of that effect; those left out have their default, and a weight pulls down.
-    rig : Rig
-        That renders it: its space has as many axes as all vectors components, and it says which of them is up.
-
-    Raises
-    ------
-    EffectError
-        Naming the effect and the parameter: what is wrong and what to do.
+    Those left out have their default, and a weight pulls down. The rig's space has as many axes as all vectors
+    components, and it says which of them is up. Raise `EffectError`, naming the effect and the parameter.
     """
     where = f"effect {name!r}"
     kind, parameters = _kind(where, given, EFFECTS)
@@ -73,10 +62,7 @@ def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, d
 def read(where: str, hint: Any, given: Any) -> Any:
     """Return what a table, or a value, of a file or a message describes; ``hint`` is the type that it should be.
 
-    Raises
-    ------
-    EffectError
-        Beginning with ``where``, and naming the key.
+    Raise `EffectError`, beginning with ``where`` and naming the key.
     """
     _require_known(where, hint, given)
     try:

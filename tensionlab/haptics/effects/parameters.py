@@ -28,15 +28,7 @@ MAX_COUNT = 100
 
 @dataclass(frozen=True)
 class Range:
-    """Physical range of a number.
-
-    Parameters
-    ----------
-    low, high : float
-        Both are allowed; NaN never is.
-    positive : bool
-        Whether ``low`` itself is refused.
-    """
+    """Physical range of a number: both ends are allowed, but ``low`` where it must be positive; NaN never is."""
 
     unit: str
     low: float
@@ -58,15 +50,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Vector:
-    """Physical range of a vector of the rig's dimension.
-
-    Parameters
-    ----------
-    low, high : float
-        Of each component.
-    shortest : float
-        Least length: that of a direction is not 0.
-    """
+    """Physical range of each component of a vector of the rig's dimension, and its least length."""
 
     unit: str
     low: float
@@ -170,13 +154,7 @@ class Parameters:
 
 
 def require_dimension(owner: object, dimension: int, where: str) -> None:
-    """Refuse vectors, also those of parts and of defaults, that are not of a rig's space.
-
-    Raises
-    ------
-    EffectError
-        Beginning with ``where``, and naming the parameter.
-    """
+    """Raise `EffectError` for vectors, also those of parts and of defaults, that are not of a rig's space."""
     for name, vector in _vectors(owner):
         if len(vector) != dimension:
             raise EffectError(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.effect import Motion, norm
 from tensionlab.haptics.effects.parameters import Parameters, PositiveForce, Range
-from tensionlab.haptics.rendering.passivity import Observed, PassivityController
+from tensionlab.haptics.rendering.stability import Observed, PassivityController
 
 MAX_FORCE_N = 1000.0
 """Largest force that is desired of any rig."""

@@ -22,8 +22,7 @@ from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
 from tensionlab.haptics.effects.effect import Effect, Memory, Motion
 from tensionlab.haptics.rendering.assignment import Cables, EffectFailed, ModuleLimits, RenderPlan, assign
 from tensionlab.haptics.rendering.filtering import MAX_FORCE_N, StageMemory, Stages, limit_force
-from tensionlab.haptics.rendering.passivity import PassivityController, max_damping
-from tensionlab.haptics.rendering.stability import stiffness_cap
+from tensionlab.haptics.rendering.stability import PassivityController, max_damping, stiffness_cap
 from tensionlab.model.rig import Rig
 
 MAX_FORCE_RATIO = 2.0
@@ -173,11 +172,6 @@ class Renderer:
         """Return a share of an impedance, with what other cables need; a vibrating cable stays taut."""
         amplitude = share * cable.amplitude
         lowest = self.limits.lower + amplitude if amplitude else 0.0
-        return Impedance(
-            cable.rest,
-            share * cable.stiffness,
-            share * cable.damping,
-            min(max(share * cable.feed_forward + balance, lowest), self.limits.upper),
-            amplitude,
-            cable.frequency,
-        )
+        feed_forward = min(max(share * cable.feed_forward + balance, lowest), self.limits.upper)
+        stiffness, damping = share * cable.stiffness, share * cable.damping
+        return Impedance(cable.rest, stiffness, damping, feed_forward, amplitude, cable.frequency)

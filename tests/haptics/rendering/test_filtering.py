@@ -14,7 +14,7 @@ from tensionlab.haptics.rendering.filtering import (
     limit_force_slew,
     low_pass,
 )
-from tensionlab.haptics.rendering.passivity import PassivityController
+from tensionlab.haptics.rendering.stability import PassivityController
 from tests.support.motions import Staged, at, follow
 
 

@@ -19,10 +19,11 @@ from tensionlab.haptics.effects import (
 )
 from tensionlab.haptics.effects.shape import VirtualCoupling
 from tensionlab.haptics.rendering.filtering import Stages
-from tensionlab.haptics.rendering.passivity import PassivityController, max_damping
 from tensionlab.haptics.rendering.stability import (
+    PassivityController,
     capped,
     cut_stiffnesses,
+    max_damping,
     stiffness_bound,
     stiffness_cap,
 )
