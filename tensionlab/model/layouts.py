@@ -45,7 +45,6 @@ def ring_plus_top(
         Height of the top module above the home position, in m; None for a ring alone.
     limits : (lower, upper)
         Tension limits of every module, in N.
-
     """
     if count < 2:
         raise RigError(f"ring_plus_top: count is {count}; a ring has two corners or more")

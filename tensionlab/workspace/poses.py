@@ -50,7 +50,6 @@ class Grid:
         Coordinates of the reference point, in m. No z in the plane.
     rotations : (k, 3, 3) array, (k,) array or None
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
-
     """
 
     x: Floats
@@ -126,7 +125,6 @@ class PoseList:
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
     distance : (k,) array or None
         How far along a path each pose is, in m; None where they are no path.
-
     """
 
     position: Floats

@@ -38,7 +38,6 @@ class Surface:
         One to d vectors from the corner, in m: one is a rail, two are a rectangle, three a box.
     frame : str
         "world", or the name of a body frame that carries the modules.
-
     """
 
     name: str
@@ -122,7 +121,6 @@ class Space:
         Modules that stay where they are.
     frames : mapping of name to Frame
         Poses of the body frames while the hand is in the target.
-
     """
 
     surfaces: tuple[Surface, ...]

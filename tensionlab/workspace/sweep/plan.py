@@ -79,7 +79,6 @@ def vary(
         Tension limits to try, the same for all modules, in N.
     **parameters
         Of the layout: a list of the values to try, or one value that stays.
-
     """
     axes, make = _layout(what, parameters) if callable(what) else _rigs(what, parameters)
     first = len(axes)
