@@ -53,7 +53,7 @@ class ServedLink:
 
     def _read(self) -> bytes:
         try:
-            content = self._end.recv(serve.CHUNK)
+            content = self._end.recv(serve.READ_BYTES)
         except BlockingIOError:
             return b""
         if not content:

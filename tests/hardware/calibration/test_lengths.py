@@ -86,7 +86,7 @@ def test_modules_that_do_not_know_their_lengths_are_not_recorded(held):
 def test_modules_in_use_are_left_alone(held):
     world, group = held
     group.clients[0].arm()
-    with pytest.raises(LinkError, match="in use"):
+    with pytest.raises(LinkError, match="somebody else has it armed"):
         zero_lengths(group, RIG, WorldClock(world))
 
 
