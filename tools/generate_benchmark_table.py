@@ -18,13 +18,13 @@ from tensionlab.benchmark.report import (
     Column,
     Summary,
     count,
-    duration,
     marked,
     newton,
     percent,
     summary_table,
 )
 from tensionlab.benchmark.results import Results
+from tensionlab.benchmark.statistics import duration
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.files import writing
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from tensionlab.benchmark.results import Results, Row
 from tensionlab.benchmark.speed import PASSES
-from tensionlab.benchmark.statistics import maximum
+from tensionlab.benchmark.statistics import duration, maximum
 
 Of = TypeVar("Of")
 
@@ -34,17 +34,6 @@ def newton(value: float) -> str:
     if 0.01 <= abs(value) < 1e4:
         return f"{value:.2g}" if abs(value) < 10 else f"{value:.0f}"
     return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
-
-
-def duration(seconds: float) -> str:
-    """Write a time in s with three digits at most, and the unit that suits it."""
-    if math.isnan(seconds):
-        return "–"
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= 0.9995 * size:
-            value = seconds / size
-            return f"{value:.0f} {unit}" if value >= 99.5 else f"{value:.2g} {unit}"
-    return f"{seconds / 1e-9:.0f} ns"
 
 
 def times(ratio: float) -> str:

@@ -1,8 +1,4 @@
-"""Speed of the built-in exact solver beside DAQP: large batches and single calls, each in one run.
-
-`python -m tensionlab.benchmark.speed` prints both: a hundred thousand problems in one call, beside DAQP's C code
-and a Python loop over DAQP; and one call for one problem, beside qpsolvers on the same problems.
-"""
+"""Speed of the built-in exact solver beside DAQP: large batches and single calls, each in one run."""
 
 from __future__ import annotations
 
@@ -21,6 +17,7 @@ from tensionlab.allocation import Allocator, allocate
 from tensionlab.arrays import Floats
 from tensionlab.benchmark import entries
 from tensionlab.benchmark.results import BatchRow, CallRow
+from tensionlab.benchmark.rigs import structures
 from tensionlab.benchmark.statistics import quantile
 from tensionlab.solvers.base import Status
 from tensionlab.solvers.quadratic import solve_qp
@@ -49,10 +46,7 @@ def instruction_set() -> str:
 def random_problems(components: int, cables: int, count: int, seed: int) -> tuple[Floats, Floats]:
     """Return random structure matrices (count, n, m) of unit cables, and feasible wrenches (count, n)."""
     rng = np.random.default_rng(seed)
-    pulls = rng.normal(size=(count, 3, cables))
-    pulls /= np.linalg.norm(pulls, axis=1, keepdims=True)
-    arms = rng.normal(scale=0.3, size=(count, 3, cables))
-    structure = pulls if components == 3 else np.concatenate([pulls, np.cross(arms, pulls, axis=1)], axis=1)
+    structure = structures(rng, components, cables, count)
     tensions = rng.uniform(LOWER, UPPER, size=(count, cables))
     return structure, np.einsum("bnm,bm->bn", structure, tensions)
 
@@ -178,29 +172,3 @@ def time_calls(components: int, cables: int, calls: int = 5000, seed: int = 0) -
         CallRow(components, cables, name, quantile(each, 0.5), quantile(each, 0.999), quantile(each.min(0), 0.999))
         for name, each in spent.items()
     ]
-
-
-def main() -> None:
-    """Print the tables of batches and of single calls."""
-    print(f"Instruction set: {instruction_set()}")
-    print("                   µs a problem:     batch       batch    DAQP  DAQP, loop   ratio to      max gap")
-    print("  n   m   wrenches            1 core   all cores    in C   in Python  DAQP in C            N")
-    for components, cables in SHAPES:
-        for reachable in (True, False):
-            row = time_batches(components, cables, reachable)
-            times = (row.one_core_s, row.all_cores_s, row.daqp_c_s, row.daqp_loop_s)
-            cells = [f"{1e6 * value:11.3f}" for value in times]
-            kind = "feasible   " if reachable else "infeasible "
-            print(f"{components:3d} {cables:3d}   {kind} {' '.join(cells)} {row.ratio:10.3f} {row.gap_max:12.1e}")
-    print("\nOne call, µs                               median   p99.9   p99.9 / median   uninterrupted")
-    for components, cables in CALL_SHAPES:
-        for call in time_calls(components, cables):
-            print(
-                f"n = {components}, m = {cables}  {call.caller:32s} {1e6 * call.median_s:7.1f} "
-                f"{1e6 * call.p999_s:7.1f} {call.p999_s / call.median_s:16.1f} "
-                f"{call.quiet_p999_s / call.median_s:15.1f}"
-            )
-
-
-if __name__ == "__main__":
-    main()

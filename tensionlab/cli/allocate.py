@@ -59,19 +59,17 @@ def allocate(
     status = Status(int(result.status))
     if json:
         output.print_json(
-            {
-                "rig": loaded.name,
-                "position": position,
-                "solver": solver,
-                "nearest": allocator.nearest,
-                "status": status.name,
-                "modules": [module.name for module in loaded.modules],
-                "tensions": result.tensions,
-                "wrench_desired": desired,
-                "wrench_rendered": result.wrench,
-                **output.fields(result, "residual", "scale", "iterations", "separation"),
-                "failure": result.failures.get(0),
-            }
+            rig=loaded.name,
+            position=position,
+            solver=solver,
+            nearest=allocator.nearest,
+            status=status.name,
+            modules=[module.name for module in loaded.modules],
+            tensions=result.tensions,
+            wrench_desired=desired,
+            wrench_rendered=result.wrench,
+            **output.fields(result, "residual", "scale", "iterations", "separation"),
+            failure=result.failures.get(0),
         )
     else:
         _print(loaded, position, desired, result, _status_text(status, allocator.nearest, float(result.scale)))

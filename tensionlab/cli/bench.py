@@ -14,6 +14,7 @@ import typer
 
 from tensionlab.allocation import allocate
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
+from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.errors import InputError, WriteError
@@ -127,12 +128,10 @@ def _print(results: Results, out: Path, json: bool) -> None:
     lines = report.summaries(results)
     if json:
         output.print_json(
-            {
-                "folder": str(out),
-                "sets": results.sets,
-                "lines": [dataclasses.asdict(line) for line in lines],
-                "manifest": {key: value for key, value in results.manifest.items() if key != "bench"},
-            }
+            folder=str(out),
+            sets=results.sets,
+            lines=[dataclasses.asdict(line) for line in lines],
+            manifest={key: value for key, value in results.manifest.items() if key != "bench"},
         )
         return
     from rich.text import Text
@@ -149,9 +148,9 @@ def _print(results: Results, out: Path, json: bool) -> None:
             report.percent(line.solved_1e9),
             report.percent(line.elsewhere),
             report.newton(line.gap_max) + ("" if line.comparable else " †"),
-            report.duration(line.sgm_s),
-            report.duration(line.p999_s),
-            report.duration(line.batch_s),
+            duration(line.sgm_s),
+            duration(line.p999_s),
+            duration(line.batch_s),
         )
     console = output.console()
     console.print(grid)
@@ -165,7 +164,7 @@ def list_sets(json: Json = False) -> None:
     found = [problem_set(name, 1) for name in PROBLEM_SETS]
     if json:
         output.print_json(
-            {"sets": [{"set": each.name, "reachable": each.reachable, "title": each.title} for each in found]}
+            sets=[{"set": each.name, "reachable": each.reachable, "title": each.title} for each in found]
         )
     else:
         rows = ((each.name, each.reachable, each.title) for each in found)
@@ -198,9 +197,7 @@ def show(
             }
         )
     if json:
-        output.print_json(
-            {"set": found.name, "title": found.title, "reachable": found.reachable, "groups": groups}
-        )
+        output.print_json(set=found.name, title=found.title, reachable=found.reachable, groups=groups)
         return
     output.console().print(f"{found.name}: {found.title}\n", soft_wrap=True)
     rows = (

@@ -8,6 +8,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
+from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
 from tensionlab.comparison.compare import Row, Score
@@ -34,9 +35,9 @@ COLUMNS: list[Column[Row]] = [
     ("angle\nmax °", lambda row: output.short(row.angle_max_deg), True),
     ("mean t²\nN²", lambda row: output.short(row.tension_sq_mean), False),
     ("gap\nmax N", lambda row: output.short(row.gap_max), False),
-    ("call\nmedian", lambda row: output.duration(row.call_median_s), True),
-    ("call\np99", lambda row: output.duration(row.call_p99_s), False),
-    ("batch\neach", lambda row: output.duration(row.batch_s), True),
+    ("call\nmedian", lambda row: duration(row.call_median_s), True),
+    ("call\np99", lambda row: duration(row.call_p99_s), False),
+    ("batch\neach", lambda row: duration(row.batch_s), True),
 ]
 
 STATUS_LEGEND = """\
@@ -109,15 +110,13 @@ def compare(
             writer.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
         if json:
             output.print_json(
-                {
-                    "rig": loaded.name,
-                    "position": result.position,
-                    "vectors": len(result.wrenches),
-                    "magnitude": magnitude,
-                    "rows": rows,
-                    "left_out": result.missing,
-                    "manifest": manifest,
-                }
+                rig=loaded.name,
+                position=result.position,
+                vectors=len(result.wrenches),
+                magnitude=magnitude,
+                rows=rows,
+                left_out=result.missing,
+                manifest=manifest,
             )
             return
         title = f"{loaded.name}, {loaded.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"

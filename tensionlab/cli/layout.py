@@ -62,13 +62,11 @@ def search(
         ]
         if json:
             output.print_json(
-                {
-                    "space": task.name,
-                    "score": found.objective.describe(),
-                    "layouts": [_plain(each, on_front=each in found.front) for each in found.layouts],
-                    "written": written,
-                    "manifest": output.manifest(task.seed),
-                }
+                space=task.name,
+                score=found.objective.describe(),
+                layouts=[_plain(each, on_front=each in found.front) for each in found.layouts],
+                written=written,
+                manifest=output.manifest(task.seed),
             )
         else:
             _print(found, task.name)

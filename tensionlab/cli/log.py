@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Rows
 from tensionlab.cli.compare import STATUS_LEGEND, Column, print_scores
@@ -48,7 +49,7 @@ def info(path: RunFile, json: Json = False) -> None:
     run = _read(path)
     found = report(run)
     if json:
-        output.print_json({**found.summary(), "setup": dataclasses.asdict(run.setup), "manifest": run.manifest})
+        output.print_json(**found.summary(), setup=dataclasses.asdict(run.setup), manifest=run.manifest)
     else:
         _print_info(found)
 
@@ -121,13 +122,7 @@ def replay(
             writer.write("rows", out, lambda file: records.write_parquet(file, rows, manifest))
         if json:
             output.print_json(
-                {
-                    "rig": run.rig.name,
-                    "cycles": found.cycles,
-                    "rows": rows,
-                    "left_out": found.missing,
-                    "manifest": manifest,
-                }
+                rig=run.rig.name, cycles=found.cycles, rows=rows, left_out=found.missing, manifest=manifest
             )
             return
         title = f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}"
@@ -157,7 +152,7 @@ def _print_info(found: RunReport) -> None:
     fallback, slewed = statistics.fallback_used, statistics.slew_limited
     console.print(f"answers: {counts}; {fallback} by newton as fallback, {slewed} slew-rate limited")
     for name, times in zip(("start jitter", "compute time"), statistics.percentiles().values(), strict=True):
-        written = ", ".join(output.duration(value) for value in times)
+        written = ", ".join(duration(value) for value in times)
         console.print(f"{name}: {written} (median, 99 %, max)")
     if found.complete:
         console.print(f"finished: {statistics.ended or 'the log does not say why'}")
@@ -183,7 +178,7 @@ def _print_info(found: RunReport) -> None:
                     output.short(value)
                     for value in (module.commanded_min_n, module.commanded_mean_n, module.commanded_max_n)
                 ),
-                *(output.duration(value) for value in module.telemetry_age_s.values()),
+                *(duration(value) for value in module.telemetry_age_s.values()),
                 _limiters(module),
             )
             for module in found.modules

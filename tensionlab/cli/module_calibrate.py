@@ -218,7 +218,7 @@ def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
     changes = list(zip((module.name for module in rig.modules), before, after, strict=True))
     if json:
         changed = [{"name": name, "before": old, "length": new} for name, old, new in changes]
-        output.print_json({"rig": rig.name, "modules": changed})
+        output.print_json(rig=rig.name, modules=changed)
         return
     rows = (
         (name, "–", f"{new:.4f}", "–")
@@ -309,26 +309,24 @@ def anchors(
         written = out and writer.write_text("rig", out, rig_to_toml(calibrated_rig(rig, found, how)))
         if json:
             output.print_json(
-                {
-                    "rig": rig.name,
-                    "poses": len(found.residuals),
-                    "known": known,
-                    "freedom": found.freedom,
-                    "length_deviation": found.sigma,
-                    "misfit": misfits,
-                    "modules": [
-                        {
-                            "name": module.name,
-                            "nominal": module.anchor,
-                            "anchor": found.anchors[j],
-                            "deviation": found.deviations[j],
-                            "interval": found.intervals[j],
-                            "length_offset": found.offsets[j] if offsets else None,
-                        }
-                        for j, module in enumerate(rig.modules)
-                    ],
-                    "written": str(out) if written else None,
-                }
+                rig=rig.name,
+                poses=len(found.residuals),
+                known=known,
+                freedom=found.freedom,
+                length_deviation=found.sigma,
+                misfit=misfits,
+                modules=[
+                    {
+                        "name": module.name,
+                        "nominal": module.anchor,
+                        "anchor": found.anchors[j],
+                        "deviation": found.deviations[j],
+                        "interval": found.intervals[j],
+                        "length_offset": found.offsets[j] if offsets else None,
+                    }
+                    for j, module in enumerate(rig.modules)
+                ],
+                written=str(out) if written else None,
             )
         else:
             _print_anchors(rig, found, misfits, known=known, offsets=offsets)

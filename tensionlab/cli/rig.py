@@ -32,19 +32,17 @@ def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
         _draw(loaded, plot, writer)
         if json:
             output.print_json(
-                {
-                    "rig": loaded.name,
-                    "kind": loaded.kind,
-                    "components": loaded.n,
-                    "home": loaded.home,
-                    "frames": loaded.frames,
-                    "modules": [
-                        output.fields(module, "name", "frame", "anchor", "attachment")
-                        | {"length_at_home": length}
-                        | output.fields(module, "lower", "upper", "brake")
-                        for module, length in zip(loaded.modules, lengths, strict=True)
-                    ],
-                }
+                rig=loaded.name,
+                kind=loaded.kind,
+                components=loaded.n,
+                home=loaded.home,
+                frames=loaded.frames,
+                modules=[
+                    output.fields(module, "name", "frame", "anchor", "attachment")
+                    | {"length_at_home": length}
+                    | output.fields(module, "lower", "upper", "brake")
+                    for module, length in zip(loaded.modules, lengths, strict=True)
+                ],
             )
         else:
             _print(loaded, lengths)
@@ -93,7 +91,7 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
         _draw(loaded, plot, writer)
         if json:
             checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
-            output.print_json({"rig": loaded.name, "passed": passed, "checks": checks})
+            output.print_json(rig=loaded.name, passed=passed, checks=checks)
         else:
             _print_findings(loaded, findings, passed)
     raise typer.Exit(0 if passed else 1)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tensionlab.arrays import Floats
+from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigFile, Solver
@@ -177,8 +178,8 @@ def live_table(runner: Runner) -> RenderableType:
             )
         )
     times, statistics = runner.statistics.percentiles(), runner.statistics
-    figures = [_counts(statistics), f"start jitter {output.duration(times['start_delay'][1])}"]
-    figures.append(f"compute time {output.duration(times['compute_time'][1])} (p99)")
+    figures = [_counts(statistics), f"start jitter {duration(times['start_delay'][1])}"]
+    figures.append(f"compute time {duration(times['compute_time'][1])} (p99)")
     if statistics.missed:
         figures.append(f"{statistics.missed} deadlines missed")
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"
@@ -228,5 +229,5 @@ def _counts(statistics: Statistics) -> str:
 
 
 def _spread(times: tuple[float, ...]) -> str:
-    median, p99, largest = map(output.duration, times[:3])
+    median, p99, largest = map(duration, times[:3])
     return f"{median} median, {p99} p99, {largest} max"

@@ -88,15 +88,13 @@ def scenario(
         writer.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
         if json:
             output.print_json(
-                {
-                    "scenario": loaded.name,
-                    "checks": [{**row._asdict(), "met": row.met} for row in rows],
-                    "directions": {"cycles": found.cycles, "within": found.within, **found.reasons},
-                    "delay": loop_delay(played),
-                    "run": statistics.summary(),
-                    "events": [vars(event) for event in played.run.events],
-                    "picture": str(picture),
-                }
+                scenario=loaded.name,
+                checks=[{**row._asdict(), "met": row.met} for row in rows],
+                directions={"cycles": found.cycles, "within": found.within, **found.reasons},
+                delay=loop_delay(played),
+                run=statistics.summary(),
+                events=[vars(event) for event in played.run.events],
+                picture=str(picture),
             )
         else:
             _print(played, rows, found)

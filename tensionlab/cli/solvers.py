@@ -33,7 +33,7 @@ def solvers(json: Json = False) -> None:
             }
         )
     if json:
-        output.print_json({"solvers": entries, "broken": broken})
+        output.print_json(solvers=entries, broken=broken)
         return
     from rich.text import Text
 

@@ -121,15 +121,13 @@ def workspace(
             writer.write("plot", plot, lambda path: plots.save_figure(draw(data, metric=drawn), path))
         if json:
             output.print_json(
-                {
-                    "poses": found[0][2].poses,
-                    "out": None if out is None else str(out),
-                    "rows": [
-                        {"rig": rig, "measure": name, "unit": data[name].units, **dataclasses.asdict(summary)}
-                        for rig, name, summary in found
-                    ],
-                    "manifest": json_text.loads(data.manifest),
-                }
+                poses=found[0][2].poses,
+                out=None if out is None else str(out),
+                rows=[
+                    {"rig": rig, "measure": name, "unit": data[name].units, **dataclasses.asdict(summary)}
+                    for rig, name, summary in found
+                ],
+                manifest=json_text.loads(data.manifest),
             )
         else:
             _print(found, where, out)

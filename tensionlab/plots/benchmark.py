@@ -11,8 +11,7 @@ from tensionlab.benchmark.entries import WRAPPERS
 from tensionlab.benchmark.report import newton as force
 from tensionlab.benchmark.statistics import jumps, maximum, profile, quantile
 from tensionlab.errors import InputError
-from tensionlab.plots.labels import label_points
-from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, label_points, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,8 @@ import numpy as np
 
 from tensionlab.errors import InputError
 from tensionlab.plots import scenario_panels as panels_of
-from tensionlab.plots.labels import label_points
 from tensionlab.plots.scene import TILE_M, Moment, draw_scene, origin_of, scene_legend, scripted_moment
-from tensionlab.plots.style import add_legend, lines_of, new_figure
+from tensionlab.plots.style import add_legend, label_points, lines_of, new_figure
 from tensionlab.scenarios.checks import rendered_force
 
 if TYPE_CHECKING:

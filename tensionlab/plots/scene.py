@@ -120,7 +120,7 @@ def draw_scene(
     Returns
     -------
     dict
-        The names that belong beside points, for `tensionlab.plots.labels.label_points`.
+        The names that belong beside points, for `tensionlab.plots.style.label_points`.
     """
     rig, view, up = scenario.rig, view_of(scenario.rig), up_of(scenario.rig)
     axes.set_aspect("equal")

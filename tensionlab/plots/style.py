@@ -1,12 +1,11 @@
-"""What all figures share: style, colours, legends, an axis with two scales, and how files are written.
+"""What all figures share: style, colours, legends, an axis with two scales, names of points, and files.
 
 Files are byte-stable: the same result makes the same file, without dates in it.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -42,12 +41,16 @@ HALO = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none",
 """Behind a name, so that lines do not cross it."""
 
 COARSE_SHADE = "#F4F1E6"
-COARSE_SHARE = 0.45
-"""Share of a panel that the coarse scale takes."""
 ONE_SCALE_UP_TO = 1.6
 """Below so many times the knee, one scale is enough."""
-MIN_TICKS = 2.5
-"""At least so many steps from tick to tick fit on the fine scale."""
+FONT_SIZE = 8.0
+"""Of the letters, in points."""
+DISTANCES = (7.0, 14.0, 24.0, 36.0, 50.0)
+"""Distances of a name from its point that are tried, in points."""
+POINT_RADIUS = 5.0
+"""Half the size of a point, in points."""
+DIRECTIONS = 16
+"""Directions that are tried at each distance."""
 
 
 @contextmanager
@@ -127,54 +130,93 @@ def legend_beside(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None
 
 
 def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
-    """Set the range of the vertical axis, with a coarse scale beyond a knee if that is needed.
+    """Set the range of the vertical axis to what is drawn; return whether it has two scales.
 
-    Parameters
-    ----------
-    axes : Axes
-    values : array
-        All that is drawn; NaN is left out.
-    knee : float
-        Beyond it, up and down, the scale is coarse, and shaded.
-
-    Returns
-    -------
-    bool
-        Whether there are two scales.
+    Beyond the knee, up and down, the scale is logarithmic, and shaded, if linear it would hide what is below.
     """
-    low = min(0.0, float(np.nanmin(values, initial=0.0)))
-    high = max(0.0, float(np.nanmax(values, initial=0.0)))
-    most = 1.05 * max(high, -low)
+    from matplotlib.ticker import MaxNLocator
+
+    low: float = np.nanmin(values, initial=0.0)
+    high: float = np.nanmax(values, initial=0.0)
+    most = max(high, -low)
     if most <= ONE_SCALE_UP_TO * knee:
         spare = 0.06 * max(high - low, 0.1)
         axes.set_ylim(low - spare if low < 0.0 else 0.0, high + spare)
         return False
-    slope = COARSE_SHARE / (1.0 - COARSE_SHARE) * knee / (most - knee)
-
-    def bend(value: Any, slope: float) -> Floats:
-        size = np.abs(value)
-        return np.asarray(np.sign(value) * np.where(size > knee, knee + slope * (size - knee), size))
-
-    axes.set_yscale(
-        "function", functions=(lambda value: bend(value, slope), lambda value: bend(value, 1.0 / slope))
-    )
-    bottom = 1.05 * low if low < -knee else low - 0.05 * knee if low < 0.0 else 0.0
-    top = 1.05 * high if high > knee else high + 0.05 * knee
-    axes.set_ylim(bottom, top)
-    fine, coarse = _round_step(knee / MIN_TICKS), _round_step((most - knee) / 2.0)
-    above = np.arange(coarse, most, coarse)
-    sizes = [*np.arange(0.0, 0.9 * knee, fine), *above[above > knee + 0.1 * (most - knee)]]
-    ticks = sorted({sign * float(size) for size in sizes for sign in (1.0, -1.0)})
-    axes.set_yticks([tick for tick in ticks if bottom <= tick <= top], minor=False)
+    axes.set_yscale("symlog", linthresh=knee)
+    bottom, top = (1.15 * end if abs(end) > knee else end + 0.05 * np.sign(end) * knee for end in (low, high))
+    fine = np.asarray(MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(0.0, 0.9 * knee))
+    coarse = np.outer(10.0 ** np.arange(6), [1.0, 2.0, 4.0]).ravel()
+    sizes = np.concatenate([fine[fine < knee], coarse[coarse > 1.3 * knee]])
+    ticks = np.unique(np.concatenate([-sizes, sizes]))
+    axes.set_yticks(ticks[(ticks >= bottom) & (ticks <= top)])
     axes.minorticks_off()
     axes.yaxis.set_major_formatter("{x:g}")
     for edge, end in ((knee, top), (-knee, bottom)):
         if edge * end > 0.0 and abs(end) > knee:
             axes.axhspan(edge, end, color=COARSE_SHADE, linewidth=0.0, zorder=0)
+    axes.set_ylim(bottom, top)
     return True
 
 
-def _round_step(step: float) -> float:
-    """Return the largest 1, 2 or 5 times a power of ten that is at most the step."""
-    power = 10.0 ** math.floor(math.log10(step))
-    return next(each * power for each in (5.0, 2.0, 1.0) if each * power <= step * (1.0 + 1e-9))
+def label_points(figure: Figure, axes: Axes, points: Mapping[str, Sequence[tuple[float, float]]]) -> None:
+    """Write each name beside the first of its points (x, y), where least is in the way; it covers none of them.
+
+    Figure and axes are complete but for the names: where things are is known only then.
+    """
+    figure.draw_without_rendering()
+    scale = 72.0 / figure.dpi
+    frame = scale * axes.get_window_extent().get_points()
+
+    def in_points(ends: Sequence[tuple[float, float]]) -> Floats:
+        return np.asarray(scale * axes.transData.transform(np.array(ends)))
+
+    places = {name: in_points(ends) for name, ends in points.items()}
+    taken = [
+        np.concatenate([place - POINT_RADIUS, place + POINT_RADIUS]) for ends in places.values() for place in ends
+    ]
+    # Those in a crowd first: they have the least choice.
+    crowd = {
+        name: -sum(np.hypot(*(box[:2] + POINT_RADIUS - ends[0])) < 40.0 for box in taken)
+        for name, ends in places.items()
+    }
+    for name in sorted(points, key=lambda name: (crowd[name], name)):
+        place = places[name][0]
+        others = np.concatenate([np.zeros((0, 2)), *(ends for other, ends in places.items() if other != name)])
+        width, height = 0.6 * FONT_SIZE * len(name), 1.2 * FONT_SIZE
+        best = min(_places(place, width, height), key=lambda box: _cost(box, place, others, taken, frame))
+        taken.append(best)
+        middle = (best[:2] + best[2:]) / 2
+        far = np.hypot(*(middle - place)) > max(width, height) / 2 + 12.0
+        axes.annotate(
+            name, points[name][0], xytext=middle - place, textcoords="offset points", ha="center", va="center",
+            fontsize=FONT_SIZE, color="#222222", zorder=5,
+            arrowprops={"arrowstyle": "-", "color": "#999999", "linewidth": 0.6, "shrinkB": 3} if far else None,
+        )  # fmt: skip
+
+
+def _places(place: Floats, width: float, height: float) -> list[Floats]:
+    """Return boxes (left, bottom, right, top) around a point that a name could fill, in points."""
+    boxes, half = [], np.array([width / 2, height / 2])
+    for away in DISTANCES:
+        for turn in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:
+            toward = np.array([np.cos(turn), np.sin(turn)])
+            middle = place + toward * (away + np.abs(toward) @ half)
+            boxes.append(np.concatenate([middle - half, middle + half]))
+    return boxes
+
+
+def _cost(box: Floats, place: Floats, other_points: Floats, taken: list[Floats], frame: Floats) -> float:
+    """Return the cost of a place: what it covers, what sticks out, its distance, how much nearer others are."""
+    others = np.array(taken)
+    overlap = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+    covered = float(np.prod(np.maximum(overlap, 0.0), axis=1).sum())
+    outside = float(np.maximum(frame[0] - box[:2], 0.0).sum() + np.maximum(box[2:] - frame[1], 0.0).sum())
+    own = float(_distance(box, place[None])[0])
+    closer = float(np.maximum(own + 6.0 - _distance(box, other_points), 0.0).sum())
+    return 100.0 * (covered + outside) + 3.0 * closer + own
+
+
+def _distance(box: Floats, places: Floats) -> Floats:
+    """Return the distance of each place from the box."""
+    return np.asarray(np.linalg.norm(np.maximum(np.maximum(box[:2] - places, places - box[2:]), 0.0), axis=1))

@@ -4,8 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.report import FIGURES, duration, newton, percent, report, summaries, table, times
+from tensionlab.benchmark.report import FIGURES, newton, percent, report, summaries, table, times
 from tensionlab.benchmark.results import Results, Row
+from tensionlab.benchmark.statistics import duration
 
 
 def row(problem_set="a", solver="newton", setting="proved", nearest="force", **values):

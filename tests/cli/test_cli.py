@@ -308,21 +308,6 @@ def test_numbers_are_short(value, text):
     assert output.short(value) == text
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (2.5, "2.5 s"),
-        (0.0123, "12 ms"),
-        (9.996e-4, "1 ms"),
-        (1.5e-6, "1.5 µs"),
-        (3.2e-7, "320 ns"),
-        (1.2e-4, "120 µs"),
-    ],
-)
-def test_times_have_the_unit_that_suits_them(seconds, text):
-    assert output.duration(seconds) == text
-
-
 def test_allocate_says_in_which_sense_it_is_nearest(run):
     small = RIGS / "bartels2026-validation-0.3m.toml"
     for nearest, words in (("force", "nearest in force"), ("direction", "90.47 % of it")):

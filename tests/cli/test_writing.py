@@ -118,7 +118,7 @@ def writes(parameter):
     while hasattr(callback, "__wrapped__"):
         callback = callback.__wrapped__
     name = getattr(callback, "__qualname__", "")
-    return name.startswith(("output_file.", "output_folder.", "picture_file"))
+    return name.startswith("_checked.")
 
 
 def test_every_option_that_writes_is_tried_here_and_every_path_is_known():

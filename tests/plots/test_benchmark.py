@@ -8,8 +8,7 @@ import pytest
 from tensionlab.benchmark.results import EVIDENCE
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
-from tensionlab.plots.labels import _cost, _distance, _places
-from tensionlab.plots.style import save_figure
+from tensionlab.plots.style import _cost, _distance, _places, save_figure
 from tests.support.figures import content_of, words_of
 
 DRAW = {

@@ -26,15 +26,7 @@ Answer = TypeVar("Answer")
 
 
 def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
-    """Return the URLs of the modules that are meant, by their names. Without a file, a URL is its own name.
-
-    Raises
-    ------
-    BadParameter
-        For a name that the file does not have, for a module that is there twice, and if none is meant.
-    LinkError
-        For what is no URL.
-    """
+    """Return the URLs of the modules that are meant, by their names. Without a file, a URL is its own name."""
     from tensionlab.hardware.client.group import load_modules
     from tensionlab.hardware.client.links import URL_KINDS, require_known
     from tensionlab.hardware.client.locks import normalised
@@ -62,35 +54,23 @@ def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
 def call_all(
     links: Mapping[str, str], job: Callable[[ModuleClient], Answer]
 ) -> tuple[dict[str, Answer], dict[str, HardwareError]]:
-    """Carry out a job on all modules at the same time, and return answers and errors by the modules' names.
-
-    Parameters
-    ----------
-    links : mapping of str to str
-        URLs by names.
-    job : callable
-        What to do with each module; called from a thread of its own.
-    """
+    """Carry out a job on all modules, each in a thread; return answers and errors by the modules' names."""
     from concurrent.futures import ThreadPoolExecutor
 
     from tensionlab.errors import HardwareError
     from tensionlab.hardware.client.module import ModuleClient
 
-    answers: dict[str, Answer] = {}
-    failed: dict[str, HardwareError] = {}
-
-    def call(name: str) -> None:
+    def call(name: str) -> Answer | HardwareError:
         try:
             with ModuleClient(name, links[name]) as client:
-                answers[name] = job(client)
+                return job(client)
         except HardwareError as error:
-            failed[name] = error
+            return error
 
     with ThreadPoolExecutor(len(links)) as threads:
-        list(threads.map(call, links))
-    return {name: answers[name] for name in links if name in answers}, {
-        name: failed[name] for name in links if name in failed
-    }
+        found = dict(zip(links, threads.map(call, links), strict=True))
+    failed = {name: each for name, each in found.items() if isinstance(each, HardwareError)}
+    return {name: each for name, each in found.items() if not isinstance(each, HardwareError)}, failed
 
 
 def json_rows(
@@ -134,21 +114,9 @@ class Reached(NamedTuple):
 
 
 def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reached:
-    """Reach all modules of a rig, or simulate them in this process, which is printed.
+    """Reach all modules of a rig, from the value of ``--modules``, or simulate them in this process.
 
-    Parameters
-    ----------
-    modules : str or None
-        Value of ``--modules``; simulated ones if it is left out.
-    motion : callable or None
-        Where the platform is that simulated modules hold, at a time in s; at the rig's home if None.
-
-    Raises
-    ------
-    BadParameter
-        For a number of links that is not that of the modules.
-    HardwareError
-        As `load_modules` and `connect` do.
+    The motion is that of the platform which simulated modules hold; None for the rig's home.
     """
     from tensionlab.hardware.client.group import connect
     from tensionlab.hardware.runner.settings import RealClock, WorldClock

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,13 +17,7 @@ if TYPE_CHECKING:
 
 
 def parse_numbers(text: str) -> list[float]:
-    """Return the numbers in a text, separated by commas or spaces.
-
-    Raises
-    ------
-    BadParameter
-        If one of them is not a number, or there is none.
-    """
+    """Return the numbers in a text, separated by commas or spaces; there must be one at least."""
     parts = text.replace(",", " ").split()
     try:
         values = [float(part) for part in parts]
@@ -50,15 +43,7 @@ def require_positive(value: float | None) -> float | None:
 
 
 def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
-    """Refuse solvers that do not serve the rig with that policy, before the work.
-
-    Raises
-    ------
-    BadParameter
-        If one does not, or there is no such policy.
-    UnknownSolver, MissingDependency, PluginError
-        If one does not exist, is not installed, or cannot be used.
-    """
+    """Refuse solvers that do not serve the rig with that policy, before the work; as `select_solvers`."""
     from tensionlab.solvers import select_solvers
 
     try:
@@ -75,65 +60,52 @@ def check_components(option: str, values: list[float], names: list[str], owner: 
         )
 
 
-def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback for an option that names a file to write, which is checked before the work.
+def _checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | None]:
+    """Return a check as the callback of an option that may be left out; the parser says which option it was."""
 
-    Parameters
-    ----------
-    suffixes : str
-        Those that the file may have, in lower case.
-    """
-
-    def check(path: Path | None) -> Path | None:
-        if path is not None:
-            with _as_bad_parameter():
-                writing.require_writable(path, suffixes)
+    def callback(path: Path | None) -> Path | None:
+        try:
+            if path is not None:
+                check(path)
+        except WriteError as error:
+            raise typer.BadParameter(str(error)) from None
         return path
 
-    return check
+    return callback
+
+
+def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
+    """Return a callback for an option that names a file to write, with one of the suffixes, if there are any."""
+    return _checked(lambda path: writing.require_writable(path, suffixes))
 
 
 def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
     """Return a callback for an option that names a folder to write to; as `output_file`."""
 
-    def check(path: Path | None) -> Path | None:
-        if path is not None:
-            with _as_bad_parameter():
-                if path.suffix.lower() != suffix and suffix:
-                    raise WriteError(f"{path}: the name must end in {suffix}")
-                writing.require_folder(path, parents=parents)
-        return path
+    def check(path: Path) -> None:
+        if path.suffix.lower() != suffix and suffix:
+            raise WriteError(f"{path}: the name must end in {suffix}")
+        writing.require_folder(path, parents=parents)
 
-    return check
+    return _checked(check)
 
 
-def picture_file(path: Path | None) -> Path | None:
-    """Check that a picture can be written there; as the callback of `output_file`."""
-    if path is None:
-        return None
+@_checked
+def picture_file(path: Path) -> None:
+    """Check that a picture can be written there."""
     from tensionlab.plots import METADATA
 
-    return output_file(*METADATA)(path)
+    writing.require_writable(path, tuple(METADATA))
 
 
-@contextlib.contextmanager
-def _as_bad_parameter() -> Iterator[None]:
-    """Have the parser say which option it was."""
-    try:
-        yield
-    except WriteError as error:
-        raise typer.BadParameter(str(error)) from None
-
-
-def writes(help_text: str, *suffixes: str, name: str | None = None, metavar: str = "FILE") -> Any:
+def writes(help_text: str, *suffixes: str, metavar: str = "FILE") -> Any:
     """Return an option that names a file to write, which is checked by `output_file`."""
-    return typer.Option(
-        *([name] if name else []),
-        metavar=metavar,
-        callback=output_file(*suffixes),
-        help=help_text,
-        show_default=False,
-    )
+    return typer.Option(metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False)
+
+
+def group(help_text: str) -> typer.Typer:
+    """Return a verb that has verbs of its own."""
+    return typer.Typer(help=help_text, no_args_is_help=True, rich_markup_mode=None)
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
@@ -157,6 +129,7 @@ Rows = Annotated[
         "--out", metavar="FILE", callback=output_file(".parquet"), help="Write the rows to this Parquet file."
     ),
 ]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same numbers.")]
 Log = Annotated[
     Path | None,
     typer.Option(

@@ -43,14 +43,9 @@ def clip(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
 
 
 class ResultWriter:
-    """Writer of result files, which prints where they are, or are not, after the results.
+    """Writer of result files, which prints where they are after the results, which its block shows.
 
-    A context manager: its block shows the results.
-
-    Parameters
-    ----------
-    quiet : bool
-        Whether not to print where files are, because stdout is JSON.
+    It raises `WriteError` for the first that could not be written. A quiet one prints nothing: stdout is JSON.
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
@@ -63,13 +58,7 @@ class ResultWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Print where files are.
-
-        Raises
-        ------
-        WriteError
-            For the first that could not be written.
-        """
+        """Print where files are; raise the first error."""
         if kind in (None, typer.Exit) and not self._quiet:
             for line in self._lines:
                 typer.echo(line)
@@ -111,15 +100,6 @@ def short(value: float) -> str:
     return f"{value:.{1 if size >= 9.95 else 2 if size >= 0.0995 else 3}f}"
 
 
-def duration(seconds: float) -> str:
-    """Return a time with the unit that suits it; a dash for NaN."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= 0.9995 * size:
-            value = seconds / size
-            return f"{value:.0f} {unit}" if value >= 99.5 else f"{value:.2g} {unit}"
-    return "–" if math.isnan(seconds) else f"{seconds / 1e-9:.0f} ns"
-
-
 def vector(values: Any) -> str:
     """Return components in brackets, without trailing zeros."""
     return "(" + ", ".join(f"{float(value):.4g}" for value in values) + ")"
@@ -151,17 +131,9 @@ def console(*, stderr: bool = False) -> Console:
 def table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = 2) -> Table:
     """Return a table in the style of all verbs.
 
-    Parameters
-    ----------
-    title : str
-        Above the table; none if empty.
-    headings : sequence of str
-        One for each column. Columns are for numbers, to the right and on one line; those whose heading begins
-        with ``<`` are for text, to the left and on several lines where there is no room.
-    rows : iterable of sequences
-        Texts are printed as they are, numbers without trailing zeros, vectors in brackets, None as a dash.
-    gap : int
-        Spaces between columns.
+    Columns are for numbers, to the right and on one line; those whose heading begins with ``<`` are for text, to
+    the left and on several lines where there is no room. Texts are printed as they are, numbers without trailing
+    zeros, vectors in brackets, None as a dash. The gap is in spaces.
     """
     from rich import box
     from rich.table import Table
@@ -201,9 +173,9 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any
     console().print(table(title, headings, rows, gap=gap))
 
 
-def print_json(value: Any) -> None:
-    """Print JSON and nothing else; NaN and infinity become null."""
-    typer.echo(json.dumps(plain(value), indent=2, ensure_ascii=False))
+def print_json(value: Any = None, **keys: Any) -> None:
+    """Print a value, or keys with their values, as JSON and nothing else; NaN and infinity become null."""
+    typer.echo(json.dumps(plain(keys or value), indent=2, ensure_ascii=False))
 
 
 def plain(value: Any) -> Any:
@@ -233,13 +205,7 @@ def fields(thing: object, *names: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def progress(what: str) -> Iterator[Callable[[float], None]]:
-    """Show a bar on stderr while the work lasts, if that is a terminal; it vanishes when done.
-
-    Yields
-    ------
-    callable
-        Called with the share that is done, from 0 to 1.
-    """
+    """Show a bar on stderr while the work lasts, if that is a terminal; yield what takes the share done."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (
