@@ -2,37 +2,79 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tensionlab.arrays import Floats
 from tensionlab.errors import InputError
-from tensionlab.plots import scenario_panels as panels_of
-from tensionlab.plots.scene import TILE_M, Moment, draw_scene, origin_of, scene_legend, scripted_moment
-from tensionlab.plots.style import add_legend, label_points, lines_of, new_figure
-from tensionlab.scenarios.checks import rendered_force
+from tensionlab.plots.run import COLOURS
+from tensionlab.plots.scene import (
+    TILE_M,
+    Moment,
+    draw_scene,
+    held_name,
+    origin_of,
+    plane_of,
+    scene_legend,
+    scripted_moment,
+)
+from tensionlab.plots.style import (
+    BLUE,
+    COARSE_SHADE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    add_legend,
+    label_points,
+    legend_beside,
+    lines_of,
+    new_figure,
+    two_scales,
+)
+from tensionlab.scenarios.checks import ForceRecord, rendered_force
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-    from tensionlab.arrays import Floats
-    from tensionlab.scenarios import Scenario
+    from tensionlab.scenarios import Phase, Scenario
     from tensionlab.scenarios.checks import Check
     from tensionlab.scenarios.play import ScenarioResult
 
 CURVE_HEIGHT, LAYOUT_HEIGHT = 2.0, 5.6
 """Minimum height of a panel of force against distance, and of the layout above it, in inches."""
 LAYOUT_COLUMNS = 3
-LAYOUTS_WIDTH = 13.0
-"""Of the figure of layouts, in inches."""
-MARGIN_M = 0.12
-"""Around each layout."""
-MIN_CELL_M = 1.0
-"""Of a column's width and a row's height: room for the legend."""
 PRESSING_M = 0.002
 """A script that leads so far beyond where brakes hold presses against them."""
 SCRIPT_SAMPLES = 201
+MIN_FORCE_SHARE = 0.1
+"""An axis is drawn if its force gets to this share of the largest."""
+KNEE = 1.3
+"""Beyond so many times the motors' largest tension, forces are drawn on a logarithmic scale."""
+SETTLING_S = 0.3
+"""Within so long of a phase's begin, forces are those of modules that start, or of what was before."""
+NEAR_M = 0.12
+"""So far from a surface its force is drawn."""
+PAWL_FORCE_N = 1.0
+"""A pawl holds where the cable pulls by so much harder than its motor ..."""
+PAWL_RELEASE_S = 0.3
+"""... and for so long after its brake was commanded."""
+TIMELINE_LOOKS = {
+    "brake": ("brake commanded", "#A8D8C8"),
+    "pawl": ("pawl holds the cable", GREEN),
+    "local": ("module-local spring or vibration", "#CC79A7"),
+}
+"""Words and colours of the bars of a timeline."""
+EXPECTED_X, MEASURED_X, GAUGE_X = 0.55, 0.68, 0.77
+"""Where texts of the table of checks end, and where gauges begin, as shares of the width."""
+WIDE: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.3}
+THIN: dict[str, Any] = {"linewidth": 1.2}
 
 
 def plot_scenario(played: ScenarioResult, rows: Sequence[Check]) -> Figure:
@@ -40,18 +82,18 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check]) -> Figure:
 
     On the left its layout, at the moment of the largest force, and force against distance where that makes sense.
     On the right, over time: its phases, the desired and the rendered force, the tension of each module, brakes and
-    module-local effects. Below, the table of expected values, if there is one.
-
-    Raises
-    ------
-    InputError
-        If nothing was played.
+    module-local effects. Below, the table of expected values, if there is one. `InputError` if nothing was played.
     """
     run, scenario = played.run, played.scenario
     if not len(run):
         raise InputError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
-    bars, lanes = panels_of.timeline(played), panels_of.lanes_of(scenario.phases)
-    heights = [0.1 + 0.3 * len(lanes), 2.7, *([1.0] * run.rig.m), *([0.1 + 0.25 * len(bars)] if bars else [])]
+    bars = timeline(played)
+    heights = [
+        0.1 + 0.25 * len(scenario.phases),
+        2.7,
+        *([1.0] * run.rig.m),
+        *([0.1 + 0.25 * len(bars)] if bars else []),
+    ]
     upper = max(6.8, 1.0 + 1.25 * sum(heights))
     lower = 0.5 + 0.27 * (len(rows) + 1) if rows else 0.0
     with new_figure((14.0, upper + lower + 0.4)) as figure:
@@ -60,24 +102,24 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check]) -> Figure:
         parts: Any = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
         left, right = parts[0].subfigures(1, 2, width_ratios=[1.0, 1.45])
         panels = list(right.subplots(len(heights), 1, sharex=True, height_ratios=heights))
-        panels_of.draw_phases(panels[0], lanes, float(run.time[-1]))
-        panels_of.draw_force(panels[1], played)
+        draw_phases(panels[0], scenario.phases, float(run.time[-1]))
+        draw_force(panels[1], played)
         for index in range(run.rig.m):
-            panels_of.draw_tension(panels[2 + index], played, index)
+            draw_tension(panels[2 + index], played, index)
         if bars:
-            panels_of.draw_timeline(panels[-1], played, bars)
+            draw_timeline(panels[-1], played, bars)
         for axes in panels:
             axes.set_xlim(0.0, max(run.time[-1], 1e-3))
         panels[-1].set_xlabel("time (s)")
         if rows:
-            panels_of.draw_check_table(parts[1].subplots(), rows)
+            draw_check_table(parts[1].subplots(), rows)
         _draw_left(figure, left, played, upper)
     return figure
 
 
 def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: float) -> None:
     """Draw the layout and, below, force against distance; the height is in inches."""
-    rendered, curves = rendered_force(played), panels_of.force_distance(played)
+    rendered, curves = rendered_force(played), force_distance(played)
     columns = min(len(curves), 2)
     below = max(CURVE_HEIGHT * -(-len(curves) // columns), height - LAYOUT_HEIGHT) if curves else 0.0
     ratios = [height - below, below] if curves else [height]
@@ -93,7 +135,7 @@ def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: 
         parts[1].suptitle("Force against distance", fontweight="bold", fontsize="medium", x=0.03, ha="left")
         panels = parts[1].subplots(-(-len(curves) // columns), columns, squeeze=False).ravel()
         for panel, each in zip(panels, curves, strict=False):
-            panels_of.draw_force_distance(panel, each, panels_of.knee_of(played))
+            draw_force_distance(panel, each, knee_of(played))
         for panel in panels[len(curves) :]:
             panel.axis("off")
     label_points(figure, axes, names)
@@ -112,35 +154,242 @@ def moment_of(played: ScenarioResult, time: float) -> Moment:
     return Moment(held, anchors, bodies)
 
 
+def knee_of(played: ScenarioResult) -> float:
+    """Return the force, in N, beyond which the scale is logarithmic: above what motors pulled with, or one can."""
+    motors = np.linalg.norm(rendered_force(replace(played, person=None)).force, axis=1)
+    return KNEE * max(float(motors.max()), *played.run.setup.upper)
+
+
+def draw_phases(axes: Axes, phases: Sequence[Phase], last: float) -> None:
+    """Draw a bar for each phase, up to the last time."""
+    begins = np.array([phase.begin for phase in phases])
+    ends = np.array([phase.end for phase in phases])
+    axes.barh(range(len(phases)), np.maximum(np.minimum(ends, last) - begins, 0.0), 0.84, begins, color="#C4D5E6")
+    axes.set_title("Phases")
+    _name_rows(axes, [phase.name for phase in phases])
+    axes.spines["bottom"].set_visible(False)
+    axes.tick_params(axis="x", length=0)
+
+
+def _name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Name rows of bars, from above."""
+    axes.set_yticks(range(len(names)), names)
+    axes.tick_params(axis="y", length=0, labelsize=8)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.spines["left"].set_visible(False)
+
+
+def draw_force(axes: Axes, played: ScenarioResult) -> None:
+    """Draw the desired force, wide and pale, and the rendered or measured one, along each axis that matters."""
+    run, rendered = played.run, rendered_force(played)
+    sizes = np.abs(rendered.force).max(axis=0)
+    shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MIN_FORCE_SHARE * sizes.max(), 1e-9)]
+    for axis in shown:
+        axes.plot(run.time, run.desired[:, axis], color=COLOURS[axis], **WIDE)
+        axes.plot(rendered.time, rendered.force[:, axis], color=COLOURS[axis], **THIN)
+    axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
+    axes.set_ylabel("N")
+    axes.set_title(f"Force on the {held_name(played.scenario)}" if shown else "Force")
+    two = two_scales(axes, rendered.force[:, shown], knee_of(played))
+    axes.grid()
+    up = run.rig.vertical
+    source = "rendered (simulated)" if played.person is not None else "measured by the modules"
+    entries: list[tuple[str, dict[str, Any]]] = [
+        *((f"along {'xyz'[axis]}" + ", up" * ("xyz"[axis] == up), {"color": COLOURS[axis]}) for axis in shown),
+        ("desired", {"color": GREY, **WIDE}),
+        (source, {"color": GREY, **THIN}),
+    ]
+    legend_beside(axes, entries + [("logarithmic scale", {"color": COARSE_SHADE, "linewidth": 8.0})] * two)
+
+
+def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
+    """Draw the commanded and measured tension of a module and, with a simulated person, the cable's actual one."""
+    run, person = played.run, played.person
+    lower, upper = run.setup.lower[index], run.setup.upper[index]
+    for limit in (lower, upper):
+        axes.axhline(limit, color=GREY, linestyle="--", linewidth=0.9, zorder=1)
+    lines = [
+        ("commanded", run.time, run.commanded, {"color": BLUE, **WIDE}),
+        ("motor, measured", run.time, run.measured, {"color": ORANGE, **THIN}),
+    ]
+    if person is not None:
+        lines.append(("cable, simulated", person.time, person.tensions, {"color": RED, **THIN}))
+    for _, time, tensions, look in lines:
+        axes.plot(time, tensions[:, index], **look)
+    axes.set_ylabel("N")
+    axes.set_title(f"Tension of {run.rig.modules[index].name}")
+    # One range for all modules, so that they compare.
+    two_scales(axes, np.append(lines[-1][2], 1.1 * upper), KNEE * max(run.setup.upper))
+    axes.grid()
+    if index == 0:
+        entries = [(name, look) for name, _, _, look in lines]
+        legend_beside(axes, [*entries, ("motor limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9})])
+
+
+class Curve(NamedTuple):
+    """Force against distance, in N and m (mm above a surface), (K,) each."""
+
+    distance: Floats
+    force: Floats
+
+
+class ForceDistance(NamedTuple):
+    """Desired and rendered force against distance in a phase."""
+
+    title: str
+    distance: str
+    desired: Curve
+    rendered: Curve
+
+
+def force_distance(played: ScenarioResult) -> list[ForceDistance]:
+    """Return force against distance for the phases of which it says more than time does.
+
+    Those with a flat surface that pushes or pulls: the force out of it, against the height above it. And those of
+    a scenario whose origin is on a body, as a bow: the pull towards it, against the distance from it.
+    """
+    run, frame = played.run, played.scenario.seen_from
+    rendered, measured = rendered_force(played), rendered_force(replace(played, person=None))
+    desired = ForceRecord(run.time, measured.position, run.desired)
+    between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
+    found = []
+    for phase in played.scenario.phases:
+        plane = plane_of(phase, ["plane"])
+        if plane is None and (frame is None or not phase.effects):
+            continue
+        parts = [each.during(phase.begin + SETTLING_S, phase.end) for each in (desired, rendered)]
+        name = between if plane is None else "height above the surface (mm)"
+        found.append(ForceDistance(phase.name, name, *(_curve(part, plane) for part in parts)))
+    return found
+
+
+def draw_force_distance(axes: Axes, each: ForceDistance, knee: float) -> None:
+    """Draw the desired force, wide and pale, and the rendered one."""
+    axes.plot(*each.desired, color=BLUE, **WIDE)
+    axes.plot(*each.rendered, color=BLUE, **THIN)
+    axes.grid()
+    two_scales(axes, np.concatenate([each.desired.force, each.rendered.force]), knee)
+    axes.set(xlabel=each.distance, ylabel="force (N)", title=each.title)
+
+
+def _curve(part: ForceRecord, plane: Any) -> Curve:
+    arm, force = part.position, part.force
+    if plane is None:
+        distance = np.linalg.norm(arm, axis=1)
+        towards = -arm / np.where(distance > 0.0, distance, 1.0)[:, None]
+        return Curve(distance, np.einsum("kd,kd->k", force, towards))
+    height = plane.height(arm)
+    near = np.abs(height) <= NEAR_M
+    return Curve(1e3 * height[near], force[near] @ plane.n)
+
+
+class Bar(NamedTuple):
+    """Cycles (K,) in which something was on, of the kinds in `TIMELINE_LOOKS`."""
+
+    kind: str
+    on: NDArray[np.bool_]
+
+
+def timeline(played: ScenarioResult) -> dict[str, list[Bar]]:
+    """Return the bars of brakes and of module-local effects by the name of their row; only rows that were on."""
+    run, held = played.run, pawls_engaged(played)
+    local: NDArray[np.bool_] = np.asarray(np.isfinite(run.impedances).any(axis=2))
+    found = {}
+    for index, module in enumerate(run.rig.modules):
+        if run.commanded_brakes[:, index].any():
+            bars = [Bar("brake", run.commanded_brakes[:, index]), Bar("pawl", held[:, index])]
+            found[f"{module.name}, brake"] = bars
+        if local[:, index].any():
+            found[f"{module.name}, local impedance"] = [Bar("local", local[:, index])]
+    return found
+
+
+def draw_timeline(axes: Axes, played: ScenarioResult, rows: dict[str, list[Bar]]) -> None:
+    """Draw a row for each, and a legend of its colours."""
+    period = 1.0 / played.run.setup.rate
+    used: dict[str, None] = {}
+    for row, each in enumerate(rows.values()):
+        axes.axhspan(row - 0.4, row + 0.4, color="#F1F1F1", zorder=0)
+        for kind, on in each:
+            if on.any():
+                used[kind] = None
+                edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+                begins, ends = played.run.time[edges[::2]], played.run.time[edges[1::2] - 1] + period
+                half = 0.4 if kind != "pawl" else 0.22
+                axes.broken_barh(list(zip(begins, ends - begins, strict=True)), (row - half, 2 * half),
+                                 color=TIMELINE_LOOKS[kind][1], linewidth=0.0)  # fmt: skip
+    _name_rows(axes, list(rows))
+    looks = [TIMELINE_LOOKS[kind] for kind in used]
+    legend_beside(axes, [(word, {"color": colour, "linewidth": 6}) for word, colour in looks])
+
+
+def pawls_engaged(played: ScenarioResult) -> NDArray[np.bool_]:
+    """Return in which cycles (K, m) a pawl carried a cable; known with a simulated person only, else in none."""
+    run, person = played.run, played.person
+    found = np.zeros(run.commanded_brakes.shape, dtype=bool)
+    if person is None:
+        return found
+    for index in range(run.rig.m):
+        commanded = run.time[run.commanded_brakes[:, index]]
+        if commanded.size:
+            actual = np.interp(run.time, person.time, person.tensions[:, index])
+            latest = np.searchsorted(commanded, run.time, side="right") - 1
+            soon = (latest >= 0) & (run.time - commanded[np.maximum(latest, 0)] <= PAWL_RELEASE_S)
+            found[:, index] = soon & (actual > np.nan_to_num(run.measured[:, index]) + PAWL_FORCE_N)
+    return found
+
+
+def draw_check_table(axes: Axes, rows: Sequence[Check]) -> None:
+    """Write expected and measured values, a line each, with a mark and a gauge."""
+    axes.axis("off")
+    axes.set(xlim=(0.0, 1.0), ylim=(len(rows) + 0.5, -0.5))
+    missed = sum(not row.met for row in rows)
+    axes.text(0.0, 0.0, "Expected and measured", va="center", fontweight="bold")
+    for x, heading in ((EXPECTED_X, "expected"), (MEASURED_X, "measured")):
+        axes.text(x, 0.0, heading, ha="right", va="center", color=GREY)
+    summary = f"{missed} of {len(rows)} not as expected" if missed else "all as expected"
+    axes.text(GAUGE_X, 0.0, summary, va="center", fontweight="bold", color=RED if missed else GREEN)
+    for number, row in enumerate(rows, start=1):
+        colour, mark = (GREEN, "\N{CHECK MARK}") if row.met else (RED, "\N{BALLOT X}")
+        low, high, measured = (
+            f"{value:.3g}" if math.isfinite(value) else "\N{EN DASH}"
+            for value in (row.low, row.high, row.measured)
+        )
+        unit = row.unit.removeprefix("1")
+        axes.axhline(number - 0.5, color="#E4E4E4", linewidth=0.7)
+        axes.text(0.0, number, mark, color=colour, va="center", fontsize=11)
+        axes.text(0.025, number, row.name, va="center")
+        axes.text(EXPECTED_X, number, f"{low} to {high} {unit}", ha="right", va="center")
+        axes.text(MEASURED_X, number, f"{measured} {unit}", ha="right", va="center", weight="bold", color=colour)
+        _draw_gauge(axes, number, row, colour)
+
+
+def _draw_gauge(axes: Axes, number: int, row: Check, colour: str) -> None:
+    """Draw where a number is between its bounds, which take the middle half, or how far beyond."""
+    quarters = np.linspace(GAUGE_X, 1.0, 5)
+    for ends, shade in ((quarters[[0, 4]], "#ECECEC"), (quarters[[1, 3]], "#BFDDD2")):
+        axes.plot(ends, [number, number], color=shade, linewidth=9.0, solid_capstyle="butt")
+    if 0.0 < row.high - row.low < math.inf and math.isfinite(row.measured):
+        place = np.interp((row.measured - row.low) / (row.high - row.low), [-0.5, 1.5], quarters[[0, 4]])
+        axes.plot(place, number, marker="o", markersize=6.5, color=colour)
+
+
 def plot_scenario_layouts(scenarios: Sequence[Scenario], note: str) -> Figure:
     """Draw where modules stand in the room and on the body, with the hand or the head where its script leads it.
 
     All layouts have one scale; the note stands beside the legend.
     """
     rows = -(-(len(scenarios) + 1) // LAYOUT_COLUMNS)  # one more place, for the legend
-    with new_figure((LAYOUTS_WIDTH, 1.0)) as figure:
-        grid: Any = figure.add_gridspec(rows, LAYOUT_COLUMNS)
+    with new_figure((15.0, 3.7 * rows)) as figure:
+        panels: Any = figure.subplots(rows, LAYOUT_COLUMNS, sharex=True, sharey=True, squeeze=False)
         drawn = []
-        for number, scenario in enumerate(scenarios):
-            axes: Any = figure.add_subplot(grid[number // LAYOUT_COLUMNS, number % LAYOUT_COLUMNS])
+        for axes, scenario in zip(panels.flat, scenarios, strict=False):
             path, moment = script_path(scenario)
             drawn.append((axes, draw_scene(axes, scenario, moment, path)))
             axes.set_title(scenario.title)
-        boxes = np.array([axes.dataLim.get_points() for axes, _ in drawn])
-        # One scale for all: all of a column are as wide as the widest, all of a row as high as the highest.
-        spans = boxes[:, 1] - boxes[:, 0] + 2 * MARGIN_M
-        widths = [spans[column::LAYOUT_COLUMNS, 0].max(initial=MIN_CELL_M) for column in range(LAYOUT_COLUMNS)]
-        ends = [slice(LAYOUT_COLUMNS * row, LAYOUT_COLUMNS * (row + 1)) for row in range(rows)]
-        heights = [spans[end, 1].max(initial=MIN_CELL_M) for end in ends]
-        grid.set_width_ratios(widths)
-        grid.set_height_ratios(heights)
-        figure.set_size_inches(LAYOUTS_WIDTH, LAYOUTS_WIDTH * sum(heights) / sum(widths) + 0.35 * rows)
-        for number, (axes, _) in enumerate(drawn):
-            middle, bottom = boxes[number, :, 0].mean(), boxes[number, 0, 1] - MARGIN_M
-            axes.set_xlim(middle + np.array([-0.5, 0.5]) * widths[number % LAYOUT_COLUMNS])
-            axes.set_ylim(bottom, bottom + heights[number // LAYOUT_COLUMNS])
-        key: Any = figure.add_subplot(grid[-1, -1])
-        key.axis("off")
+        for axes in panels.flat[len(scenarios) :]:
+            axes.axis("off")
+        key = panels[-1, -1]
         key.legend(handles=lines_of(scene_legend(scenarios)), loc="upper left", fontsize=9, labelspacing=0.8)
         key.text(0.02, 0.45, f"{note}\nTiles: {TILE_M:g} m.", va="top", wrap=True, transform=key.transAxes)
         for axes, names in drawn:

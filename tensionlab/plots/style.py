@@ -148,7 +148,7 @@ def two_scales(axes: Axes, values: Floats, knee: float) -> bool:
     fine = np.asarray(MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(0.0, 0.9 * knee))
     coarse = np.outer(10.0 ** np.arange(6), [1.0, 2.0, 4.0]).ravel()
     sizes = np.concatenate([fine[fine < knee], coarse[coarse > 1.3 * knee]])
-    ticks = np.unique(np.concatenate([-sizes, sizes]))
+    ticks = np.unique(np.concatenate([-sizes, sizes])) + 0.0  # not -0
     axes.set_yticks(ticks[(ticks >= bottom) & (ticks <= top)])
     axes.minorticks_off()
     axes.yaxis.set_major_formatter("{x:g}")

@@ -6,13 +6,16 @@ import pytest
 from matplotlib.figure import Figure
 
 from tensionlab.errors import InputError
-from tensionlab.plots.scenario import moment_of, plot_scenario, plot_scenario_layouts, script_path
-from tensionlab.plots.scenario_panels import (
+from tensionlab.plots.scenario import (
     draw_force,
     draw_tension,
     draw_timeline,
     force_distance,
+    moment_of,
     pawls_engaged,
+    plot_scenario,
+    plot_scenario_layouts,
+    script_path,
     timeline,
 )
 from tensionlab.plots.scene import origin_of, scripted_moment, view_of
@@ -39,7 +42,7 @@ def test_a_picture_names_what_is_in_it(tmp_path, bow):
     words = words_of(tmp_path / "bow.svg")
     for word in (
         *(phase.name for phase in bow.scenario.phases),
-        *("Force on the draw hand", "along x", "desired", "rendered (simulated)", "coarse scale"),
+        *("Force on the draw hand", "along x", "desired", "rendered (simulated)", "logarithmic scale"),
         *("Tension of bow-hand", "cable, simulated", "motor limits", "time (s)"),
         *("bow-hand, brake", "brake commanded", "pawl holds the cable", "bow-hand, local impedance"),
         *("module on the body", "where brakes hold", "draw hand", "bow-hand"),
