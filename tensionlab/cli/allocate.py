@@ -95,19 +95,15 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
         elif tension >= module.upper - LIMIT_TOLERANCE_N:
             at = "at its upper limit"
         rows.append((module.name, f"{tension:.4f}", module.lower, module.upper, at))
-    output.print_table(
-        f"{rig.name} at {output.vector(position)} m", ("<module", "tension N", "lower N", "upper N", "<"), rows
-    )
+    title = f"{rig.name} at {output.vector(position)} m"
+    output.print_table(title, ("<module", "tension N", "lower N", "upper N", "<"), rows)
     console = output.console()
     console.print()
-    output.print_table(
-        "",
-        ("<wrench", "desired", "rendered", "difference"),
-        (
-            (name, f"{one:.4f}", f"{other + 0.0:.4f}".replace("-0.0000", "0.0000"), output.short(one - other))
-            for name, one, other in zip(output.components(rig), desired, result.wrench, strict=True)
-        ),
+    components = (
+        (name, f"{one:.4f}", f"{other + 0.0:.4f}".replace("-0.0000", "0.0000"), output.short(one - other))
+        for name, one, other in zip(output.components(rig), desired, result.wrench, strict=True)
     )
+    output.print_table("", ("<wrench", "desired", "rendered", "difference"), components)
     unit = "N" if rig.n == rig.dimension else "(N and N·m together)"
     console.print(f"\nerror {output.short(float(result.residual))} {unit}, {status}", soft_wrap=True)
     if reason := result.failures.get(0):

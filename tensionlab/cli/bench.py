@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -24,11 +23,7 @@ from tensionlab.solvers.base import Status
 if TYPE_CHECKING:
     from tensionlab.benchmark.results import Results
 
-problems = typer.Typer(
-    help="List, show and export the benchmark's problem sets.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+problems = options.group("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same problems.")]
 COLUMNS = (
@@ -97,28 +92,20 @@ def bench(
 def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
     """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
-    from tensionlab.benchmark.report import report
+    from tensionlab.benchmark.report import FIGURES, report
 
-    figures = {
-        "profile": plots.plot_profile,
-        "accuracy": plots.plot_accuracy,
-        "worst": plots.plot_worst,
-        "continuity": plots.plot_continuity,
-    }
+    def save(figure: Any, path: Path) -> None:
+        make_folder(path.parent)
+        plots.save_figure(figure, path)
+
     drawn = []
-    for name, draw in figures.items():
-        paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
+    for name in FIGURES:
         with suppress(InputError):  # nothing to draw, such as no trajectory
-            if all(writer.write("", path, partial(_draw, draw, results)) for path in paths):
+            figure = getattr(plots, f"plot_{name}")(results)
+            paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
+            if all(writer.write("", path, partial(save, figure)) for path in paths):
                 drawn.append(name)
     writer.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
-
-
-def _draw(draw: Callable[[Results], Any], results: Results, path: Path) -> None:
-    from tensionlab.plots import save_figure
-
-    make_folder(path.parent)
-    save_figure(draw(results), path)
 
 
 def _print(results: Results, out: Path, json: bool) -> None:

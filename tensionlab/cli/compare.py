@@ -135,16 +135,7 @@ def print_scores(
 ) -> None:
     """Print a table of solvers, what its words mean, and which solvers are left out, and why.
 
-    Parameters
-    ----------
-    title, legend : str
-    rows : sequence of Score
-    columns : sequence of Column
-        Those that follow `STATUSES`.
-    missing : mapping of str to str
-        Reasons by the names of solvers.
-    first_apart : bool
-        Whether to draw a line below the first row.
+    The columns follow `STATUSES`; ``first_apart`` draws a line below the first row.
     """
     console = output.console()
     narrow = console.width < output.PIPE_WIDTH

@@ -14,7 +14,7 @@ from tensionlab.files import writing
 if TYPE_CHECKING:
     from tensionlab.workspace.layout.search import Layout, LayoutSearch
 
-layout = typer.Typer(help="Find out where to put the modules.", no_args_is_help=True, rich_markup_mode=None)
+layout = options.group("Find out where to put the modules.")
 
 
 @layout.callback()
@@ -90,22 +90,16 @@ def _print(found: LayoutSearch, name: str) -> None:
     console = output.console()
     if len(found.layouts) > 1:
         console.print(f"{name}: the score is {found.objective.describe()}", soft_wrap=True)
-        output.print_table(
-            "",
-            ("modules", "score", "worst\nmargin N", "<better than\nwith fewer"),
-            (
-                (each.rig.m, f"{each.score:.4g}", f"{each.worst:.4g}", each in found.front)
-                for each in found.layouts
-            ),
-        )
+        headings = ("modules", "score", "worst\nmargin N", "<better than\nwith fewer")
+        rows = [
+            (each.rig.m, f"{each.score:.4g}", f"{each.worst:.4g}", each in found.front) for each in found.layouts
+        ]
+        output.print_table("", headings, rows)
         console.print()
     best = found.best
     console.print(f"{best.rig.name}: {best.score:.4g} is {found.objective.describe()}", soft_wrap=True)
-    output.print_table(
-        "",
-        ("<module", "<frame", "anchor\nm", "score lost\nwithout it"),
-        (
-            (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
-            for module, lost in zip(best.rig.modules, best.contributions, strict=True)
-        ),
+    places = (
+        (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
+        for module, lost in zip(best.rig.modules, best.contributions, strict=True)
     )
+    output.print_table("", ("<module", "<frame", "anchor\nm", "score lost\nwithout it"), places)

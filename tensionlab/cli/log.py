@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from tensionlab.comparison.replay import ReplayRow
     from tensionlab.hardware.log.reader import ModuleReport, Run, RunReport
 
-log = typer.Typer(help="Show, export, draw and replay logs of runs.", no_args_is_help=True, rich_markup_mode=None)
+log = options.group("Show, export, draw and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
 MAX_EVENTS = 12
 """Events that are printed; JSON has all."""
+MODULE_HEADINGS = ("<module", "commanded N\nmin", "\nmean", "\nmax", "telemetry age\nmedian", "\n99 %", "\nmax",
+                   "<limited by")  # fmt: skip
 
 COLUMNS: list[Column[ReplayRow]] = [
     ("fall-\nback", lambda row: str(row.fallback_used), False),
@@ -159,31 +161,16 @@ def _print_info(found: RunReport) -> None:
     else:
         console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
     console.print()
-    output.print_table(
-        "",
+    rows = (
         (
-            "<module",
-            "commanded N\nmin",
-            "\nmean",
-            "\nmax",
-            "telemetry age\nmedian",
-            "\n99 %",
-            "\nmax",
-            "<limited by",
-        ),
-        (
-            (
-                module.name,
-                *(
-                    output.short(value)
-                    for value in (module.commanded_min_n, module.commanded_mean_n, module.commanded_max_n)
-                ),
-                *(duration(value) for value in module.telemetry_age_s.values()),
-                _limiters(module),
-            )
-            for module in found.modules
-        ),
+            module.name,
+            *map(output.short, (module.commanded_min_n, module.commanded_mean_n, module.commanded_max_n)),
+            *map(duration, module.telemetry_age_s.values()),
+            _limiters(module),
+        )
+        for module in found.modules
     )
+    output.print_table("", MODULE_HEADINGS, rows)
     if found.events:
         console.print()
         for event in found.events[:MAX_EVENTS]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tensionlab.cli.common import output
+from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, json_rows
 from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.cli.module_calibrate import calibrate
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from tensionlab.hardware.protocol.codes import State
     from tensionlab.hardware.protocol.messages import Info, Message
 
-module = typer.Typer(
-    help="Find modules, show how they are, set them up and stop them.", no_args_is_help=True, rich_markup_mode=None
-)
+module = options.group("Find modules, show how they are, set them up and stop them.")
 INFO = ("<module", "<serial\nnumber", "<firm-\nware", "<state", "<cali-\nbrated", "<length\nknown", "<started\nby",
         "TTL\nms", "tension\nN", "gain\nN/A", "spool\nmm")  # fmt: skip
 """Columns of `info`."""

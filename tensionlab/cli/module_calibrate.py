@@ -11,7 +11,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, RigFile
-from tensionlab.model.files import load_rig
+from tensionlab.model.files import load_rig, rig_to_toml
 from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
@@ -20,11 +20,7 @@ if TYPE_CHECKING:
     from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.hardware.client.module import ModuleClient
 
-calibrate = typer.Typer(
-    help="Calibrate modules and rigs.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+calibrate = options.group("Calibrate modules and rigs.")
 Url = Annotated[
     str, typer.Argument(metavar="URL", help="Link to the module, or sim: for a simulated one with a mass on it.")
 ]
@@ -185,8 +181,10 @@ def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, obj
 
 
 def _print_gain(url: str, found: GainEstimate) -> None:
-    numbers = [("tension for each ampere, N/A", f"{found.believed:.4g}", found.gain, 4)]
-    numbers.append(("friction and cogging, N", "", found.friction, 3))
+    numbers = [
+        ("tension for each ampere, N/A", f"{found.believed:.4g}", found.gain, 4),
+        ("friction and cogging, N", "", found.friction, 3),
+    ]
     if found.zero is not None:
         numbers.append(("current at zero tension, A", "", found.zero, 4))
     rows = [
@@ -285,28 +283,22 @@ def anchors(
     show them. Nor do they show an error that is the same share of all lengths. For a platform, give rough poses
     all the same: the search starts from them.
     """
-    from tensionlab.hardware.calibration.anchors import (
-        calibrate_anchors,
-        calibrated_rig,
-        held_out_misfit,
-        nominal_misfit,
-    )
+    from tensionlab.hardware.calibration import anchors as calibration
     from tensionlab.hardware.calibration.lengths import load_lengths
-    from tensionlab.model.files import load_rig, rig_to_toml
 
     rig = load_rig(path)
     values, poses = load_lengths(measured, rig)
     if known and poses is None:
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
-    found = calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
+    found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
     misfits = {
-        "before": nominal_misfit(rig, values, found.poses, known=known),
+        "before": calibration.nominal_misfit(rig, values, found.poses, known=known),
         "after": found.sigma,
-        "held_out": held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
+        "held_out": calibration.held_out_misfit(rig, values, found.poses, known=known, offsets=offsets),
     }
     how = f"anchors calibrated from {len(values)} {'known' if known else 'unknown'} poses ({measured.name})"
     with output.ResultWriter(quiet=json) as writer:
-        written = out and writer.write_text("rig", out, rig_to_toml(calibrated_rig(rig, found, how)))
+        written = out and writer.write_text("rig", out, rig_to_toml(calibration.calibrated_rig(rig, found, how)))
         if json:
             output.print_json(
                 rig=rig.name,

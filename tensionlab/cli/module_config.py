@@ -20,11 +20,7 @@ if TYPE_CHECKING:
     from tensionlab.hardware.client.module import ModuleClient
     from tensionlab.hardware.client.parameter_file import Change
 
-config = typer.Typer(
-    help="Get and set the parameters of modules. The modules must be idle.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+config = options.group("Get and set the parameters of modules. The modules must be idle.")
 LinksAndParameters = Annotated[
     list[str] | None,
     typer.Argument(

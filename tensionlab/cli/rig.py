@@ -18,7 +18,7 @@ from tensionlab.model.rig import Rig
 if TYPE_CHECKING:
     from tensionlab.validation.rig_check import Finding
 
-rig = typer.Typer(help="Show, check, import and export rigs.", no_args_is_help=True, rich_markup_mode=None)
+rig = options.group("Show, check, import and export rigs.")
 SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", "lower\nN", "upper\nN", "brake\nN")
 """Columns of `show`."""
 
@@ -56,23 +56,12 @@ def _print(loaded: Rig, lengths: Floats) -> None:
         console.print(f"Source: {loaded.source}")
     console.print()
     where = f"home {output.vector(loaded.home)} m"
-    output.print_table(
-        f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} wrench components, {where}",
-        SHOWN,
-        (
-            (
-                each.name,
-                each.frame,
-                each.anchor,
-                each.attachment,
-                f"{length:.3f}",
-                each.lower,
-                each.upper,
-                each.brake,
-            )
-            for each, length in zip(loaded.modules, lengths, strict=True)
-        ),
+    title = f"{loaded.name}: {loaded.kind} rig, {loaded.m} cables, {loaded.n} wrench components, {where}"
+    rows = (
+        (each.name, each.frame, each.anchor, each.attachment, f"{length:.3f}", each.lower, each.upper, each.brake)
+        for each, length in zip(loaded.modules, lengths, strict=True)
     )
+    output.print_table(title, SHOWN, rows)
 
 
 @rig.command()
@@ -101,12 +90,10 @@ def _print_findings(loaded: Rig, findings: list[Finding], passed: bool) -> None:
     from rich.text import Text
 
     frames = ", with its body frames at rest" if loaded.frames else ""
+    title = f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}"
     words = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("note")}
-    output.print_table(
-        f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}",
-        ("<", "<check", "<finding"),
-        ((words[finding.passed], finding.name, finding.text) for finding in findings),
-    )
+    rows = ((words[finding.passed], finding.name, finding.text) for finding in findings)
+    output.print_table(title, ("<", "<check", "<finding"), rows)
 
 
 @rig.command("import")

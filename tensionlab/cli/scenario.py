@@ -167,20 +167,13 @@ def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -
 
     console = output.console()
     if rows:
-        output.print_table(
-            f"{played.scenario.title}: {played.scenario.about}",
-            ("<", "measured", "expected", "<", "<"),
-            (
-                (
-                    row.name,
-                    output.short(row.measured),
-                    f"{output.short(row.low)} to {output.short(row.high)}",
-                    "" if row.unit == "1" else row.unit,
-                    "" if row.met else "not met",
-                )
-                for row in rows
-            ),
-        )
+        title = f"{played.scenario.title}: {played.scenario.about}"
+        lines = []
+        for row in rows:
+            expected = f"{output.short(row.low)} to {output.short(row.high)}"
+            unit, met = "" if row.unit == "1" else row.unit, "" if row.met else "not met"
+            lines.append((row.name, output.short(row.measured), expected, unit, met))
+        output.print_table(title, ("<", "measured", "expected", "<", "<"), lines)
         console.print()
     reasons = [f"{count} {reason}" for reason, count in found.reasons.items() if count]
     elsewhere = f"; elsewhere: {', '.join(reasons)}" if reasons else ""

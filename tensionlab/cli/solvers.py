@@ -37,19 +37,12 @@ def solvers(json: Json = False) -> None:
         return
     from rich.text import Text
 
-    output.print_table(
-        "",
-        (
-            "<solver",
-            "<installed",
-            "<if infeasible, nearest in",
-            "<minimises, among tensions that render the wrench",
-        ),
-        (
-            (entry["solver"], entry["installed"], ", ".join(entry["nearest"]) or "–", entry["objective"])
-            for entry in entries
-        ),
+    minimised = "<minimises, among tensions that render the wrench"
+    rows = (
+        (entry["solver"], entry["installed"], ", ".join(entry["nearest"]) or "–", entry["objective"])
+        for entry in entries
     )
+    output.print_table("", ("<solver", "<installed", "<if infeasible, nearest in", minimised), rows)
     console = output.console()
     console.print()
     families: dict[str, str] = {}

@@ -29,18 +29,9 @@ CALLS_PER_TURN = 10
 class Score:
     """Statistics of the answers of one solver with one policy; NaN where there is no value.
 
-    Attributes
-    ----------
-    solver, nearest : str
-        Name of the solver, and its policy for infeasible forces; None if it honours no policy.
-    exact, nearest_count, iteration_limit, failed : int
-        How many vectors ended with which verified status.
-    residual_mean, residual_max : float
-        Norm of desired minus rendered wrench, over all vectors that did not fail, in N.
-    angle_mean_deg, angle_max_deg : float
-        Angle between desired and rendered force; vectors that render no force at all have none.
-    tension_sq_mean : float
-        Mean of the squared tensions, over modules and vectors, in N².
+    How many vectors ended with which verified status; the norm of desired minus rendered wrench, over all that did
+    not fail, in N; the angle between desired and rendered force, where one is rendered; and the mean of the
+    squared tensions, over modules and vectors, in N².
     """
 
     solver: str
@@ -60,15 +51,9 @@ class Score:
 class Row(Score):
     """Score and times of one solver with one policy.
 
-    Attributes
-    ----------
-    gap_max : float
-        Maximum difference of a tension to the exact optimum of the same policy, in N. For a solver without a
-        policy, over the feasible vectors only: it promises nothing on the others.
-    call_median_s, call_p99_s : float
-        Time of one `Allocator` call for one vector, verification included: median, 99 % quantile.
-    batch_s : float
-        Time of one `Allocator` call for all vectors, divided by their number.
+    The gap is the maximum difference of a tension to the exact optimum of the same policy, in N; for a solver
+    without a policy, over the feasible vectors only: it promises nothing on the others. Times are of an
+    `Allocator` call for one vector, verification included, and of one for all vectors, divided by their number.
     """
 
     gap_max: float
@@ -79,20 +64,10 @@ class Row(Score):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Rows of every solver on one rig, with body frames at rest.
+    """Rows of every solver with each of its policies on one rig, with body frames at rest.
 
-    Attributes
-    ----------
-    position : (d,) array
-        In m.
-    structure : (n, m) array
-        Structure matrix there.
-    wrenches : (K, n) array
-        Desired wrenches in N (and N·m).
-    rows : tuple of Row
-        One per solver and policy; ``allocations`` has the K answers of each.
-    missing : dict of str to str
-        Reasons, by the names of solvers left out.
+    At a position (d,) with a structure matrix (n, m): desired wrenches (K, n), and the K answers of each row.
+    ``missing`` has reasons by the names of solvers left out.
     """
 
     rig: Rig
@@ -114,31 +89,14 @@ def compare(
     nearest: Nearest | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Compare solvers on a rig, on the same forces and with the same verification.
+    """Compare solvers, named as in `select_solvers`, on the same forces and with the same verification.
 
     Every answer comes from an `Allocator`. The optimum that `gap_max` refers to is newton's answer for the same
     policy. The solvers are timed in turns of a few calls, so that a slow moment of the machine hits all of them.
 
-    Parameters
-    ----------
-    rig : Rig
-        With body frames at rest.
-    position : (d,) array, optional
-        In m; None for the rig's home.
-    directions : (K, d) array, optional
-        Unit vectors; None for `grid18`, or `circle` for a planar rig.
-    magnitude : float
-        Size of each force in N. 1.5 N is the published validation's.
-    solvers, nearest
-        As in `select_solvers`.
-    progress : callable, optional
-        Called with the share of the work that is done, from 0 to 1.
-
-    Raises
-    ------
-    ValueError, UnknownSolver, MissingDependency
-        As `select_solvers`; InputError if the magnitude is not above zero, ShapeError if position or directions
-        do not fit the rig.
+    The forces have a magnitude in N, by default that of the published validation, and directions (K, d), by
+    default `grid18`, or `circle` for a planar rig. They act at the rig's home unless a position, in m, is given.
+    ``progress`` is called with the share that is done.
     """
     runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)

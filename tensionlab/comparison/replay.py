@@ -18,20 +18,10 @@ from tensionlab.solvers.base import Nearest
 class ReplayRow(Score):
     """Score of one solver on the demands of a run.
 
-    Attributes
-    ----------
-    fallback_used : int
-        Unproven answers of the run's solver. In the run's own row, those of the fallback are in their place, and
-        are scored as its own.
-    magnitude_mean, magnitude_max : float
-        Difference of the norms of rendered and desired force, in N.
-    tension_max : float
-        In N.
-    jump_max : float
-        Maximum change of a tension from one cycle to the next, in N, before the runner limits it; where the same
-        modules take part in both.
-    iterations_mean, iterations_max : float
-        As the solver counts them.
+    ``fallback_used`` counts unproven answers of the run's solver; in the run's own row those of the fallback are
+    in their place, and are scored as its own. Magnitudes are differences of the norms of rendered and desired
+    force, in N. The jump is the maximum change of a tension from one cycle to the next, in N, before the runner
+    limits it, where the same modules take part in both.
     """
 
     fallback_used: int
@@ -45,16 +35,9 @@ class ReplayRow(Score):
 
 @dataclass(frozen=True)
 class Replay:
-    """Rows of solvers on the demands of a run.
+    """Rows of solvers on the demands of a run: its own first, as it was, then each solver with its own policy.
 
-    Attributes
-    ----------
-    cycles : int
-        The run's cycles with a desired wrench.
-    rows : tuple of ReplayRow
-        The run's own first, as it was; then each solver with its own policy.
-    missing : dict of str to str
-        Reasons, by the names of solvers left out.
+    ``cycles`` counts those with a desired wrench; ``missing`` has reasons by the names of solvers left out.
     """
 
     cycles: int
@@ -68,20 +51,8 @@ def replay(
     """Allocate the demands of a run again, by other solvers.
 
     Each gets the desired wrenches, at the poses where the run was, with the run's limits and the modules that took
-    part. Where the run would have gone with other answers is not simulated.
-
-    Parameters
-    ----------
-    run : Run
-    solvers : sequence of str, optional
-        Names, as in `select_solvers`; None for all that serve this rig.
-    progress : callable, optional
-        Called with the share of the work that is done, from 0 to 1.
-
-    Raises
-    ------
-    ValueError, UnknownSolver, MissingDependency, PluginError
-        As `select_solvers`.
+    part. Where the run would have gone with other answers is not simulated. Names are as in `select_solvers`;
+    ``progress`` is called with the share that is done.
     """
     runs, missing = select_solvers(solvers, None, (run.rig.n, run.rig.m))
     own: dict[str, Nearest | None] = {}

@@ -1,9 +1,4 @@
-"""Files from outside, read within bounds: bytes, text, TOML and JSON, each refused in words.
-
-Whoever reads a file of some kind goes through here, so that a folder, a device, a file of gigabytes, another
-encoding, tables nested a thousand deep and numbers of a thousand digits are refused once and in the same words.
-`tensionlab.files.tables` reads columns of numbers.
-"""
+"""Files from outside, read within bounds: bytes, text, TOML and JSON, each refused in words."""
 
 from __future__ import annotations
 
@@ -67,21 +62,9 @@ def brief(value: object) -> str:
 def read_bytes(
     path: str | PathLike[str], what: str, error: type[TensionlabError], max_bytes: int = MAX_TEXT_BYTES
 ) -> bytes:
-    """Return the contents of a file.
+    """Return the contents of a file; what kind is wanted, such as "a rig file (*.toml)", is for messages.
 
-    Parameters
-    ----------
-    what : str
-        What kind of file is wanted, such as "a rig file (*.toml)", for messages.
-    error : type
-        Of the error that is raised.
-    max_bytes : int
-        More are refused.
-
-    Raises
-    ------
-    error
-        Naming the file: it is not there, is a folder, cannot be read, or is too large.
+    The error is raised, naming the file, if it is not there, is a folder, cannot be read, or is too large.
     """
     pieces: list[bytes] = []
     left = max_bytes + 1
@@ -106,10 +89,7 @@ def read_bytes(
 def read_text(
     path: str | PathLike[str], what: str, error: type[TensionlabError], max_bytes: int = MAX_TEXT_BYTES
 ) -> str:
-    """Return the text of a file in UTF-8, with or without a byte order mark.
-
-    Parameters and errors as in `read_bytes`.
-    """
+    """Return the text of a file in UTF-8, with or without a byte order mark; else as `read_bytes`."""
     try:
         return read_bytes(path, what, error, max_bytes).decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -117,18 +97,14 @@ def read_text(
 
 
 def read_toml(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> dict[str, Any]:
-    """Return the tables of a TOML file. Parameters and errors as in `read_bytes` and `parse_toml`."""
+    """Return the tables of a TOML file, as `read_bytes` and `parse_toml` do."""
     return parse_toml(read_text(path, what, error), str(path), error)
 
 
 def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str, Any]:
-    """Return the keys and values of a TOML text.
+    """Return the keys and values of a TOML text, which errors call ``source``.
 
-    Raises
-    ------
-    error
-        Calling the text ``source``: it is not valid TOML, too large, nested too deep, or has a whole number of
-        more than 64 bits.
+    It is refused if it is not valid, too large, nested too deep, or has a whole number of more than 64 bits.
     """
     if len(text) > MAX_TEXT_BYTES:
         raise error(f"{source}: has more than {MAX_TEXT_BYTES:,} characters; shorten it") from None
@@ -147,7 +123,7 @@ def parse_toml(text: str, source: str, error: type[TensionlabError]) -> dict[str
 
 
 def parse_json(text: str | bytes, source: str, error: type[TensionlabError]) -> Any:
-    """Return what a JSON text holds. Parameters and errors as in `parse_toml`, but for the size."""
+    """Return what a JSON text holds; refused as in `parse_toml`, but for the size."""
     try:
         value = json.loads(text)
     except RecursionError:

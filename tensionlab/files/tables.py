@@ -31,12 +31,8 @@ MAX_VALUES = 200_000_000
 def csv_rows(text: str, source: str, error: type[TensionlabError]) -> Iterator[tuple[int, list[str]]]:
     """Yield the cells of each line that says something, with its number from 1.
 
-    Empty lines, and those that begin with #, are passed over.
-
-    Raises
-    ------
-    error
-        Naming the line: cells that are no CSV, as with a quotation mark that is never closed.
+    Empty lines, and those that begin with #, are passed over. Cells that are no CSV are refused, as with a
+    quotation mark that is never closed.
     """
     for number, line in enumerate(io.StringIO(text), start=1):
         if not line.strip() or line.startswith("#"):
@@ -58,19 +54,7 @@ def read_table(
 ) -> dict[str, Floats]:
     """Return the numbers of each column of a CSV file whose first line names the columns.
 
-    Parameters
-    ----------
-    needed, optional : sequence of str
-        Columns that must and that may be there; a file with others is refused.
-    error : type
-        Of the error that is raised.
-    what : str
-        Which kind of file is wanted, for messages.
-
-    Raises
-    ------
-    error
-        Naming the file, the line and the column: what is wrong and what to do.
+    A file is refused without the columns that are needed, and with others than those and the optional ones.
     """
     rows = csv_rows(read_text(path, what, error, MAX_FILE_BYTES), str(path), error)
     _, heading = next(rows, (0, []))
@@ -181,13 +165,7 @@ class ParquetTable(NamedTuple):
 
 
 def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type[TensionlabError]) -> list[Row]:
-    """Return mappings, such as the rows of a table, as instances of a dataclass, checked against its annotations.
-
-    Raises
-    ------
-    error
-        Naming the row, from 1, and the field.
-    """
+    """Return mappings, such as the rows of a table, as instances of a dataclass, checked by its annotations."""
     hints = get_type_hints(kind)
     fields = dataclasses.fields(kind)  # type: ignore[arg-type]
     needed = {
@@ -212,13 +190,7 @@ def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type
 
 
 def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:
-    """Return the table of a Parquet file, with its manifest.
-
-    Raises
-    ------
-    error
-        Naming the file: it cannot be read, is damaged, too large, or has a column twice.
-    """
+    """Return the table of a Parquet file, with its manifest."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -249,11 +221,6 @@ def read_npz(path: str | PathLike[str], what: str, error: type[TensionlabError])
 
     Each is unpacked up to a bound, and its header checked against what was unpacked, before there is an array: a
     small file may claim, or unpack to, more than the memory.
-
-    Raises
-    ------
-    error
-        Naming the file and the array.
     """
     data = read_bytes(path, what, error, MAX_FILE_BYTES)
     arrays: dict[str, Floats] = {}

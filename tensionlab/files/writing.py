@@ -47,13 +47,8 @@ def unwritable(path: str | PathLike[str], error: OSError) -> WriteError:
 def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) -> None:
     """Check that a file can be written, before the work that makes it: some bytes are written beside its place.
 
-    It must have one of the suffixes, in lower case, if there are any.
-
-    Raises
-    ------
-    WriteError
-        If the suffix is another one, the folder is not there or cannot be written to, or at the place is something
-        other than a file that may be replaced.
+    It must have one of the suffixes, in lower case, if there are any; its folder must be there; and at its place
+    there must be nothing other than a file that may be replaced.
     """
     if suffixes and Path(path).suffix.lower() not in suffixes:
         raise WriteError(f"{path}: unsupported format; it must end in {' or '.join(suffixes)}")
@@ -68,11 +63,6 @@ def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
     """Check that files can be written to a folder, which need not be there yet. Nothing is made.
 
     With ``parents``, the folder that it is to be made in need not be there either.
-
-    Raises
-    ------
-    WriteError
-        If there is something else, or the folder, or the one that it is to be made in, cannot be written to.
     """
     folder = Path(os.path.realpath(path))
     if not parents and not os.path.lexists(folder.parent):
@@ -98,12 +88,8 @@ def make_folder(path: str | PathLike[str]) -> Path:
 def replacing(path: str | PathLike[str]) -> Iterator[IO[bytes]]:
     """Open a file that takes its place when the block ends, and is gone if the block fails.
 
-    A link is followed. A file that was there before keeps its permissions.
-
-    Raises
-    ------
-    WriteError
-        If the system refuses, here or when the block ends, or there is something other than a file to replace.
+    A link is followed. A file that was there before keeps its permissions. `WriteError` if the system refuses,
+    here or when the block ends, or there is something other than a file to replace.
     """
     place = _place(path)
     new = _neighbour(place.parent, place.suffix)
@@ -138,11 +124,6 @@ def open_stream(path: str | PathLike[str]) -> IO[bytes]:
     """Open a file that is written in its place, for what comes bit by bit and must outlive a killed process.
 
     What was in it is lost, but only if something can be written in its stead.
-
-    Raises
-    ------
-    WriteError
-        As `require_writable`.
     """
     require_writable(path)
     try:
@@ -188,21 +169,10 @@ def _probe(folder: Path) -> None:
 
 
 def acquire_lock(path: Path, timeout: float, extra: str) -> BaseFileLock | None:
-    """Lock a file for this process, which is made if it is not there.
+    """Lock a file, which is made if it is not there, for this process, at whose end the system releases it.
 
-    The system releases the locks of a process that ends.
-
-    Parameters
-    ----------
-    timeout : float
-        How long to wait for another process that holds it, in s.
-    extra : str
-        Of this package that brings filelock, for messages.
-
-    Returns
-    -------
-    lock or None
-        To be released; None if another process has it for longer than that.
+    Returns the lock, or None if another process has it for longer than the timeout, in s. The extra of this
+    package that brings filelock is for messages.
     """
     try:
         from filelock import FileLock, Timeout

@@ -105,12 +105,8 @@ def map_normals() -> Floats:
 def plot_brake_maps(maps: dict[str, BrakeMap], cables: Floats) -> Figure:
     """Draw, for walls of all normals, which share of a push stays unresisted.
 
-    Parameters
-    ----------
-    maps : dict
-        By title, side by side: maps over `map_normals`, at one position each.
-    cables : (3, m) array
-        Structure matrix there: where the cables point.
+    Side by side, by their titles, maps over `map_normals` at one position; the structure matrix (3, m) there tells
+    where the cables point.
     """
     latitude, longitude = _grid()
     with new_figure((5.2 * len(maps), 3.6), dpi=110) as figure:

@@ -117,10 +117,7 @@ def draw_scene(
 ) -> dict[str, list[tuple[float, float]]]:
     """Draw a scenario's layout at one moment, and the path (K, d) of the held point.
 
-    Returns
-    -------
-    dict
-        The names that belong beside points, for `tensionlab.plots.style.label_points`.
+    Return the names that belong beside points, for `tensionlab.plots.style.label_points`.
     """
     rig, view, up = scenario.rig, view_of(scenario.rig), up_of(scenario.rig)
     axes.set_aspect("equal")
@@ -228,19 +225,10 @@ def _draw_patch(axes: Axes, view: View, up: int, middle: Floats, normal: Floats,
 
 
 def draw_person(axes: Axes, view: View, up: int, stands: Floats, places: Sequence[tuple[str, Floats]]) -> None:
-    """Draw a light stick figure with its known parts where they are.
+    """Draw a light stick figure that stands at a place between its feet, with its known parts where they are.
 
-    Parameters
-    ----------
-    axes : Axes
-    view : View
-    up : int
-        Axis of the world that is up.
-    stands : (3,) array
-        Between the feet.
-    places : sequence of (name, place)
-        Known parts: "hand", "head", "torso" (between the shoulders), "shoulder", "hip" or "foot" in the name tells
-        which.
+    "hand", "head", "torso" (between the shoulders), "shoulder", "hip" or "foot" in the name of a place tells the
+    part.
     """
     from matplotlib.patches import Circle
 

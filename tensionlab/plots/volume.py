@@ -25,15 +25,7 @@ def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: fl
     surface is closed.
 
     Source: Doi and Koide, "An efficient method of triangulating equi-valued surfaces by using tetrahedral
-    cells", 1991.
-
-    Parameters
-    ----------
-    values : (a, b, c) array
-        On the grid; NaN counts as below the level.
-    axes : arrays of length a, b and c
-        Coordinates, in m.
-    level : float
+    cells", 1991. NaN counts as below the level; the coordinates along the axes are in m.
     """
     low = level - 1e-3 * (np.nanmax(values, initial=level) - level) - 1e-12
     padded = np.pad(np.where(np.isfinite(values), values, low), 1, constant_values=low) - level
@@ -120,13 +112,8 @@ def _shaded(triangles: Floats, up: int) -> Floats:
 def plot_layouts(around: xarray.Dataset, target: xarray.Dataset, level: float) -> Figure:
     """Draw rigs side by side: the volume above a level around a target, and the curves for the target itself.
 
-    Parameters
-    ----------
-    around, target : Dataset
-        The same rigs and the same metric, from `tensionlab.sweep`: over a grid of all that is drawn, and over one
-        of the target alone.
-    level : float
-        The volume above it is drawn.
+    Both data sets are of the same rigs and metric, from `tensionlab.sweep`: over a grid of all that is drawn, and
+    over one of the target alone.
     """
     wide, narrow = read_field(around), read_field(target)
     count = len(wide.names)

@@ -184,22 +184,10 @@ def _plane(field: Field) -> tuple[str, str, str | None]:
 
 @dataclass(frozen=True)
 class Field:
-    """One metric over a grid, for each of several rigs.
+    """One metric over a grid (rigs, *grid), for each of several rigs; NaN where a cable has no length.
 
-    Attributes
-    ----------
-    values : (rigs, *grid) array
-        NaN where a cable has no length.
-    axes : mapping of name to array
-        Coordinates along each axis of the grid, in m.
-    names : list of str
-        Of the rigs.
-    anchors, ends : lists of (m, d) arrays
-        Of the cables, with the platform at home, in m.
-    label : str
-        Of the metric, with its unit.
-    up : str
-        Name of the axis that points up.
+    With the coordinates along each axis of the grid, in m; anchors and ends of the cables (m, d) of each rig, with
+    the platform at home, in m; a label of the metric with its unit; and the name of the axis that points up.
     """
 
     values: Floats
@@ -212,13 +200,7 @@ class Field:
 
 
 def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
-    """Return a metric of a sweep, the first if none is named, with the rigs.
-
-    Raises
-    ------
-    InputError
-        If the sweep has no such metric, or is not over a grid of positions alone.
-    """
+    """Return a metric of a sweep over a grid of positions, the first if none is named, with the rigs."""
     if metric is None:
         metric = str(next(iter(swept.data_vars)))
     if metric not in swept.data_vars:
@@ -263,14 +245,9 @@ def _names(swept: xarray.Dataset, dims: list[str]) -> list[str]:
 
 
 def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> Figure:
-    """Draw slices of published rigs and of rigs in one room, and the force that each share of the room allows.
+    """Draw slices of published rigs, one a data set, and of rigs in one room, and what each share of it allows.
 
-    Parameters
-    ----------
-    published : list of Dataset
-        From `tensionlab.sweep`, one rig in each, with the same metric.
-    room : Dataset
-        Several rigs over the same grid.
+    All are from `tensionlab.sweep`, with the same metric.
     """
     singles, many = [read_field(swept) for swept in published], read_field(room)
     levels = shade_levels([*singles, many])
