@@ -7,21 +7,22 @@ import sys
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from tensionlab import records
 from tensionlab.allocation import allocate
+from tensionlab.benchmark import report
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
+from tensionlab.benchmark.results import Results, read
+from tensionlab.benchmark.run import measure, plan
 from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.errors import InputError, WriteError
 from tensionlab.files.writing import make_folder, write_text
 from tensionlab.solvers.base import Status
-
-if TYPE_CHECKING:
-    from tensionlab.benchmark.results import Results
 
 problems = options.group("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
@@ -75,9 +76,6 @@ def bench(
     through tensionlab's interface. The baselines solve the plain quadratic program, at their default and at
     tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
-    from tensionlab.benchmark.results import read
-    from tensionlab.benchmark.run import measure, plan
-
     what = plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         written = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
@@ -92,26 +90,23 @@ def bench(
 def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
     """Write the figures for which there is something to draw, and the report."""
     from tensionlab import plots
-    from tensionlab.benchmark.report import FIGURES, report
 
     def save(figure: Any, path: Path) -> None:
         make_folder(path.parent)
         plots.save_figure(figure, path)
 
     drawn = []
-    for name in FIGURES:
+    for name in report.FIGURES:
         with suppress(InputError):  # nothing to draw, such as no trajectory
             figure = getattr(plots, f"plot_{name}")(results)
             paths = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "pdf")]
             if all(writer.write("", path, partial(save, figure)) for path in paths):
                 drawn.append(name)
-    writer.write("report", out / "report.md", lambda path: write_text(path, report(results, drawn)))
+    writer.write("report", out / "report.md", lambda path: write_text(path, report.report(results, drawn)))
 
 
 def _print(results: Results, out: Path, json: bool) -> None:
     """Print a line for each entry."""
-    from tensionlab.benchmark import report
-
     lines = report.summaries(results)
     if json:
         output.print_json(
@@ -203,8 +198,6 @@ def export(
     seed: Seed = 0,
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
-    from tensionlab import records
-
     found = problem_set(name, count, seed)
     rows = qp_rows(found)
     manifest = output.manifest(seed)

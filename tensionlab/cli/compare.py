@@ -8,9 +8,11 @@ from typing import Annotated, TypeVar
 
 import typer
 
+from tensionlab import records
 from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
+from tensionlab.comparison import compare as comparison
 from tensionlab.comparison.compare import Row, Score
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.files import load_rig
@@ -83,9 +85,6 @@ def compare(
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
     count, the grid is inferred). Body frames stay at rest, at the origin of the world.
     """
-    from tensionlab import records
-    from tensionlab.comparison import compare as comparison
-
     loaded = load_rig(rig)
     names = None if solvers is None else options.parse_names([solvers])
     options.check_solvers(loaded, names, nearest)

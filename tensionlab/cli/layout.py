@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.files import writing
-
-if TYPE_CHECKING:
-    from tensionlab.workspace.layout.search import Layout, LayoutSearch
+from tensionlab.workspace.layout.search import Layout, LayoutSearch
 
 layout = options.group("Find out where to put the modules.")
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tensionlab import records
 from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Rows
@@ -65,7 +66,6 @@ def export(
 
     NetCDF has names, units and dimensions; the Parquet table has a row for each cycle.
     """
-    from tensionlab import records
     from tensionlab.hardware.log.reader import flat_columns, write_netcdf
 
     run = _read(path)
@@ -109,7 +109,6 @@ def replay(
     have chosen, with its own policy for infeasible wrenches. The hand or platform follows the recorded path in
     all of them.
     """
-    from tensionlab import records
     from tensionlab.comparison import replay as replays
 
     run = _read(path)

@@ -15,7 +15,7 @@ from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, 
 from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.cli.module_calibrate import calibrate
 from tensionlab.cli.module_monitor import monitor, ping
-from tensionlab.errors import HardwareError
+from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.files.reading import read_text
 from tensionlab.files.writing import make_folder, write_text
 
@@ -169,7 +169,6 @@ def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) 
 
 def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
     """Send all modules a command, and print in which state that left them."""
-    from tensionlab.errors import ModuleFault
     from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
     from tensionlab.hardware.protocol.codes import LATCHED_STATES
     from tensionlab.hardware.protocol.messages import Stop

@@ -11,6 +11,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, RigFile
+from tensionlab.files.tables import table_text
 from tensionlab.model.files import load_rig, rig_to_toml
 from tensionlab.model.rig import Rig
 
@@ -110,7 +111,6 @@ def staircase(
     Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
     run this, and stop the recording; then `gain URL --sensor FILE --staircase CSV`.
     """
-    from tensionlab.files.tables import table_text
     from tensionlab.hardware.calibration.gain_measurement import climb
 
     with _client(url) as client, output.progress("staircase") as progress:
@@ -240,7 +240,6 @@ def record(
     Move the platform, and hold it still for half a second at each pose. Spread the poses over the whole
     workspace. The result is for `anchors`; columns x, y and z may be added to it.
     """
-    from tensionlab.files.tables import table_text
     from tensionlab.hardware.calibration.lengths import columns, record_lengths
     from tensionlab.hardware.runner.settings import RealClock
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -11,12 +11,11 @@ from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot, RigFile
 from tensionlab.files import writing
+from tensionlab.model.caspr import load_caspr
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
-
-if TYPE_CHECKING:
-    from tensionlab.validation.rig_check import Finding
+from tensionlab.validation.rig_check import Finding, check_rig
 
 rig = options.group("Show, check, import and export rigs.")
 SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", "lower\nN", "upper\nN", "brake\nN")
@@ -71,8 +70,6 @@ def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
     Checks rank, limits, balance and strength; exit status 1 where it cannot. Body frames stay at rest, at the
     origin of the world.
     """
-    from tensionlab.validation.rig_check import check_rig
-
     loaded = load_rig(path)
     findings = check_rig(loaded)
     passed = all(finding.passed is not False for finding in findings)
@@ -114,8 +111,6 @@ def import_(
 
     It has one body that moves in a plane or in space.
     """
-    from tensionlab.model.caspr import load_caspr
-
     imported = load_caspr(*caspr, cable_set)
     if out is None:
         typer.echo(rig_to_toml(imported), nl=False)

@@ -16,10 +16,10 @@ from tensionlab.cli.common.options import Duration, Log, Modules, Solver
 from tensionlab.cli.run import summary_table
 from tensionlab.errors import TensionlabError
 from tensionlab.model.files import load_rig
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from tensionlab.hardware import Runner
-    from tensionlab.model.rig import Rig
     from tensionlab.scenarios import Scenario
 
 TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"

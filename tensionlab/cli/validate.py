@@ -15,11 +15,11 @@ from tensionlab.cli.common.options import Modules, Solver
 from tensionlab.errors import HardwareError, LogError
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
+from tensionlab.validation.sensors import ForceSensor, open_sensor
 
 if TYPE_CHECKING:
     from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.validation.report import ValidationResult
-    from tensionlab.validation.sensors import ForceSensor
     from tensionlab.validation.session import ValidationPlan
 
 SIMULATED = "sim:"
@@ -138,7 +138,6 @@ def _reached(
 ) -> tuple[ModuleGroup, ForceSensor]:
     """Open the links to modules and sensor, to be closed with the others."""
     from tensionlab.hardware.client.group import connect
-    from tensionlab.validation.sensors import open_sensor
 
     links = module_links(plan.rig, modules)
     force_sensor = opened.enter_context(closing(open_sensor(sensor)))

@@ -17,6 +17,7 @@ from tensionlab.cli.common.options import Json
 from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.workspace.metrics import description, make
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
@@ -153,8 +154,6 @@ def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
 
 def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
-    from tensionlab.workspace.metrics import description, make
-
     metrics = {name: make(name) for _, name, _ in found}
     rows = []
     for index, (rig, name, summary) in enumerate(found):

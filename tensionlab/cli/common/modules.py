@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import typer
 
 from tensionlab.cli.common.output import print_error
+from tensionlab.errors import HardwareError
+from tensionlab.model.rig import Rig
+from tensionlab.records import manifest
 
 if TYPE_CHECKING:
-    from tensionlab.errors import HardwareError
     from tensionlab.hardware.client.group import ModuleGroup
     from tensionlab.hardware.client.module import ModuleClient
     from tensionlab.hardware.log.writer import RunLog
     from tensionlab.hardware.runner.settings import Clock, RunSettings
     from tensionlab.hardware.simulation.world import Motion
-    from tensionlab.model.rig import Rig
 
 Answer = TypeVar("Answer")
 
@@ -57,7 +58,6 @@ def call_all(
     """Carry out a job on all modules, each in a thread; return answers and errors by the modules' names."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from tensionlab.errors import HardwareError
     from tensionlab.hardware.client.module import ModuleClient
 
     def call(name: str) -> Answer | HardwareError:
@@ -156,6 +156,5 @@ def module_links(rig: Rig, modules: str) -> dict[str, str]:
 def begin_log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
     """Begin the log of a run."""
     from tensionlab.hardware.log.writer import RunLog
-    from tensionlab.records import manifest
 
     return RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from tensionlab.errors import WriteError
 from tensionlab.files import writing
-
-if TYPE_CHECKING:
-    from tensionlab.model.rig import Rig
+from tensionlab.model.rig import Rig
+from tensionlab.solvers import select_solvers
 
 
 def parse_numbers(text: str) -> list[float]:
@@ -44,8 +43,6 @@ def require_positive(value: float | None) -> float | None:
 
 def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
     """Refuse solvers that do not serve the rig with that policy, before the work; as `select_solvers`."""
-    from tensionlab.solvers import select_solvers
-
     try:
         select_solvers(names, nearest, (rig.n, rig.m))
     except ValueError as error:

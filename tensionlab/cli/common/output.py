@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any, Self
 
 import typer
 
+from tensionlab import records
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, WriteError
 from tensionlab.files import writing
+from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from tensionlab.model.rig import Rig
 
 PIPE_WIDTH = 120
 """Columns of a table where stdout is no terminal."""
@@ -193,8 +194,6 @@ def plain(value: Any) -> Any:
 
 def manifest(seed: int | None = None) -> dict[str, Any]:
     """Return where and how a result was made, with the command line."""
-    from tensionlab import records
-
     return records.manifest(["tensionlab", *sys.argv[1:]], seed)
 
 
