@@ -29,10 +29,8 @@ def main() -> None:
             print(json.dumps({key: value}), file=messages, flush=True)
 
         try:
-            folder = measure_here(
-                Plan(**plan), Path(order["folder"]), order["call"], lambda done: send("share", done)
-            )
-            send("folder", str(folder))
+            what, folder = Plan(**plan), Path(order["folder"])
+            send("folder", str(measure_here(what, folder, order["call"], lambda done: send("share", done))))
         except TensionlabError as error:
             send("error", str(error))
 

@@ -115,11 +115,7 @@ def _baseline(name: str, setting: Literal["default", "tight"]) -> Baseline:
 
 
 class CallTimes(NamedTuple):
-    """Times of one call, in s.
-
-    ``call`` is the wall time from arrays to tensions, ``build`` the part of it that brought the arrays into
-    the form that the baseline takes, ``setup`` and ``solve`` what its own clock reports; NaN where there is none.
-    """
+    """Times of one call, in s: wall time, the part of it that builds a baseline's program, and by its own clock."""
 
     call: float
     build: float = NAN

@@ -1,13 +1,9 @@
 """Evaluation of all entries on one problem set: first every answer is verified, then every call is timed.
 
-Problems come in blocks of `BLOCK` of a group: any of them, or consecutive ones along a trajectory. Blocks are
-answered in a random order that visits all groups early, so that a slow entry, which runs out of its share of time,
-has still seen every group.
-
-Calls are then timed in several rounds. In each the blocks come in a new random order; in each block the entries
-come in a new random order, and each answers the first problem once untimed, because what the others left in the
-caches is not its fault, and then all of the block's problems in a random order. So all entries share the machine's
-slow moments. Python's garbage collector sleeps while calls are timed and works between blocks.
+Problems come in blocks of a group, in a random order that visits all groups early, so that a slow entry, which
+runs out of its share of time, has still seen every group. Calls are timed in rounds: blocks, the entries in a
+block and its problems each in a new random order, so that all entries share the machine's slow moments. An entry's
+first call in a block is not timed: what the others left in the caches is not its fault.
 """
 
 from __future__ import annotations
@@ -16,7 +12,8 @@ import gc
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,24 +36,21 @@ BATCH = 10_000
 """Problems in a timed batch; a group is repeated until it has as many."""
 
 
-@dataclass(frozen=True)
-class Evaluation:
+class Evaluation(NamedTuple):
     """The rows of one set, and for how many of its problems the optimum is verified, by policy."""
 
     rows: list[Row]
     verified: dict[Nearest, int]
 
 
-@dataclass(frozen=True)
-class Effort:
+class Effort(NamedTuple):
     """How much time to spend: an entry's seconds in each set, or else on fewer problems; timed calls of each."""
 
     seconds: float
     repeats: int
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """Some problems of one group: their rows among all problems of the set, and the problems themselves."""
 
     rows: NDArray[np.intp]
@@ -254,24 +248,21 @@ def _time_batch(entry: Entry, blocks: list[Block], seconds: float) -> float:
     shapes: dict[tuple[int, ...], list[Problem]] = {}
     for block in blocks:
         shapes.setdefault(block.problem.structure.shape[1:], []).append(block.problem)
+
+    def spend(arrays: list[Floats], size: int) -> float:
+        structure, wrench, lower, upper = (array[np.arange(size) % len(array)] for array in arrays)
+        allocator = Allocator((lower, upper), make(entry.solver), nearest=entry.nearest)
+        began = time.perf_counter()
+        allocator(structure, wrench)
+        return time.perf_counter() - began
+
     total, count = 0.0, 0
     for parts in shapes.values():
-        structure, wrench, lower, upper = (
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("structure", "wrench", "lower", "upper")
-        )
-
-        def spend(size: int, arrays: tuple[Floats, ...] = (structure, wrench, lower, upper)) -> float:
-            chosen = np.arange(size) % len(arrays[0])
-            repeated = [array[chosen] for array in arrays]
-            allocator = Allocator((repeated[2], repeated[3]), make(entry.solver), nearest=entry.nearest)
-            began = time.perf_counter()
-            allocator(repeated[0], repeated[1])
-            return time.perf_counter() - began
-
-        once = spend(len(structure))
-        affordable = int(len(structure) * seconds / len(shapes) / 3 / max(once, 1e-9))
-        size = min(BATCH, max(len(structure), affordable))
-        total += statistics.quantile(np.array([spend(size) for _ in range(3)]), 0.5) * len(structure) / size
-        count += len(structure)
+        names = ("structure", "wrench", "lower", "upper")
+        arrays = [np.concatenate([getattr(part, name) for part in parts]) for name in names]
+        own = len(arrays[0])
+        affordable = int(own * seconds / len(shapes) / 3 / max(spend(arrays, own), 1e-9))
+        size = min(BATCH, max(own, affordable))
+        total += statistics.quantile(np.array([spend(arrays, size) for _ in range(3)]), 0.5) * own / size
+        count += own
     return total / count if count else float("nan")

@@ -56,13 +56,10 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1)
 class Summary:
     """One entry over all sets, each set counting the same; NaN where there is nothing.
 
-    Times, gaps and shares of solved problems are those of the sets that are entirely feasible, where every entry
-    has the same problem to solve; where there is no such set, of all sets. ``elsewhere`` is the mean share solved
-    to 1e-6 N in the other sets. Shares are means over the sets; ``sgm_s`` and ``batch_s`` are geometric means over
-    the sets of the shifted geometric means; ``iterations_max`` and ``jump_max`` (N/mm) are the largest of all
-    sets, and the others the largest of the feasible sets: the gap to the optimum (N), the 99.9 % quantile of time
-    and the worst, ``spread``, which is the 99.9 % quantile over the median, and the violation of a limit by a raw
-    answer (N).
+    Of the sets that are entirely feasible, where every entry has the same problem to solve, or of all if there is
+    none; but ``elsewhere`` is the mean share solved to 1e-6 N in the other sets, and ``iterations_max`` and
+    ``jump_max`` (N/mm) are of all. Shares are means over the sets, ``sgm_s`` and ``batch_s`` geometric means, and
+    the others the largest; ``spread`` is the 99.9 % quantile of time over the median.
     """
 
     label: str

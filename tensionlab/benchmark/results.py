@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,10 +172,9 @@ class Results:
     manifest: dict[str, Any]
 
     @property
-    def sets(self) -> dict[str, dict[str, Any]]:
+    def sets(self) -> dict[str, Any]:
         """The problem sets by name, in the order they ran."""
-        found: dict[str, dict[str, Any]] = self.manifest["bench"]["sets"]
-        return found
+        return dict(self.manifest["bench"]["sets"])
 
     @property
     def batches(self) -> list[BatchRow]:
@@ -201,13 +200,7 @@ def write(path: str | Path, rows: Sequence[Row], manifest: dict[str, Any], evide
 
 
 def read(path: str | Path) -> Results:
-    """Return the results in a file, or in the folder of a run.
-
-    Raises
-    ------
-    DataError
-        If it holds none.
-    """
+    """Return the results in a file, or in the folder of a run; `DataError` if it holds none."""
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
     table = read_parquet(file, "results of `tensionlab bench` (*.parquet)", DataError)
     bench = table.manifest.get("bench")
@@ -219,8 +212,7 @@ def read(path: str | Path) -> Results:
     return Results(tuple(table.rows(Row, DataError)), table.manifest)
 
 
-@dataclass(frozen=True)
-class Trajectory:
+class Trajectory(NamedTuple):
     """One trajectory: (B,) path so far in mm, (B, m) tensions in N, and (B,) where the wrench is feasible."""
 
     path_mm: Floats
