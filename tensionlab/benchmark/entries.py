@@ -115,7 +115,7 @@ def _baseline(name: str, setting: Literal["default", "tight"]) -> Baseline:
 
 
 class CallTimes(NamedTuple):
-    """Times of one call, in s: wall time, the part of it that builds a baseline's program, and by its own clock."""
+    """Times of one call, in s: wall time, the part of it that builds a baseline's program, and by its clock."""
 
     call: float
     build: float = NAN
