@@ -101,22 +101,13 @@ def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -
         found = {name: _plain(each) for name, each in answers.items()}
         output.print_json(json_rows(urls, failed, lambda name: {"info": found.get(name)}))
     elif answers:
-        rows = (
-            (
-                name,
-                f"{each.serial_number:08x}",
-                firmware(each),
-                each.state.name.lower(),
-                each.calibrated,
-                each.length_known,
-                each.reset_reason.name.lower(),
-                each.ttl_ms,
-                f"{each.tension_lower:g} to {each.tension_upper:g}",
-                f"{each.newton_per_ampere:.3g}",
-                f"{1e3 * each.spool_radius:.3g}",
-            )
-            for name, each in answers.items()
-        )
+        rows = []
+        for name, each in answers.items():
+            versions = (f"{each.serial_number:08x}", firmware(each))
+            states = (each.state.name.lower(), each.calibrated, each.length_known, each.reset_reason.name.lower())
+            tensions = f"{each.tension_lower:g} to {each.tension_upper:g}"
+            drive = (f"{each.newton_per_ampere:.3g}", f"{1e3 * each.spool_radius:.3g}")
+            rows.append((name, *versions, *states, each.ttl_ms, tensions, *drive))
         output.print_table("", INFO, rows, gap=1)
     exit_if_failed(failed)
 

@@ -208,21 +208,14 @@ def ping(
     elif trips:
         rows = []
         for name, each in trips.items():
-            rate = rates[name]
-            rows.append(
-                (
-                    name,
-                    len(each.times) + each.lost,
-                    each.lost,
-                    *(output.short(1e3 * each.percentile(share)) for share in PERCENTILES),
-                    f"{1e3 * ttls[name]:.0f}",
-                    "none" if rate is None else f"{rate[0]:.0f} to {rate[1]:.0f}",
-                    f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else "–",
-                )
-            )
+            times = [output.short(1e3 * each.percentile(share)) for share in PERCENTILES]
+            rate = "none" if (safe := rates[name]) is None else f"{safe[0]:.0f} to {safe[1]:.0f}"
+            clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else "–"
+            pings = len(each.times) + each.lost
+            rows.append((name, pings, each.lost, *times, f"{1e3 * ttls[name]:.0f}", rate, clock))
         output.print_table("", TRIPS, rows, gap=1)
-    for name, rate in rates.items():
-        if rate is None:
+    for name, safe in rates.items():
+        if safe is None:
             output.print_error(
                 f"{name}: no rate is safe over this link; make it better, or raise the module's "
                 f"parameter ttl (`tensionlab module config set {urls[name]} ttl=...`)"
@@ -232,16 +225,14 @@ def ping(
         raise typer.Exit(1)
 
 
-def _trips_json(
-    name: str, url: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float
-) -> dict[str, Any]:
+def _trips_json(name: str, url: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float) -> Any:
+    names = ("p50", "p95", "p99", "max")
     return {
         "module": name,
         "url": url,
         "pings": len(trips.times) + trips.lost,
         "lost": trips.lost,
-        "seconds": {f"p{share:.0f}": trips.percentile(share) for share in PERCENTILES[:-1]}
-        | {"max": trips.percentile(100.0)},
+        "seconds": {each: trips.percentile(share) for each, share in zip(names, PERCENTILES, strict=True)},
         "ttl": ttl,
         "safe_rate": rate,
         "clock_offset": trips.offset,

@@ -166,17 +166,11 @@ def live_table(runner: Runner) -> RenderableType:
     for index, module in enumerate(runner.rig.modules):
         limit, faults = Limit(int(state.limiters[index])), Fault(int(state.faults[index]))
         active = state.active[index]
-        rows.append(
-            (
-                module.name,
-                f"{cycle.commanded[index]:.2f} N",
-                f"{state.tensions[index]:.2f} N",
-                limit.name.lower() if active and limit is not Limit.NONE else "",
-                State(int(state.states[index])).name.lower() if active else f"lost {faults.name or ''}",
-                f"{100.0 * state.thermal[index]:.0f} %",
-                f"{1e3 * state.ages[index]:.0f} ms",
-            )
-        )
+        limited_by = limit.name.lower() if active and limit is not Limit.NONE else ""
+        now = State(int(state.states[index])).name.lower() if active else f"lost {faults.name or ''}"
+        tensions = [f"{values[index]:.2f} N" for values in (cycle.commanded, state.tensions)]
+        heat, age = f"{100.0 * state.thermal[index]:.0f} %", f"{1e3 * state.ages[index]:.0f} ms"
+        rows.append((module.name, *tensions, limited_by, now, heat, age))
     times, statistics = runner.statistics.percentiles(), runner.statistics
     figures = [_counts(statistics), f"start jitter {duration(times['start_delay'][1])}"]
     figures.append(f"compute time {duration(times['compute_time'][1])} (p99)")

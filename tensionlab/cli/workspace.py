@@ -157,19 +157,11 @@ def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: P
     metrics = {name: make(name) for _, name, _ in found}
     rows = []
     for index, (rig, name, summary) in enumerate(found):
-        unit = metrics[name].unit
-        rows.append(
-            (
-                "" if index and rig == found[index - 1][0] else rig,
-                name,
-                "" if unit == "1" else unit,
-                output.short(summary.min),
-                output.short(summary.median),
-                output.short(summary.max),
-                f"{100 * summary.above_zero:.1f} %" if metrics[name].above_zero else "",
-                f"{summary.missing:,}" if summary.missing else "",
-            )
-        )
+        first = "" if index and rig == found[index - 1][0] else rig
+        values = map(output.short, (summary.min, summary.median, summary.max))
+        above = f"{100 * summary.above_zero:.1f} %" if metrics[name].above_zero else ""
+        unit, missing = metrics[name].unit, f"{summary.missing:,}" if summary.missing else ""
+        rows.append((first, name, "" if unit == "1" else unit, *values, above, missing))
     axes = [each for each in where.coordinates() if each.name in "xyz"]
     region = ", ".join(f"{each.name} {each.values.min():g} to {each.values.max():g} m" for each in axes)
     output.print_table(

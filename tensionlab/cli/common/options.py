@@ -126,7 +126,6 @@ Rows = Annotated[
         "--out", metavar="FILE", callback=output_file(".parquet"), help="Write the rows to this Parquet file."
     ),
 ]
-Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same numbers.")]
 Log = Annotated[
     Path | None,
     typer.Option(
