@@ -1,4 +1,4 @@
-"""One benchmark from plan to results, in a process of its own whose libraries use one thread.
+"""One benchmark from plan to results, in a process of its own (`main`) whose libraries use one thread.
 
 Numerical libraries read how many threads they may use when they are loaded, and the calling process has loaded
 them already.
@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -109,7 +110,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
     order = json.dumps({"plan": dataclasses.asdict(what), "folder": str(folder), "call": list(call)})
-    command = [sys.executable, "-m", "tensionlab.benchmark", order]
+    command = [sys.executable, "-m", __name__, order]
     kept = folder
     # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
     with subprocess.Popen(
@@ -197,3 +198,29 @@ def _speed(what: Plan, progress: Callable[[float], None]) -> tuple[list[results.
 def _within(progress: Callable[[float], None], start: float, share: float) -> Callable[[float], None]:
     """Return a callback that reports the progress of a part as progress of the whole."""
     return lambda part: progress(start + share * part)
+
+
+def main() -> None:
+    """Run the benchmark of the first argument; print JSON lines: shares done, then the folder or the error."""
+    order = json.loads(sys.argv[1])
+    what = order["plan"]
+    for key in ("sets", "solvers"):
+        what[key] = None if what[key] is None else tuple(what[key])
+    # Backends print to stdout as well; only messages may reach the process that reads it.
+    with os.fdopen(os.dup(1), "w") as messages, suppress(BrokenPipeError):
+        os.dup2(2, 1)
+
+        def send(key: str, value: object) -> None:
+            print(json.dumps({key: value}), file=messages, flush=True)
+
+        try:
+            folder = Path(order["folder"])
+            send(
+                "folder", str(measure_here(Plan(**what), folder, order["call"], lambda done: send("share", done)))
+            )
+        except TensionlabError as error:
+            send("error", str(error))
+
+
+if __name__ == "__main__":
+    main()
