@@ -16,7 +16,6 @@ from tensionlab.allocation import allocate
 from tensionlab.benchmark import report
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
 from tensionlab.benchmark.results import Results, read
-from tensionlab.benchmark.run import measure, plan
 from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
@@ -76,6 +75,8 @@ def bench(
     through tensionlab's interface. The baselines solve the plain quadratic program, at their default and at
     tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
+    from tensionlab.benchmark.run import measure, plan
+
     what = plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         written = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)

@@ -11,7 +11,6 @@ from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot, RigFile
 from tensionlab.files import writing
-from tensionlab.model.caspr import load_caspr
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
@@ -111,6 +110,8 @@ def import_(
 
     It has one body that moves in a plane or in space.
     """
+    from tensionlab.model.caspr import load_caspr
+
     imported = load_caspr(*caspr, cable_set)
     if out is None:
         typer.echo(rig_to_toml(imported), nl=False)

@@ -121,7 +121,7 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
     order = json.dumps({"plan": {"sets": ["point"], "solvers": ["newton"], "count": 5, "seconds": 0.01,
                                  "rounds": 0}, "folder": str(tmp_path), "call": []})  # fmt: skip
     script = (
-        "import os, sys; from tensionlab.benchmark import __main__ as worker; "
+        "import os, sys; from tensionlab.benchmark import run as worker; "
         "old = worker.measure_here; "
         "worker.measure_here = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
     )
