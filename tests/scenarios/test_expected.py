@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -17,10 +19,19 @@ LEANS, TURNS, RUNS = 3.2, 4.2, 5.4
 """When it has begun to lean, when it turns back, and when it comes again: as in the file, in s."""
 
 
-@pytest.fixture(scope="module", params=[None, Conditions(0.02)], ids=["no delay", "20 ms"])
+@cache
+def play_over(name, delay):
+    """A scenario on links that take that long, in s, and what came of it."""
+    scenario = load_scenario(name)
+    modules = simulate_modules(scenario, Conditions(delay) if delay else None)
+    played = play(scenario, modules)
+    modules.group.close()
+    return played
+
+
+@pytest.fixture(params=[0.0, 0.02], ids=["no delay", "20 ms"])
 def played(request):
-    scenario = load_scenario("collision")
-    return play(scenario, simulate_modules(scenario, request.param))
+    return play_over("collision", request.param)
 
 
 def decided(played):
@@ -89,10 +100,7 @@ def test_no_brake_rides_on_the_body():
 @pytest.mark.parametrize("delay", [0.0, 0.02])
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_a_scenario_is_as_expected_even_over_a_slow_link(name, delay):
-    scenario = load_scenario(name)
-    modules = simulate_modules(scenario, Conditions(delay) if delay else None)
-    played = play(scenario, modules)
-    modules.group.close()
+    played = play_over(name, delay)
     assert played.statistics.ended == "duration reached"
     assert not played.statistics.lost
     rows = check_scenario(played)
