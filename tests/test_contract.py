@@ -16,6 +16,7 @@ from tensionlab.solvers import find_plugins, make
 from tensionlab.solvers.base import RANK_TOLERANCE, TOLERANCE, refusal
 from tensionlab.solvers.programs import whitener
 from tensionlab.solvers.quadratic import installed_backends
+from tests.support.examples import many
 from tests.support.oracle import Truth, UnsureError, solve, support
 from tests.support.problems import Case, batches, one, random_cases
 
@@ -25,8 +26,8 @@ MAY_GIVE_UP = {"qp:osqp": 0.05, "qp:quadprog": 0.05, "qp:highs": 0.05}
 """Share of ordinary problems that a backend may leave at ITERATION_LIMIT. None may give a wrong verdict."""
 LARGEST_REDUNDANCY = {"polygon": 2}
 """Families that say FAILED where a rank-deficient structure matrix leaves more redundancy than this."""
-EXAMPLES = {"qp": 5, "cvxpy": 3}
-"""Drawn examples of a test for slow families; 60 for the others of the house, 15 for what others bring."""
+EXAMPLES = {"qp": many(15, least=3), "cvxpy": many(10, least=2)}
+"""Drawn examples of a test for slow families; many(60) for the other built-in ones, many(15) for plugins."""
 
 VARIANTS = [
     *(name for name in tl.SOLVERS if name not in ("qp", "pseudoinverse", "polygon")),
@@ -49,7 +50,7 @@ def family(name: str) -> str:
 
 
 def examples(name: str) -> int:
-    return EXAMPLES.get(family(name), 60 if family(name) in tl.SOLVERS else 15)
+    return EXAMPLES.get(family(name), many(60 if family(name) in tl.SOLVERS else 15))
 
 
 def run(case: Case, name: str, nearest: Any) -> tl.Allocation:
@@ -65,11 +66,19 @@ def same(first: tl.Allocation, second: tl.Allocation, tensions: NDArray[np.float
     assert (difference <= np.where(first.status == tl.Status.ITERATION_LIMIT, 1e-4, 2e-6)).all(), difference
 
 
+TRUTHS: dict[tuple[bytes, ...], Truth | None] = {}
+"""What is known of each problem: the same ones are drawn for every solver."""
+
+
 def judged(case: Case, nearest: str) -> Truth | None:
-    try:
-        return solve(case, nearest)
-    except UnsureError:
-        return None
+    fields = (case.structure, case.wrench, case.lower, case.upper, case.reference, case.weights)
+    key = (nearest.encode(), *(field.tobytes() for field in fields))
+    if key not in TRUTHS:
+        try:
+            TRUTHS[key] = solve(case, nearest)
+        except UnsureError:
+            TRUTHS[key] = None
+    return TRUTHS[key]
 
 
 def check(case: Case, found: tl.Allocation, i: int, nearest: Any) -> None:

@@ -1,4 +1,4 @@
-"""Is newton exactly right: 2,000 random problems, three policies, against the independent judge."""
+"""Whether newton is exactly right: random problems, three policies, against the independent judge."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ SHAPES = [
     *((3, m) for m in (2, 3, 4, 5, 6, 7, 8, 12)),
     *((6, m) for m in (4, 6, 7, 8, 9, 10, 11, 12)),
 ]
-COUNT = 100
+COUNT = many(100)
+"""Problems of each shape."""
 PRECISION = 1e-7  # N
 
 
@@ -49,7 +50,7 @@ def test_newton_is_exact(n: int, m: int, nearest: Nearest) -> None:
     )
     truths = [judged(one(batch, i), nearest) for i in range(COUNT)]
     known = np.array([truth is not None for truth in truths])
-    assert known.sum() >= 0.98 * COUNT
+    assert known.sum() >= 0.98 * COUNT - 1
     sure = [truth for truth in truths if truth is not None]
 
     assert np.abs(found.tensions[known] - [t.tensions for t in sure]).max() <= PRECISION
@@ -61,12 +62,12 @@ def test_newton_is_exact(n: int, m: int, nearest: Nearest) -> None:
 
 def test_the_problems_are_of_every_kind() -> None:
     # A sample without unreachable wrenches, or without scales between, would prove nothing.
-    batch = random_cases(7, 3, 6, 200)
-    truths = [judged(one(batch, i), "direction") for i in range(200)]
+    batch = random_cases(7, 3, 6, COUNT)
+    truths = [judged(one(batch, i), "direction") for i in range(COUNT)]
     sure = [t for t in truths if t is not None]
-    assert sum(t.reachable for t in sure) > 50
-    assert sum(0.01 < t.scale < 0.99 for t in sure) > 30
-    assert sum(np.isnan(t.scale) for t in sure) > 10
+    assert sum(t.reachable for t in sure) > 0.25 * COUNT
+    assert sum(0.01 < t.scale < 0.99 for t in sure) > 0.15 * COUNT
+    assert sum(np.isnan(t.scale) for t in sure) >= 0.05 * COUNT
 
 
 def candidates(V: Floats, y: Floats, box: Box) -> Iterator[tuple[Floats, Floats]]:
@@ -127,9 +128,9 @@ def agree(case: Case, nearest: Nearest) -> bool:
 @pytest.mark.parametrize("nearest", POLICIES)
 def test_the_two_judges_agree(nearest: Nearest) -> None:
     rng = np.random.default_rng(3)
-    shapes = [(n, m) for n in (2, 3, 6) for m in range(1, 7) for _ in range(10)]
+    shapes = [(n, m) for n in (2, 3, 6) for m in range(1, 7) for _ in range(many(10, least=2))]
     sure = sum(agree(random_case(rng, n, m), nearest) for n, m in shapes)
-    assert sure >= 0.97 * len(shapes)
+    assert sure >= 0.97 * len(shapes) - 1
 
 
 @settings(max_examples=many(60))
@@ -203,7 +204,7 @@ def test_a_direction_that_no_scale_can_keep_is_proved(problem: tuple[list[float]
 def test_limits_far_beyond_the_wrench_hide_no_proof(upper: float, nearest: Nearest) -> None:
     # An upper limit may stand for none: a brake, or a cable that never breaks.
     for n, m in ((2, 2), (3, 2), (3, 4), (6, 8)):
-        batch = random_cases(100 * n + m, n, m, 300)
+        batch = random_cases(100 * n + m, n, m, many(300))
         found = tl.allocate(
             batch.structure, batch.wrench, (batch.lower, upper), reference=batch.reference, nearest=nearest
         )

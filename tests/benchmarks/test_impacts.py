@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -23,9 +22,10 @@ from benchmarks.impacts import (
 from tensionlab.errors import ScenarioError
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.expected import find_brake_wall
+from tests.support.examples import many
 
-COUNT = int(os.environ.get("TENSIONLAB_IMPACTS", "16"))
-"""All 1,000 take some minutes."""
+COUNT = many(20, least=4)
+"""`make impacts` plays 1,000."""
 COLLISION = load_scenario("collision")
 HEAD_ON = Impact(1.0, (1.0, 0.0, 0.0), (0.3, 0.0, 1.65), 0.15, 6.0, 1500.0, 0.0, 0)
 

@@ -82,7 +82,7 @@ def test_agrees_with_cvxpy(n, m):
 def test_the_optimality_conditions_hold(n):
     # The slopes of the logarithms are W'y for some y: they have no part in the null space of W.
     for m in range(n, 13):
-        batch = inside(100 * n + m, n, m, 500)
+        batch = inside(100 * n + m, n, m, many(500))
         found = centre(batch.structure, batch.wrench, batch.limits)
         assert (found.status == Status.EXACT).all()
         below, above = found.tensions - batch.lower, batch.upper - found.tensions
@@ -111,9 +111,10 @@ def statement(structure, wrench, lower, upper, steps=60):
 
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 8), (6, 9)])
 def test_agrees_with_its_statement_in_numpy(n, m):
-    batch = inside(n + m, n, m, 20)
+    count = many(20)
+    batch = inside(n + m, n, m, count)
     found = centre(batch.structure, batch.wrench, batch.limits)
-    for i in range(20):
+    for i in range(count):
         stated = statement(batch.structure[i], batch.wrench[i], batch.lower[i], batch.upper[i])
         np.testing.assert_allclose(found.tensions[i], stated, atol=1e-8)
 
@@ -122,11 +123,12 @@ def test_agrees_with_its_statement_in_numpy(n, m):
 def test_it_covers_the_workspace_to_its_edge(n, m):
     # Facets of the available wrench set: n - 1 cables anywhere, all others at the limit that pulls outwards.
     rng = np.random.default_rng(m)
-    W = np.stack([random_structure(rng, n, m) for _ in range(200)])
+    count = many(200)
+    W = np.stack([random_structure(rng, n, m) for _ in range(count)])
     normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
     pull = np.einsum("bn,bnm->bm", normal, W)
     tensions = np.where(pull > 0, LIMITS[1], LIMITS[0])
-    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (200, n - 1))
+    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (count, n - 1))
     edge = np.einsum("bnm,bm->bn", W, tensions)
     largest = 2.75 * np.linalg.norm(W, axis=1).max(axis=1)
     for distance, error in ((1e-4, 1e-9), (1e-5, 1e-8), (1e-6, 1e-7), (0.0, 5e-7)):

@@ -149,9 +149,10 @@ def test_an_alpha_that_means_nothing_is_refused(alpha):
     ("n", "m"), [(2, 1), (2, 2), (2, 5), (3, 3), (3, 4), (3, 8), (3, 12), (6, 7), (6, 8), (6, 12)]
 )
 def test_random_problems_agree_with_highs(n, m, name):
-    batch, reached = random_cases(100 * n + m, n, m, 40), 0
+    count, reached = many(40), 0
+    batch = random_cases(100 * n + m, n, m, count)
     found = allocate(batch.structure, batch.wrench, batch.limits, name, batch.reference)
-    for i in range(40):
+    for i in range(count):
         case = one(batch, i)
         least = least_cost(name, case.structure, case.wrench, case.lower, case.upper)
         out_of_reach = least is None or (name.startswith("safe") and least > 1e-9)
@@ -159,15 +160,15 @@ def test_random_problems_agree_with_highs(n, m, name):
         if not out_of_reach:
             reached += 1
             assert cost(name, found.tensions[i], case.lower, case.upper) == pytest.approx(least, abs=1e-9)
-    assert reached >= 10
+    assert reached >= count / 4
 
 
 @pytest.mark.parametrize("n", [2, 3, 6])
 @pytest.mark.parametrize("name", ["least-sum", "minimax", "safe", "safe:0.5"])
 def test_random_problems_agree_with_cvxpy(n, name):
-    batch = random_cases(n, n, n + 3, 8)
+    batch = random_cases(n, n, n + 3, many(8))
     found = allocate(batch.structure, batch.wrench, batch.limits, name)
-    assert np.count_nonzero(found.status == Status.EXACT) > 2
+    assert np.count_nonzero(found.status == Status.EXACT) >= 2
     for i in np.flatnonzero(found.status == Status.EXACT):
         case, t, S = one(batch, i), cp.Variable(n + 3), cp.Variable()
         limits = [case.lower <= t, t <= case.upper]
@@ -206,7 +207,7 @@ def test_the_margin_is_the_least_bound_of_all_facets(n):
     # In NumPy: a direction y bounds the margin by S <= (h(y) - y'w) / sum(alpha v+ + v-), where v = W'y and
     # h(y) is the most that y'W t can be. The least bound is that of a y normal to n - 1 cables.
     alpha, m = 0.5, 6
-    batch = random_cases(9 * n, n, m, 60)
+    batch = random_cases(9 * n, n, m, many(60))
     found = allocate(batch.structure, batch.wrench, batch.limits, tl.OptimallySafe(alpha))
     for i in np.flatnonzero(found.status == Status.EXACT):
         case = one(batch, i)
@@ -251,12 +252,13 @@ def test_a_nearly_singular_rig_is_rendered_to_the_last_digits(name):
 @pytest.mark.parametrize(("n", "m"), [(2, 6), (3, 5), (6, 12)])
 def test_of_equally_good_tensions_the_closest_to_the_reference(n, m, name):
     # Limits as tight as the optimum, a hair wider: newton has no better answer inside them.
-    batch = random_cases(n + m, n, m, 200)
+    count = many(200)
+    batch = random_cases(n + m, n, m, count)
     batch.lower[:, 0], batch.upper[:, 0] = 1.0, 1.0 + 0.3 * (name != "minimax")  # a narrow cable makes ties
     batch.lower[:, 1] = np.where(name == "minimax", batch.upper[:, 1] - 0.1, batch.lower[:, 1])
     found = allocate(batch.structure, batch.wrench, batch.limits, name, batch.reference)
     exact = np.flatnonzero(found.status == Status.EXACT)
-    assert exact.size > 20
+    assert exact.size > 0.1 * count
     for i in exact:
         case = one(batch, i)
         best = cost(name, found.tensions[i], case.lower, case.upper) + 1e-9

@@ -13,6 +13,7 @@ from scipy.optimize import linprog
 
 import tensionlab as tl
 from tensionlab.arrays import Floats
+from tests.support.examples import many
 from tests.support.problems import Case, random_cases
 
 ANSWERS = Path(__file__).parents[1] / "data" / "known_answers.json"
@@ -99,7 +100,7 @@ def corners(case: Case, i: int) -> tuple[Floats, Floats, Floats]:
 
 @pytest.mark.parametrize(("n", "m"), [(1, 3), (2, 4), (3, 5), (6, 8)])
 def test_centroid_by_definition(n: int, m: int) -> None:
-    batch = reachable(n, m, 60)
+    batch = reachable(n, m, many(60))
     found = tensions(batch.structure, batch.wrench, batch.limits, "polygon")
     for i, t in enumerate(found):
         p, point, basis = corners(batch, i)
@@ -112,7 +113,7 @@ def test_centroid_by_definition(n: int, m: int) -> None:
 
 @every_shape
 def test_least_sum_is_that_of_a_linear_program(n: int, m: int) -> None:
-    batch = reachable(n, m, 40)
+    batch = reachable(n, m, many(40, least=20))
     found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:1-norm")
     for i, t in enumerate(found):
         limits = np.stack([batch.lower[i], batch.upper[i]], axis=1)
@@ -123,7 +124,7 @@ def test_least_sum_is_that_of_a_linear_program(n: int, m: int) -> None:
 
 @every_shape
 def test_least_squares_from_any_reference_are_those_of_newton(n: int, m: int) -> None:
-    batch = reachable(n, m, 2000)
+    batch = reachable(n, m, many(2000))
     for reference in (0.0 * batch.reference, batch.reference, 10 * batch.reference):
         exact = tl.allocate(batch.structure, batch.wrench, batch.limits, "newton", reference)
         found = tensions(batch.structure, batch.wrench, batch.limits, "polygon:2-norm", reference)

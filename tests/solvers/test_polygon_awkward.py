@@ -63,7 +63,7 @@ def awkward(kind: str, seed: int, n: int, m: int, count: int) -> tuple[Floats, F
 @pytest.mark.parametrize(("n", "m"), [(2, 3), (2, 4), (3, 4), (3, 5), (6, 8)])
 def test_rounding_hides_no_answer(kind: str, n: int, m: int) -> None:
     for seed in range(4):
-        W, w, lower, upper = awkward(kind, seed, n, m, 2000)
+        W, w, lower, upper = awkward(kind, seed, n, m, many(2000))
         for goal in ("polygon:centroid", "polygon:1-norm", "polygon:2-norm"):
             found = tl.allocate(W, w, (lower, upper), goal)
             served = found.status != tl.Status.FAILED
@@ -119,7 +119,8 @@ def test_an_answer_wherever_there_is_one(goal: str, data: st.DataObject) -> None
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 5), (6, 8)])
 def test_exact_at_the_edge_of_the_workspace_and_not_beyond(n: int, m: int, goal: str) -> None:
     rng = np.random.default_rng(n)
-    W, d = random_cases(n, n, m, 300).structure, rng.normal(size=(300, n))
+    count = many(300)
+    W, d = random_cases(n, n, m, count).structure, rng.normal(size=(count, n))
     t = np.where(np.einsum("bn,bnm->bm", d, W) > 0, 6.0, 0.5)  # the only tensions that go so far along d
     edge = np.einsum("bnm,bm->bn", W, t)
     np.testing.assert_allclose(tensions(W, edge, (0.5, 6.0), goal), t, rtol=0, atol=1e-6)
@@ -173,7 +174,7 @@ def test_an_upper_limit_that_means_none_makes_nothing_coarse(goal: str) -> None:
 @pytest.mark.parametrize("goal", ["polygon:centroid", "polygon:2-norm"])
 def test_rods_that_push_are_cables_that_pull_mirrored(goal: str) -> None:
     # A lower limit that means none is no worse than an upper one.
-    case = random_cases(4, 3, 5, 300)
+    case = random_cases(4, 3, 5, many(300))
     pulled = tl.allocate(case.structure, case.wrench, (case.lower, 1e9), goal)
     pushed = tl.allocate(case.structure, -case.wrench, (-1e9, -case.lower), goal)
     np.testing.assert_array_equal(pulled.status, pushed.status)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tests.support.examples import many
 from tests.support.problems import random_cases
 
 
@@ -35,7 +36,7 @@ def test_known_by_hand(W: object, w: object, lower: object, upper: object, answe
 
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 5), (3, 8), (6, 8), (6, 12), (3, 2)])
 def test_least_share_of_the_way_that_keeps_the_limits(n: int, m: int) -> None:
-    batch = random_cases(n + m, n, m, 400)
+    batch = random_cases(n + m, n, m, many(400))
     W, w, low, high = batch.structure, batch.wrench, batch.lower, batch.upper
     found = tl.allocate(W, w, batch.limits, "puncture")
     middle = (low + high) / 2
@@ -60,7 +61,7 @@ def test_least_share_of_the_way_that_keeps_the_limits(n: int, m: int) -> None:
 
 
 def test_covers_what_the_closed_form_covers_with_less_tension() -> None:
-    batch = random_cases(8, 6, 8, 1000)
+    batch = random_cases(8, 6, 8, many(1000))
     found = tl.allocate(batch.structure, batch.wrench, batch.limits, "puncture")
     central = tl.allocate(batch.structure, batch.wrench, batch.limits, "pseudoinverse:middle")
     assert np.all(found.status[central.status == tl.Status.EXACT] == tl.Status.EXACT)

@@ -101,17 +101,18 @@ def with_cvxpy(solver, case):
 @pytest.mark.parametrize("solver", [SlackNorm(), ROUND], ids=["default", "round"])
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 8), (6, 8), (6, 12)])
 def test_agrees_with_cvxpy(n, m, solver):
-    batch = random_cases(10 * n + m, n, m, 8)
+    count = many(8)
+    batch = random_cases(10 * n + m, n, m, count)
     found = allocate(
         batch.structure, batch.wrench, batch.limits, solver, batch.reference, wrench_weights=batch.weights
     )
     sure = 0
-    for i in range(8):
+    for i in range(count):
         expected = with_cvxpy(solver, one(batch, i))
         if expected is not None:
             np.testing.assert_allclose(found.tensions[i], expected, atol=1e-6)
             sure += 1
-    assert sure >= 4
+    assert sure >= count / 2
 
 
 @pytest.mark.parametrize("n", [2, 3, 6])
@@ -121,7 +122,7 @@ def test_agrees_with_cvxpy(n, m, solver):
 def test_the_optimality_conditions_hold(solver, n):
     # One multiplier y explains all tensions, W_i'y being the slope of their prices, and it is that of the slack.
     for m in range(n, 13):
-        batch = random_cases(100 * n + m, n, m, 300)
+        batch = random_cases(100 * n + m, n, m, many(300))
         found = allocate(
             batch.structure, batch.wrench, batch.limits, solver, batch.reference, wrench_weights=batch.weights
         )
@@ -148,10 +149,11 @@ def test_the_optimality_conditions_hold(solver, n):
 def test_inside_the_workspace_the_slack_is_below_tolerance(n, m):
     # Facets of the available wrench set: n - 1 cables anywhere, all others at the limit that pulls outwards.
     rng = np.random.default_rng(m)
-    W = np.stack([random_structure(rng, n, m) for _ in range(300)])
+    count = many(300)
+    W = np.stack([random_structure(rng, n, m) for _ in range(count)])
     normal = np.linalg.svd(np.swapaxes(W[:, :, : n - 1], 1, 2))[2][:, -1]
     tensions = np.where(np.einsum("bn,bnm->bm", normal, W) > 0, LIMITS[1], LIMITS[0])
-    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (300, n - 1))
+    tensions[:, : n - 1] = rng.uniform(1.5, 5.0, (count, n - 1))
     edge = np.einsum("bnm,bm->bn", W, tensions)
     unit = 2.75 * np.linalg.norm(W, axis=1).max(axis=1)
     for reference in ("lower", "middle"):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tests.support.examples import many
 from tests.support.problems import random_cases
 
 NAMES = ("analytic-centre", "slack", "slack:3", "spidar")
@@ -24,7 +25,7 @@ np.save(sys.argv[2], np.array(answers))
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_share_of_lanes_and_threads_does_not_change_an_answer(name, monkeypatch):
-    batch = random_cases(1, 3, 6, 3000)
+    batch = random_cases(1, 3, 6, 600)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "1")
     one = tl.allocate(batch.structure, batch.wrench, batch.limits, name)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "3")
@@ -37,7 +38,7 @@ def test_the_share_of_lanes_and_threads_does_not_change_an_answer(name, monkeypa
 
 
 def test_every_instruction_set_gives_the_same_answers(tmp_path):
-    batch = random_cases(2, 6, 8, 1000)
+    batch = random_cases(2, 6, 8, many(1000))
     problems = tmp_path / "problems.npz"
     np.savez(problems, W=batch.structure, w=batch.wrench, a=batch.lower, b=batch.upper)
     answers = {}
@@ -55,7 +56,7 @@ def test_every_instruction_set_gives_the_same_answers(tmp_path):
 @pytest.mark.parametrize("n", [1, 2, 3, 6])
 def test_no_problem_takes_many_steps(name, n):
     for m in (1, 4, 8, 12, 32):
-        batch = random_cases(m, max(n, 2), m, 200)
+        batch = random_cases(m, max(n, 2), m, many(200))
         for stretch in (1.0, 1.5, 1e3, 1e9):
             found = tl.allocate(batch.structure[:, :n], stretch * batch.wrench[:, :n], batch.limits, name)
             assert found.iterations.max() <= 100

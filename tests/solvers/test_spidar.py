@@ -90,16 +90,16 @@ def assert_optimal(case, solver, tensions):
 @pytest.mark.parametrize("solver", [Spidar(), Spidar(mu=1e-5, force=2.0, torque=7.0)], ids=["default", "other"])
 def test_the_optimality_conditions_hold(solver, n):
     for m in range(1, 13):
-        full = random_cases(100 * n + m, max(n, 2) if n < 4 else 6, m, 60)
+        full = random_cases(100 * n + m, max(n, 2) if n < 4 else 6, m, many(60))
         batch = Case(full.structure[:, :n], full.wrench[:, :n], *full.limits, full.reference, full.weights[:n])
         found = solve(batch, solver)
-        for i in range(60):
+        for i in range(many(60)):
             assert_optimal(one(batch, i), solver, found.tensions[i])
         assert found.iterations.max() <= 40
 
 
 def test_smaller_prices_of_tension_come_closer_to_the_force_policy():
-    batch = random_cases(9, 3, 7, 500)
+    batch = random_cases(9, 3, 7, many(500))
     best = allocate(batch.structure, batch.wrench, batch.limits, "newton", batch.reference, "force")
     gaps = []
     for mu in (1e-3, 1e-5, 1e-7):

@@ -9,6 +9,6 @@ ENOUGH_TO_MEAN_SOMETHING = 5
 """No profile takes less than this of what a test asks for: the first that hypothesis draws is all zeros."""
 
 
-def many(count: int) -> int:
+def many(count: int, least: int = ENOUGH_TO_MEAN_SOMETHING) -> int:
     """Scale a number of random examples to the profile."""
-    return max(min(count, ENOUGH_TO_MEAN_SOMETHING), round(count * PROFILES[PROFILE]))
+    return max(min(count, least), round(count * PROFILES[PROFILE]))

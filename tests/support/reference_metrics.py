@@ -16,13 +16,13 @@ def corners(lower: Floats, upper: Floats) -> Floats:
     return np.array(list(product(*zip(lower, upper, strict=True))))
 
 
-def hull_margin(W: Floats, lower: Floats, upper: Floats, wrenches: Floats) -> float:
-    """Least signed distance from one of the wrenches to a facet of the available set, which has volume."""
+def hull_margins(W: Floats, lower: Floats, upper: Floats, wrenches: Floats) -> Floats:
+    """Least signed distance from each wrench to a facet of the available set, which has volume."""
     if len(W) == 1:
         ends = np.sort((corners(lower, upper) @ W.T)[:, 0])
-        return float(np.minimum(wrenches - ends[0], ends[-1] - wrenches).min())
+        return np.minimum(wrenches - ends[0], ends[-1] - wrenches).min(axis=1)
     facets = ConvexHull(corners(lower, upper) @ W.T).equations
-    return float(-(wrenches @ facets[:, :-1].T + facets[:, -1]).max())
+    return np.asarray(-(wrenches @ facets[:, :-1].T + facets[:, -1]).max(axis=1))
 
 
 def renders(W: Floats, lower: Floats, upper: Floats, wrench: Floats) -> bool:

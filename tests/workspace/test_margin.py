@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 
 import tensionlab as tl
+from tests.support.examples import many
 from tests.support.problems import cases, random_structure
-from tests.support.reference_metrics import hull_margin, renders
+from tests.support.reference_metrics import hull_margins, renders
 
 ROOT = Path(__file__).parents[2]
 CASES = json.loads((ROOT / "tests/data/known_answers.json").read_text())["cases"]
@@ -56,22 +57,24 @@ def poses(seed, n, m, count):
 
 @pytest.mark.parametrize(("n", "m"), SIZES)
 def test_qhull_agrees(n, m):
-    rng, W, lower, upper = poses(n + 10 * m, n, m, 40)
-    inside = np.einsum("bnm,bkm->bkn", W, rng.uniform(lower[:, None], upper[:, None], (40, 3, m)))
-    wrenches = inside * rng.uniform(0.3, 4.0, (40, 1, 1))
-    expected = [hull_margin(*each) for each in zip(W, lower, upper, wrenches, strict=True)]
-    np.testing.assert_allclose(margin(W, (lower, upper), wrenches), expected, rtol=0, atol=1e-9)
-    ball = (wrenches[:, 0], np.linspace(0.0, 3.0, 40))
-    expected = [hull_margin(*each) for each in zip(W, lower, upper, wrenches[:, :1], strict=True)]
-    np.testing.assert_allclose(margin(W, (lower, upper), ball), expected - ball[1], rtol=0, atol=1e-9)
-    assert np.any(np.array(expected) > 0)
-    assert np.any(np.array(expected) < 0)
+    count = many(40)
+    rng, W, lower, upper = poses(n + 10 * m, n, m, count)
+    inside = np.einsum("bnm,bkm->bkn", W, rng.uniform(lower[:, None], upper[:, None], (count, 3, m)))
+    wrenches = inside * rng.uniform(0.3, 4.0, (count, 1, 1))
+    expected = np.array([hull_margins(*each) for each in zip(W, lower, upper, wrenches, strict=True)])
+    found = margin(W, (lower, upper), wrenches)
+    np.testing.assert_allclose(found, expected.min(axis=1), rtol=0, atol=1e-9)
+    ball = (wrenches[:, 0], np.linspace(0.0, 3.0, count))
+    np.testing.assert_allclose(margin(W, (lower, upper), ball), expected[:, 0] - ball[1], rtol=0, atol=1e-9)
+    assert np.any(expected[:, 0] > 0)
+    assert np.any(expected[:, 0] < 0)
 
 
 @pytest.mark.parametrize(("n", "m"), [(2, 4), (3, 4), (3, 8), (6, 8)])
 def test_its_sign_is_that_of_a_linear_program(n, m):
-    rng, W, lower, upper = poses(n, n, m, 500)
-    wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 2.0, (500, 1))
+    count = many(500)
+    rng, W, lower, upper = poses(n, n, m, count)
+    wrench = np.einsum("bnm,bm->bn", W, rng.uniform(lower, upper)) * rng.uniform(0.5, 2.0, (count, 1))
     found = margin(W, (lower, upper), wrench[:, None, :])
     expected = np.array([renders(*each) for each in zip(W, lower, upper, wrench, strict=True)])
     clear = np.abs(found) > 1e-7

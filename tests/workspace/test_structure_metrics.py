@@ -5,6 +5,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.workspace import effort, reachable_share
+from tests.support.examples import many
 from tests.support.problems import random_structure
 from tests.support.reference_metrics import evenness, renders
 
@@ -60,7 +61,7 @@ def test_alternate_corners_close_a_third_of_the_box():
 )
 def test_a_linear_program_agrees(n, m):
     rng = np.random.default_rng(m)
-    W = np.stack([random_structure(rng, 6 if n > 3 else max(n, 2), m)[:n] for _ in range(150)])
+    W = np.stack([random_structure(rng, 6 if n > 3 else max(n, 2), m)[:n] for _ in range(many(150))])
     W[::2, :, 0] -= W[::2].sum(axis=-1)  # every other one is balanced by equal tensions
     found, expected = factor(W), np.array([evenness(each) for each in W])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
