@@ -4,49 +4,39 @@ import os
 import signal
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
 
-from benchmarks.processes import simulated
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.locks import LinkLock, holder, normalised
+from tensionlab.hardware.simulation.serve import TcpPort
 from tests.support.scripts import running
 
-HOLD = "import sys, time; from tensionlab.hardware.client.links import *; {}; print(flush=True); time.sleep(60)"
-pytestmark = [
-    pytest.mark.realtime,  # locks between processes
-    pytest.mark.usefixtures("locks_folder"),
-]
+HOLD = """
+import sys
+from tensionlab.hardware.client.locks import LinkLock
+lock = LinkLock('COM5')
+print(flush=True)
+sys.stdin.read()
+"""
+pytestmark = pytest.mark.usefixtures("locks_folder")
 
 
-def another_process(statement):
-    """Run a statement in another process, which then stays; `statement` is what it does first."""
-    return running(HOLD.format(statement), "a", "word")
-
-
-def test_a_second_claim_names_the_process_that_has_the_module():
-    with another_process("lock = LinkLock('COM5')") as process:
+@pytest.mark.realtime  # a process is stopped, and killed with -9
+def test_a_module_belongs_to_its_process_even_if_that_hangs_until_it_is_killed():
+    with running(HOLD, "a", "word") as process:
         with pytest.raises(LinkError, match=rf"com5 is in use by process {process.pid} \(-c a word\); end that"):
             LinkLock("com5")
         assert holder("COM5").pid == process.pid
-
-
-def test_a_killed_process_leaves_no_lock():
-    with another_process("lock = LinkLock('COM5')") as process:
+        process.send_signal(signal.SIGSTOP)
+        assert holder("COM5").pid == process.pid
         process.send_signal(signal.SIGKILL)
         process.wait()
         assert holder("COM5") is None
         LinkLock("COM5").release()
-
-
-def test_who_hangs_still_has_its_modules():
-    with another_process("lock = LinkLock('COM5')") as process:
-        process.send_signal(signal.SIGSTOP)
-        assert holder("COM5").pid == process.pid
 
 
 def test_a_lock_ends_with_its_release_and_no_note_stays(locks_folder):
@@ -71,28 +61,27 @@ def test_any_thread_may_release_a_lock():
     assert not inner.is_locked
 
 
-def test_who_is_just_letting_go_is_waited_for():
-    with another_process(
-        "lock = LinkLock('COM5'); time.sleep(0); print(flush=True); time.sleep(0.1); lock.release()"
-    ):
-        LinkLock("COM5").release()
+def test_who_is_just_letting_go_is_waited_for(monkeypatch):
+    monkeypatch.setattr(locks, "LOCK_TIMEOUT_S", 60.0)
+    first = LinkLock("COM5")
+    monkeypatch.setattr("time.sleep", lambda seconds: first.release())  # while the second waits
+    second = LinkLock("COM5")
+    assert holder("COM5").pid == os.getpid()
+    second.release()
 
 
 def test_an_open_link_is_locked_and_a_closed_one_is_free():
-    with simulated() as (links, _):
-        url = links["module"]
-        with another_process(f"link = open_link({url.replace('127.0.0.1', 'localhost')!r})") as process:
-            with pytest.raises(LinkError, match=f"in use by process {process.pid}"):
-                open_link(url)
-            process.kill()
-            process.wait()
-            time.sleep(0.1)  # until the module has noticed
-            link = open_link(url)
-        link.close()
-        assert holder(url) is None
+    port = TcpPort()
+    link = open_link(port.url)
+    with pytest.raises(LinkError, match=f"in use by process {os.getpid()}"):
+        open_link(port.url.replace("127.0.0.1", "localhost"))
+    link.close()
+    open_link(port.url.replace("127.0.0.1", "localhost")).close()
+    assert holder(port.url) is None
+    port.close()
     with pytest.raises(LinkError, match="cannot be opened") as caught:
-        open_link(url)
-    assert holder(url) is None, caught
+        open_link(port.url)
+    assert holder(port.url) is None, caught
 
 
 def test_simulated_modules_of_this_process_are_as_many_as_one_likes():
