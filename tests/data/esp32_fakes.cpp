@@ -1,7 +1,8 @@
 // The libraries that firmware/esp32 uses, as far as it uses them: so that it runs here, task by task, with a rotor
 // that follows its motor. USB is stdin and stdout; Bluetooth is two files, connected from the first byte to the
-// end of the first one. What happens to pins and tasks is told on stderr. Arguments: how fast time passes; for how
-// many ms Bluetooth's write() blocks; the numbers of its files.
+// end of the first one. What happens to pins and tasks is told on stderr. Time passes as another file says, in us,
+// and a byte comes back when it has; one task runs at a time, so that the same bytes always have the same effects.
+// Arguments: for how many ms Bluetooth's write() blocks; the numbers of its files; those for the time.
 #include <Arduino.h>
 #include <BluetoothSerial.h>
 #include <Preferences.h>
@@ -13,35 +14,59 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <chrono>
+#include <algorithm>
 #include <cmath>
+#include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "as5048a_chip.hpp"
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr double kTau = 6.283185307179586, kResistance = 2.8;
 constexpr int kPoles = 11, kEnablePin = 33;
 constexpr double kZero = 2.0;  // electrical angle of the rotor at the encoder's zero, rad
 
-double speed = 1.0;
-int blocking_ms = 0, air_in = 3, air_out = 4;
-std::atomic<uint32_t> now_us{0};
-std::atomic<bool> driver_on{false};
+int blocking_ms = 0, air_in = 3, air_out = 4, time_in = 5, time_out = 6;
+bool driver_on = false, bluetooth_there = false;
+
+// Tasks take turns: the one that wakes first runs, and its time is now.
+std::mutex turns;
+std::condition_variable turn_changed;
+std::vector<uint64_t> wakes = {0};  // by task, us; the first is that of main(), which gives the time
+size_t running = 0;
+thread_local size_t self = 0;
+
+uint64_t now_us() { return wakes[running]; }
+
+void wait_for_turn(std::unique_lock<std::mutex> lock) {
+  turn_changed.wait(lock, [] { return running == self; });
+}
+
+void sleep_us(uint64_t duration) {
+  std::unique_lock<std::mutex> lock(turns);
+  wakes[self] += duration;
+  running = static_cast<size_t>(std::min_element(wakes.begin(), wakes.end()) - wakes.begin());
+  turn_changed.notify_all();
+  wait_for_turn(std::move(lock));
+}
+
 // Only the FOC task touches these.
 Chip chip;
 Sensor* sensor = nullptr;
 double rotor = 1.0, applied_q = 0.0, applied_electrical = 0.0, target = 0.0;  // rad, V, rad, A
 bool enabled = false;
 
-void tell(const char* what, double number) { std::fprintf(stderr, "%.4f %s %g\n", 1e-6 * now_us, what, number); }
+void tell(const char* what, double number) {
+  std::fprintf(stderr, "%.4f %s %g\n", 1e-6 * static_cast<double>(now_us()), what, number);
+}
 
 bool ready(int file) {
   pollfd asked = {file, POLLIN, 0};
@@ -70,10 +95,11 @@ void pinMode(uint8_t pin, uint8_t mode) {
   if (pin == kEnablePin && mode == OUTPUT) tell("output", pin);
 }
 void digitalWrite(uint8_t pin, uint8_t value) {
-  if (pin != kEnablePin || driver_on.exchange(value != 0) == (value != 0)) return;
+  if (pin != kEnablePin || driver_on == (value != 0)) return;
+  driver_on = value != 0;
   tell("driver", value);
 }
-unsigned long micros() { return now_us; }
+unsigned long micros() { return static_cast<uint32_t>(now_us()); }
 void delayMicroseconds(uint32_t) {}
 bool ledcAttach(uint8_t, uint32_t, uint8_t) { return true; }
 bool ledcWrite(uint8_t, uint32_t duty) {
@@ -87,8 +113,6 @@ EspClass ESP;
 SPIClass SPI;
 
 namespace {
-std::atomic<bool> bluetooth_there{false};
-
 bool still_there(int file) {
   if (!ready(file)) return true;
   pollfd asked = {file, POLLIN, 0};
@@ -121,7 +145,7 @@ bool BluetoothSerial::hasClient() {
 int BluetoothSerial::available() { return waiting(air_in); }
 size_t BluetoothSerial::write(uint8_t byte) { return write(&byte, 1); }
 size_t BluetoothSerial::write(const uint8_t* bytes, size_t size) {
-  std::this_thread::sleep_for(std::chrono::milliseconds(blocking_ms));
+  sleep_us(1000u * static_cast<uint64_t>(blocking_ms));
   return static_cast<size_t>(::write(air_out, bytes, size));
 }
 
@@ -150,24 +174,32 @@ esp_err_t esp_task_wdt_reconfigure(const esp_task_wdt_config_t* config) {
   return 0;
 }
 esp_err_t esp_task_wdt_add(TaskHandle_t) { return 0; }
-// Once in each turn of the FOC loop: time passes, and this machine is not faster than it.
+// Once in each turn of the FOC loop.
 esp_err_t esp_task_wdt_reset() {
-  static const Clock::time_point start = Clock::now();
+  sleep_us(250);
   turn_rotor();
-  const uint32_t now = now_us += 250;
-  if (now % 1000 == 0)
-    std::this_thread::sleep_until(start + std::chrono::duration<double, std::micro>(now / speed));
   return 0;
 }
 BaseType_t xTaskCreatePinnedToCore(TaskFunction_t task, const char* name, uint32_t, void* argument, UBaseType_t,
                                    TaskHandle_t*, BaseType_t core) {
   tell((std::string("task_") + name).c_str(), core);
-  std::thread(task, argument).detach();
+  const size_t number = wakes.size();
+  wakes.push_back(now_us());
+  std::thread([=] {
+    self = number;
+    wait_for_turn(std::unique_lock<std::mutex>(turns));
+    task(argument);
+  }).detach();
   return pdPASS;
 }
-void vTaskDelay(TickType_t ticks) { std::this_thread::sleep_for(std::chrono::milliseconds(ticks)); }
+void vTaskDelay(TickType_t ticks) { sleep_us(1000u * static_cast<uint64_t>(ticks)); }
+// The task that is deleted is that of main(): its thread lets time pass from now on.
 void vTaskDelete(TaskHandle_t) {
-  for (;;) pause();
+  for (uint32_t duration = 0; ::read(time_in, &duration, sizeof duration) == sizeof duration;) {
+    sleep_us(duration);
+    if (::write(time_out, "", 1) != 1) break;
+  }
+  std::_Exit(0);
 }
 
 float Sensor::getAngle() { return static_cast<float>(full_rotations) * 6.2831853f + angle_prev; }
@@ -228,10 +260,8 @@ float _readADCVoltageInline(const int, const void*) { return 12.0f / 11.0f; }
 void* _configureADCInline(const void*, const int, const int, const int) { return nullptr; }
 
 int main(int, char** words) {
-  speed = std::atof(words[1]);
-  blocking_ms = std::atoi(words[2]);
-  air_in = std::atoi(words[3]);
-  air_out = std::atoi(words[4]);
+  int* const numbers[] = {&blocking_ms, &air_in, &air_out, &time_in, &time_out};
+  for (int* number : numbers) *number = std::atoi(*++words);
   setup();
   loop();
 }

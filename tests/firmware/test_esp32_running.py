@@ -1,11 +1,14 @@
-"""The whole layer of the ESP32, run here against fakes of its libraries: tasks, link, boot, alignment, driver."""
+"""The whole layer of the ESP32, run here against fakes of its libraries: tasks, link, boot, alignment, driver.
+
+Its time passes only where a test waits, a millisecond at a time.
+"""
 
 import os
+import select
 import shutil
+import struct
 import subprocess
 import sys
-import threading
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,10 +36,7 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.protocol.parameters import PARAMETERS
 
-pytestmark = [
-    pytest.mark.realtime,  # threads of the firmware's tasks
-    pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX"),
-]
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the fakes are for POSIX")
 ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "firmware"
 
@@ -58,27 +58,22 @@ def program(tmp_path_factory):
 class Wire:
     """One end of a link by two pipes."""
 
-    def __init__(self, into, out):
-        self.into, self.out = into, out
-        self.decoder, self.heard, self.sequence = Decoder(), [], 0
-        threading.Thread(target=self._listen, daemon=True).start()
-
-    def _listen(self):
-        while content := os.read(self.out, 4096):
-            self.heard += [read(frame) for frame in self.decoder.feed(content)]
+    def __init__(self, into, out, advance):
+        self.into, self._out, self._advance = into, out, advance
+        self._decoder, self._heard, self._sequence = Decoder(), [], 0
 
     def send(self, message):
-        self.sequence = (self.sequence + 1) % 256
-        os.write(self.into, message.frame(self.sequence).pack())
+        self._sequence = (self._sequence + 1) % 256
+        os.write(self.into, message.frame(self._sequence).pack())
 
     def wait(self, kind, seconds=10.0, **fields):
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            while self.heard:
-                found = self.heard.pop(0)
+        for _ in range(round(1e3 * seconds)):
+            self._heard += [read(frame) for frame in self._decoder.feed(available(self._out))]
+            while self._heard:
+                found = self._heard.pop(0)
                 if isinstance(found, kind) and all(getattr(found, key) == fields[key] for key in fields):
                     return found
-            time.sleep(0.001)
+            self._advance(0.001)
         raise TimeoutError(f"no {kind.__name__} {fields} within {seconds} s")
 
     def ask(self, message, kind=Acknowledge):
@@ -86,57 +81,73 @@ class Wire:
         return self.wait(kind, **({"command": message.type} if kind is Acknowledge else {}))
 
 
+def available(file):
+    """Return what there is to read in a pipe."""
+    return os.read(file, 65536) if select.select([file], [], [], 0.0)[0] else b""
+
+
 class Board:
     """The running program: `usb` and `bluetooth` to talk to it, `told` what happened to pins and tasks."""
 
-    def __init__(self, program, speed, blocking_ms):
-        (self._usb_in, usb_to), (usb_from, self._usb_out) = os.pipe(), os.pipe()
-        (air_in, self.air_to), (self.air_from, air_out) = os.pipe(), os.pipe()
+    def __init__(self, program, blocking_ms):
+        (usb_in, usb_to), (usb_from, usb_out), (noted, notes) = os.pipe(), os.pipe(), os.pipe()
+        (air_in, self.air_to), (air_from, air_out) = os.pipe(), os.pipe()
+        (time_in, self._time_to), (self._time_from, time_out) = os.pipe(), os.pipe()
+        theirs = (air_in, air_out, time_in, time_out)
         self.process = subprocess.Popen(
-            [str(word) for word in (program, speed, blocking_ms, air_in, air_out)],
-            stdin=self._usb_in,
-            stdout=self._usb_out,
-            stderr=subprocess.PIPE,
-            text=True,
-            pass_fds=(air_in, air_out),
+            [str(word) for word in (program, blocking_ms, *theirs)],
+            stdin=usb_in,
+            stdout=usb_out,
+            stderr=notes,
+            pass_fds=theirs,
         )
-        for end in (self._usb_in, self._usb_out, air_in, air_out):
+        for end in (usb_in, usb_out, notes, *theirs):
             os.close(end)
-        self.told = []
-        threading.Thread(target=self._note, daemon=True).start()
-        self.usb, self.bluetooth = Wire(usb_to, usb_from), None
-
-    def _note(self):
-        for line in self.process.stderr:
-            at, what, number = line.split()
-            self.told.append((what, float(number), float(at)))
+        self.told, self._noted, self._half = [], noted, b""
+        self._ours = [usb_to, usb_from, noted, self.air_to, air_from, self._time_to, self._time_from]
+        self.usb, self._air = Wire(usb_to, usb_from, self.advance), Wire(self.air_to, air_from, self.advance)
 
     def connect_bluetooth(self):
-        self.bluetooth = Wire(self.air_to, self.air_from)
-        return self.bluetooth
+        return self._air
+
+    def end_bluetooth(self):
+        os.close(self.air_to)
+        self._ours.remove(self.air_to)
+
+    def close(self):
+        for end in self._ours:
+            os.close(end)
+        self.process.wait()
+
+    def advance(self, seconds):
+        """Let time pass in the program."""
+        os.write(self._time_to, struct.pack("=I", round(1e6 * seconds)))
+        assert os.read(self._time_from, 1), "the program has ended"
+        *lines, self._half = (self._half + available(self._noted)).split(b"\n")
+        for line in lines:
+            at, what, number = line.decode().split()
+            self.told.append((what, float(number), float(at)))
 
     def numbers(self, what):
         return [number for name, number, _ in self.told if name == what]
 
     def until(self, what, number, seconds=10.0):
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
+        for _ in range(round(1e3 * seconds)):
             if number in self.numbers(what):
                 return
-            time.sleep(0.001)
+            self.advance(0.001)
         raise TimeoutError(f"no {what} {number}: {self.told}")
 
 
 @contextmanager
-def board(program, speed=4.0, blocking_ms=0):
-    made = Board(program, speed, blocking_ms)
+def board(program, blocking_ms=0):
+    made = Board(program, blocking_ms)
     try:
         yield made
         assert made.process.poll() is None
     finally:
         made.process.kill()
-        made.process.wait()
-        made.process.stderr.close()
+        made.close()
 
 
 def pull(wire, tension=2.0):
@@ -205,7 +216,7 @@ def test_an_emergency_stop_ends_the_search_for_the_zero(program):
         module.until("driver", 0)
         (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
         assert off - on < 1.5
-        time.sleep(0.2)
+        module.advance(0.2)
         assert module.numbers("driver") == [1, 0]
 
 
@@ -231,29 +242,28 @@ def test_bluetooth_takes_the_link_and_its_end_is_a_link_that_closed(program):
         assert air.ask(Arm(6)).code is Code.OK
         air.send(SetTension(6, 1.0, ttl_ms=2000))
         assert air.ask(Hello(), Info).state is State.RUNNING
-        os.close(module.air_to)
-        time.sleep(0.1)
+        module.end_bluetooth()
+        module.advance(0.01)
         assert module.usb.ask(Hello(), Info).state is State.TIMEOUT
 
 
 def test_an_emergency_stop_is_heard_while_bluetooth_cannot_send(program):
-    with board(program, speed=1.0, blocking_ms=1000) as module:
-        module.usb.ask(Hello(), Info)
-        time.sleep(0.05)  # before its first step, the firmware does not arm
+    with board(program, blocking_ms=1000) as module:
+        module.advance(0.01)  # before its first step, the firmware does not arm
         air = module.connect_bluetooth()
         air.send(Hello())  # its answer blocks the writing task for a second
         air.send(Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0))
         air.send(Arm(5))
         air.send(SetTension(5, 2.0, ttl_ms=2000))
         module.until("driver", 1)
-        begin = time.monotonic()
         air.send(EmergencyStop())
         module.until("driver", 0)
-        assert time.monotonic() - begin < 0.5
+        (on, _), (off, _) = [(at, number) for what, number, at in module.told if what == "driver"]
+        assert off - on < 0.01
 
 
 def test_a_flood_does_not_hold_the_loop_up(program):
-    with board(program, speed=1.0) as module:
+    with board(program) as module:
         usb = module.usb
         for _ in range(20):
             os.write(usb.into, (bytes(reversed(range(256))) + bytes(2)) * 4)  # each piece ends a frame
