@@ -23,7 +23,7 @@ class Tallied:
     file: str = ""
     seconds: float = 0.0
     gate: str = ""
-    """A file: after so many chunks (`held_after`), all wait until it is there."""
+    """File that all wait for after so many chunks (`held_after`); who waits makes one with its number."""
     held_after: int = 0
 
     title: ClassVar[str] = "distance"
@@ -37,8 +37,10 @@ class Tallied:
             line = f"{os.getpid()} {' '.join(map(str, batch.position[0]))}\n"
             with Path(self.file).open("a") as tally:
                 tally.write(line)
-            while self.gate and len(read(Path(self.file))) > self.held_after and not Path(self.gate).exists():
-                time.sleep(0.005)
+            if self.gate and len(read(Path(self.file))) > self.held_after:
+                Path(f"{self.gate}.{os.getpid()}").touch()
+                while not Path(self.gate).exists():
+                    time.sleep(0.005)
         return np.linalg.norm(batch.position, axis=1)
 
 

@@ -140,9 +140,7 @@ def test_a_cluster_whose_worker_dies_half_way_gives_the_same(start, scheduler, t
     dead, alive = workers[0].pid, workers[1].pid
 
     def kill():
-        wait_for(
-            lambda: len(read(tally)) > COUNT // 2 and {process for process, _ in read(tally)} == {dead, alive}
-        )
+        wait_for(lambda: all(Path(f"{gate}.{process}").exists() for process in (dead, alive)))
         workers[0].kill()
         workers[0].wait()
         gate.touch()
