@@ -1,5 +1,7 @@
 """Fixtures of all tests, and the profiles of hypothesis."""
 
+import os
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -35,6 +37,14 @@ def simulated_time(monkeypatch):
     here = SimulatedTime()
     monkeypatch.setattr("tensionlab.hardware.runner.settings.time", here)
     return here
+
+
+@pytest.fixture
+def locks_folder(tmp_path, monkeypatch):
+    """Locks of this test are nobody else's; they lie there."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    return tmp_path / f"tensionlab-{os.getuid()}"
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,9 @@
 In lockstep, where time is exact; `test_fault_processes.py` has what takes real processes.
 """
 
+import os
 import resource
+import signal
 import time
 from dataclasses import dataclass
 
@@ -13,6 +15,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
 from tensionlab.hardware.runner.settings import RunSettings
@@ -226,6 +229,22 @@ def test_a_clock_that_goes_back_while_it_is_waited_for(rehearsal):
     with pytest.raises(HardwareError, match=r"the clock went back by 0\.1 s"):
         rehearsal.runner(rehearsal.demand(), clock=Falters(rehearsal.clock)).run(2.0)
     assert_let_go(rehearsal)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_ends_programs_stops_all(rehearsal, number):
+    statistics = rehearsal.runner(rehearsal.demand(trouble=lambda: os.kill(os.getpid(), number))).run(2.0)
+    assert statistics.ended == f"signal {signal.Signals(number).name}"
+    assert not statistics.emergency
+    assert set(rehearsal.states().values()) == {"IDLE"}
+    assert_let_go(rehearsal)
+
+
+def test_the_signal_of_the_emergency_stop_is_one(rehearsal):
+    statistics = rehearsal.runner(rehearsal.demand(trouble=lambda: os.kill(os.getpid(), ESTOP_SIGNAL))).run(2.0)
+    assert (statistics.ended, statistics.emergency) == ("emergency stop", True)
+    assert set(rehearsal.states().values()) == {"ESTOP"}
+    assert rehearsal.let_pass(rehearsal.world.time + 1e-3) == 0.0
 
 
 def test_one_that_is_lost_is_done_without_by_the_others(published_rig):

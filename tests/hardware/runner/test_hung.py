@@ -4,20 +4,28 @@ Judged by causes, and by what the modules say; how soon it happens on this machi
 """
 
 import signal
+import time
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from benchmarks.processes import simulated
+import tensionlab as tl
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.client import emergency_stop as emergency
 from tensionlab.hardware.client.emergency_stop import emergency_stop
+from tensionlab.hardware.log.reader import read_run
+from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.protocol.messages import Clear, Hello, Info, Stop
+from tensionlab.hardware.runner.settings import RunSettings
+from tests.support.rehearsal import Rehearsal
 from tests.support.scripts import running
-from tests.support.wire import connected
+from tests.support.serving import TIMEOUT_S, ServedRig
 
-RIG = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
+PATH = Path(__file__).parents[3] / "datasets" / "rigs" / "bartels2026-validation.toml"
+RIG = tl.load_rig(PATH)
 HOST = """
-import ctypes, dataclasses, signal, sys, time
+import ctypes, dataclasses, sys
 import numpy as np
 import tensionlab as tl
 from tensionlab.demand import Demand
@@ -26,24 +34,12 @@ from tensionlab.hardware import Runner, connect
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.settings import RunSettings
 
-def sleeps():
-    time.sleep(1e6)
-
-def spins():
-    while True:
-        try:
-            while True:
-                pass
-        except Exception:
-            pass
-
 def locks(library):
     mutex = ctypes.create_string_buffer(64)
     library.pthread_mutex_lock(mutex)
     library.pthread_mutex_lock(mutex)  # never: no signal wakes it
 
-HANGS = {"sleeps": sleeps, "spins": spins, "releases": lambda: locks(ctypes.CDLL(None)),
-         "keeps": lambda: locks(ctypes.PyDLL(None))}
+LIBRARIES = {"releases": ctypes.CDLL, "keeps": ctypes.PyDLL}
 
 @dataclasses.dataclass(frozen=True)
 class ThirdParty:
@@ -52,7 +48,7 @@ class ThirdParty:
         solved.append(1)
         if len(solved) == 20:
             print("hangs", flush=True)
-            HANGS[sys.argv[1]]()
+            locks(LIBRARIES[sys.argv[1]](None))
         return tl.solvers.make("newton").solve(problem)
 
 solved = []
@@ -61,8 +57,9 @@ names = [module.name for module in rig.modules]
 links = dict(zip(names, sys.argv[4:]))
 group = connect(rig, links)
 solver = ThirdParty()
-log = RunLog(sys.argv[3], rig, {}, solver, RunSettings(), links)
-runner = Runner(rig, group, solver, lambda state: Demand(np.array([0.0, 0.0, 0.5])), log=log)
+settings = RunSettings(ttl=1.0)
+log = RunLog(sys.argv[3], rig, {}, solver, settings, links)
+runner = Runner(rig, group, solver, lambda state: Demand(np.array([0.0, 0.0, 0.5])), settings, log=log)
 print(flush=True)
 try:
     runner.run()
@@ -74,79 +71,117 @@ group.close()
 print(runner.statistics.ended, flush=True)
 sys.exit(3)
 """
-pytestmark = [
-    pytest.mark.realtime,  # processes that hang
-    pytest.mark.usefixtures("locks_folder"),
-]
+pytestmark = pytest.mark.usefixtures("locks_folder")
 
 
-@pytest.fixture(scope="module")
-def served():
-    with simulated(RIG) as (found, _):
-        yield found
+def sleeps():
+    time.sleep(TIMEOUT_S)
+
+
+def spins():
+    end = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < end:
+        try:
+            while time.monotonic() < end:
+                pass
+        except Exception:
+            pass
+
+
+@dataclass(frozen=True)
+class Hangs:
+    """Solver that does something else in its 20th call."""
+
+    hang: object
+    solved: list = field(default_factory=list)
+    policies = ("force",)
+
+    def solve(self, problem):
+        self.solved.append(1)
+        if len(self.solved) == 20:
+            self.hang()
+        return tl.solvers.make("newton").solve(problem)
+
+
+@pytest.mark.parametrize("hang", [sleeps, spins])
+def test_a_solver_that_hangs_in_python_is_interrupted_and_the_modules_are_stopped(tmp_path, hang):
+    rehearsal, solver = Rehearsal(RIG, trouble_at=1e9), Hangs(hang)
+
+    class Watched:
+        real_time = True
+        now, wait_until = rehearsal.clock.now, rehearsal.clock.wait_until
+
+    log = RunLog(tmp_path / "run.mcap", RIG, {}, solver, RunSettings(), dict.fromkeys(rehearsal.links, "sim:"))
+    why = f"cycle 18 has not ended for 0.5 s, in {hang.__name__} (test_hung.py:"
+    with pytest.raises(HardwareError) as caught:
+        rehearsal.runner(rehearsal.demand(), solver, log, Watched()).run()
+    assert str(caught.value).startswith(why)
+    assert str(caught.value).endswith("): all modules are stopped")
+    assert set(rehearsal.states().values()) == {"IDLE"}
+    run = read_run(tmp_path / "run.mcap")
+    assert run.complete
+    assert run.summary["ended"] == str(caught.value)
+    assert run.events[-1].kind == "ended"
 
 
 @pytest.fixture
-def links(served):
-    yield served
-    states(served)  # idle for the next test
+def rig():
+    with ServedRig(RIG) as served:
+        yield served
 
 
-def states(links):
-    """In which state is each? They are idle after it."""
-    found = []
-    for url in links.values():
-        with connected(url) as client:
-            found.append(client.ask(Hello(), Info).state)
-            client.ask(Clear())
-            client.ask(Stop())
-    return found
+def hung(manner, rig, tmp_path):
+    """Return a process whose solver hangs in a native call that releases the interpreter, or keeps it."""
+    return running(HOST, manner, str(PATH), str(tmp_path / "run.mcap"), *rig.links.values())
 
 
-def hung(manner, links, tmp_path):
-    """Return a process of a host whose solver hangs that way."""
-    return running(HOST, manner, RIG, tmp_path / "run.mcap", *links.values())
+def released_states(rig):
+    """Return the states of the modules once none follows set-points any more."""
+    rig.wait_for(lambda row: not {State.RUNNING, State.ARMED} & set(row.states))
+    return set(rig.rows[-1].states)
 
 
+@pytest.mark.realtime  # a process whose native call does not return
 @pytest.mark.parametrize(
     ("manner", "said"),
     [
-        ("sleeps", "cycle 18 has not ended for 0.5 s, in sleeps (<string>:12): all modules are stopped"),
-        ("spins", "cycle 18 has not ended for 0.5 s, in spins (<string>:1"),
-        ("releases", "cycle 18 has not ended for 0.5 s, in locks (<string>:2"),
+        ("releases", "cycle 18 has not ended for 1 s, in locks (<string>:"),
         ("keeps", "a native call keeps the interpreter and does not return, so the process ends"),
     ],
 )
-def test_a_solver_that_never_returns_ends_the_run_and_the_modules_let_go(links, tmp_path, capfd, manner, said):
-    with hung(manner, links, tmp_path) as process:
-        assert process.wait(30.0) == 1
+def test_a_native_call_that_never_returns_ends_the_process_and_the_modules_let_go(
+    rig, tmp_path, capfd, manner, said
+):
+    with hung(manner, rig, tmp_path) as process:
+        assert process.wait(TIMEOUT_S) == 1
     complaint = capfd.readouterr().err
     assert complaint.startswith(f"tensionlab: {said}")
     assert complaint.count("\n") == 1
-    assert set(states(links)) <= {State.IDLE, State.TIMEOUT}
-    if manner != "keeps":
-        from tensionlab.hardware.log.reader import read_run
-
+    assert released_states(rig) <= {State.IDLE, State.TIMEOUT}
+    if manner == "releases":
         run = read_run(tmp_path / "run.mcap")
         assert run.complete
         assert run.summary["ended"].startswith(said)
         assert run.events[-1].kind == "ended"
 
 
-def test_a_signal_ends_a_run_whose_solver_hangs(links, tmp_path):
-    with hung("releases", links, tmp_path) as process:
+@pytest.mark.realtime  # a signal to a process whose native call does not return
+def test_a_signal_ends_a_run_whose_solver_hangs(rig, tmp_path):
+    with hung("releases", rig, tmp_path) as process:
         assert process.stdout.readline() == "hangs\n"
         process.send_signal(signal.SIGINT)
-        assert process.wait(30.0) in (1, 3)
-    assert set(states(links)) == {State.IDLE}
+        assert process.wait(TIMEOUT_S) in (1, 3)
+    assert released_states(rig) == {State.IDLE}
 
 
+@pytest.mark.realtime  # an emergency stop of a process whose native call does not return
 @pytest.mark.parametrize("manner", ["releases", "keeps"])
-def test_an_emergency_stop_reaches_modules_whose_host_hangs(links, tmp_path, manner):
-    with hung(manner, links, tmp_path) as process:
+def test_an_emergency_stop_reaches_modules_whose_host_hangs(rig, tmp_path, manner, monkeypatch):
+    monkeypatch.setattr(emergency, "RELEASE_TIMEOUT_S", TIMEOUT_S)
+    with hung(manner, rig, tmp_path) as process:
         assert process.stdout.readline() == "hangs\n"
-        outcomes = emergency_stop(links)
-        assert process.wait(30.0) in (1, 3)
+        outcomes = emergency_stop(rig.links)
+        assert process.wait(TIMEOUT_S) in (1, 3)
     assert {each.error for each in outcomes.values()} == {""}
     assert {each.holder and each.holder.pid for each in outcomes.values()} == {process.pid}
-    assert set(states(links)) == {State.ESTOP}
+    rig.wait_for(lambda row: set(row.states) == {State.ESTOP})

@@ -1,0 +1,57 @@
+"""How a run ends by signals, and what it does where another process has its modules."""
+
+import importlib
+import os
+import signal
+
+import pytest
+
+import tensionlab as tl
+from tensionlab.demand import Demand
+from tensionlab.hardware.client.links import OPENERS
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL, LinkLock
+from tensionlab.hardware.protocol.codes import State
+from tests.support.reachable import ReachableRig
+
+PATH = "datasets/rigs/bartels2026-validation.toml"
+
+
+@pytest.fixture
+def reachable(monkeypatch, simulated_time):
+    return ReachableRig(monkeypatch, tl.load_rig(PATH))
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "said", "state"),
+    [
+        (signal.SIGINT, 0, "signal SIGINT", State.IDLE),
+        (signal.SIGTERM, 0, "signal SIGTERM", State.IDLE),
+        (signal.SIGHUP, 0, "signal SIGHUP", State.IDLE),
+        (ESTOP_SIGNAL, 1, "emergency stop", State.ESTOP),
+    ],
+)
+def test_a_signal_ends_a_run_in_good_order(run, reachable, monkeypatch, number, status, said, state):
+    def demand(now):
+        if now.cycle == 30:
+            assert {module.sample.state for module in reachable.world.modules} == {State.RUNNING}
+            os.kill(os.getpid(), number)
+        return Demand()
+
+    monkeypatch.setattr(importlib.import_module("tensionlab.cli.run"), "_demand", lambda *words: demand)
+    code, out, err = run("run", PATH, "--modules", ",".join(reachable.urls.values()))
+    assert (code, err) == (status, "")
+    assert f"30 cycles, finished: {said}" in out
+    assert {module.sample.state for module in reachable.world.modules} == {state}
+    reachable.world.advance(0.1)  # cables are let go as slowly as tensions may change
+    assert not any(module.sample.driver_on for module in reachable.world.modules)
+
+
+def test_a_second_host_is_refused_and_the_first_goes_on(run, reachable, monkeypatch, locks_folder):
+    url = reachable.urls["top"]
+    first = LinkLock(url)
+    monkeypatch.delitem(OPENERS, url)  # a real link then, which is not opened
+    code, out, err = run("run", PATH, "--modules", ",".join(reachable.urls.values()))
+    assert (code, out) == (2, "")
+    assert f"{url} is in use by process {os.getpid()} " in err
+    assert {module.sample.state for module in reachable.world.modules} == {State.IDLE}
+    first.release()
