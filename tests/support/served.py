@@ -87,10 +87,14 @@ class Simulation:
         self.links = tomllib.loads(printed.getvalue())["modules"]
         self.pass_time(0.01)  # before its first step, a module knows nothing
 
+    def link(self, name: str) -> ServedLink:
+        """A new link to a module."""
+        url = self.links[name]
+        return ServedLink(url, self._ports[url].connect(), self)
+
     def connected(self, name: str = "module"):
         """A client of a module."""
-        url = self.links[name]
-        return connected(ServedLink(url, self._ports[url].connect(), self))
+        return connected(self.link(name))
 
     def wait(self, seconds: float) -> None:
         """Wait as a server does, for so long at most."""

@@ -415,11 +415,16 @@ class OscTracker:
 
         Its time tag is when they were there, in s since 1970: what is late on its way is not taken for slow.
         """
-        from pythonosc.osc_bundle_builder import OscBundleBuilder
-        from pythonosc.osc_message_builder import build_msg
-
-        bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # which takes s, as its text says
-        for name, place in bodies.items():
-            bundle.add_content(build_msg(f"/body/{name}", place.tolist()))
         with suppress(OSError):  # nobody listens, or there is no room: the next one is soon
-            self._socket.sendto(bundle.build().dgram, self._address)
+            self._socket.sendto(bundle_of(bodies, when), self._address)
+
+
+def bundle_of(bodies: Mapping[str, Floats], when: float) -> bytes:
+    """Return the datagram that says where bodies were; see `OscTracker.send`."""
+    from pythonosc.osc_bundle_builder import OscBundleBuilder
+    from pythonosc.osc_message_builder import build_msg
+
+    bundle = OscBundleBuilder(when)  # type: ignore[arg-type]  # which takes s, as its text says
+    for name, place in bodies.items():
+        bundle.add_content(build_msg(f"/body/{name}", place.tolist()))
+    return bundle.build().dgram
