@@ -1,4 +1,4 @@
-"""The verb: in this process, and against modules and a sensor of another one."""
+"""The verb: with modules and a sensor of its own, and with served ones."""
 
 import json
 from pathlib import Path
@@ -6,15 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.processes import simulated
 from tensionlab.hardware.client.group import connect
+from tensionlab.hardware.runner import settings
 from tensionlab.model.directions import grid18
 from tensionlab.model.files import load_rig
+from tensionlab.validation import sensors
 from tensionlab.validation.data_tables import read_recording
 from tensionlab.validation.protocol import Protocol
 from tensionlab.validation.report import evaluate
 from tensionlab.validation.sensors import connect_sensor
 from tensionlab.validation.session import ValidationPlan, validate
+from tests.support.served import Simulation
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
@@ -73,20 +75,22 @@ def test_bad_input_is_refused_before_anything_pulls(run, tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.realtime  # modules and a sensor in another process
-def test_over_tcp_the_statistics_are_the_same(tmp_path):
-    """Modules and sensor of another process, in real time, against those of this one in lockstep."""
+def test_with_served_modules_and_sensor_the_statistics_are_the_same(tmp_path, monkeypatch):
+    """Modules and sensor of `tensionlab simulate`, against those that a validation simulates itself."""
     rig = load_rig(RIG)
     protocol = Protocol(hold=0.4, directions=grid18()[::14])
     setup, found = validate(ValidationPlan(rig, "newton", protocol, "paper-like", 2), tmp_path / "here")
     here = evaluate(setup, found)
-    modules = tmp_path / "modules.toml"
-    with simulated(RIG, "--sensor-port", 0, "--seed", 2, "--modules", modules) as (links, _):
-        url = modules.read_text().partition("# Force sensor: ")[2].strip()
-        sensor, group = connect_sensor(url), connect(rig, links)
-        setup, found = validate(ValidationPlan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
-        group.close()
-        sensor.close()
+    simulation = Simulation(RIG, "--sensor-port", 0, "--seed", 2)
+    url = simulation.printed.partition("# Force sensor: ")[2].strip()
+    for module in (settings, sensors):
+        monkeypatch.setattr(module, "time", simulation.time)
+    monkeypatch.setattr("socket.create_connection", lambda address, timeout: simulation.connect(url))
+    sensor, group = connect_sensor(url), connect(rig, {name: simulation.link(name) for name in simulation.links})
+    setup, found = validate(ValidationPlan(rig, "newton", protocol), tmp_path / "there", (group, sensor))
+    group.close()
+    sensor.close()
+    simulation.close()
     there = evaluate(setup, found)
     assert setup["simulated"] is True  # the sensor said so
     assert setup["preset"] is None
