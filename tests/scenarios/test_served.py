@@ -87,6 +87,17 @@ def test_whom_a_run_finds_on_the_way_back_begins_after_that(served):
     assert RETURN_S - 0.2 < again - drawn(first) < RETURN_S  # it had begun to go back a moment before
 
 
+def test_who_stood_still_because_the_modules_server_got_no_time_catches_up_with_the_scenario(served):
+    ends = []
+    for spans in ((), ((0.3, 0.5), (0.8, 1.0))):
+        person = served("bow")
+        person.starve(*spans)
+        run = person.play(2.1).run
+        ends.append(run.position[-1])
+    assert ends[0][0] < -0.05
+    assert ends[1] == pytest.approx(ends[0], abs=0.02)  # by 0.4 m/s; it stood still for 0.36 s
+
+
 @pytest.mark.slow
 @pytest.mark.realtime  # modules in another process, over TCP, and a tracker over UDP
 def test_a_scenario_is_played_between_processes(monkeypatch):

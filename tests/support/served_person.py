@@ -27,6 +27,7 @@ class ServedPerson:
     def __init__(self, scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
         self._scenario, self.ignored = scenario, []
         self._osc: OscServer | None = None
+        self._spans: list[tuple[float, float]] = []
         monkeypatch.setattr("tensionlab.haptics.bridge.osc.OscTracker", lambda *where: nullcontext(self))
         self.simulation = Simulation("--scenario", scenario.name, "--tracker", "127.0.0.1:9000")
 
@@ -41,7 +42,20 @@ class ServedPerson:
 
     def wait_until(self, when: float) -> None:
         """Let time pass until then."""
-        self.simulation.pass_time(when - self.now())
+        if self._starved():
+            self.simulation.time.sleep(max(when - self.now(), 0.0))
+        else:
+            self.simulation.pass_time(when - self.now())
+
+    def starve(self, *spans: tuple[float, float]) -> None:
+        """Let the server do nothing from one time to another, in s from now, while the host goes on."""
+        begin, server = self.now(), self.simulation.server
+        self._spans = [(begin + first, begin + last) for first, last in spans]
+        step = server.step
+        server.step = lambda: None if self._starved() else step()
+
+    def _starved(self) -> bool:
+        return any(begin <= self.now() < end for begin, end in self._spans)
 
     def play(self, seconds: float) -> ScenarioResult:
         """Play the scenario as a host that has just come."""

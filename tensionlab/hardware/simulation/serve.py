@@ -220,8 +220,12 @@ def recording(path: Path, names: Sequence[str]) -> Iterator[Watcher]:
 TICK_S, IDLE_TICK_S = 1e-3, 20e-3
 """How often time passes in a module that has a client, and in one that has none."""
 MAX_LATE_S = 20e-3
-"""What the server is late beyond this is time that does not pass in its modules: a busy machine must not make them
-time out."""
+"""What the server is late beyond this is time that does not pass in its modules at once: a busy machine must not
+make them time out."""
+CATCH_UP = 0.5
+"""Modules that are behind are so much faster until they are not: a host goes by its own time meanwhile."""
+MAX_BEHIND_S = 2.0
+"""What they are behind beyond this is not made up for."""
 PIECE_BYTES = 64
 """What a module takes at a time, as on the ESP32: the answers to more may not find room."""
 FAULT_PATTERN = re.compile(r"(?P<part>[a-z]+)@(?P<when>\d+(\.\d+)?)(?P<unit>ms|s)?")
@@ -328,7 +332,7 @@ class Server:
     ) -> None:
         self._modules, self._speed, self._watchers, self._longest = modules, speed, watchers, longest
         self._clock = clock
-        self._start, self._now = clock(), 0.0
+        self._start, self._now, self._behind = clock(), 0.0, 0.0
 
     def files(self) -> list[int]:
         """Return the file descriptors to wait for."""
@@ -343,10 +347,11 @@ class Server:
         then, due = self._now, self._due()
         now = (self._clock() - self._start) * self._speed
         late = now - due - MAX_LATE_S
-        if late > 0.0:
-            self._start += late / self._speed
-            now -= late
-        self._now = now = max(now, then)  # no rounding error takes it back
+        if late <= 0.0:
+            late = -min(CATCH_UP * max(now - then, 0.0), self._behind)
+        self._behind = min(self._behind + late, MAX_BEHIND_S)
+        self._start += late / self._speed
+        self._now = now = max(now - late, then)  # no rounding error takes it back
         pieces = max(math.ceil((now - then) / self._longest), 1)
         for piece in range(1, pieces + 1):
             for served in self._modules:

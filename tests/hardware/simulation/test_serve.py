@@ -19,7 +19,9 @@ from tensionlab.hardware.protocol.messages import (
 )
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.serve import (
+    CATCH_UP,
     IDLE_TICK_S,
+    MAX_BEHIND_S,
     MAX_LATE_S,
     TICK_S,
     PlannedFault,
@@ -210,11 +212,23 @@ def test_a_delay_adds_to_no_other_unless_it_is_long(here):
     here[0] += 5.0
     serving.step()
     assert module.seconds == pytest.approx(0.032 + MAX_LATE_S, abs=2 * TICK_S)
-    before = module.seconds
-    for _ in range(100):
-        here[0] += TICK_S
+
+
+@pytest.mark.parametrize(("stall", "lost"), [(0.3, 0.0), (1.0, 0.0), (5.0, 5.0 - MAX_BEHIND_S - MAX_LATE_S)])
+@pytest.mark.parametrize("speed", [1.0, 2.0])
+def test_what_a_stall_takes_from_modules_is_made_up_for_little_by_little(here, stall, lost, speed):
+    module = SimulatedModule()
+    serving = server(here, module, speed=speed)
+    begin = here[0]
+    here[0] += stall / speed
+    serving.step()
+    times = [module.seconds]
+    for _ in range(5000):
+        here[0] += TICK_S / speed
         serving.step()
-    assert module.seconds - before == pytest.approx(0.1, abs=2 * TICK_S)
+        times.append(module.seconds)
+    assert times[-1] == pytest.approx((here[0] - begin) * speed - lost, abs=2 * TICK_S)
+    assert np.diff(times).max() <= (1.0 + CATCH_UP) * TICK_S + STEP_S + 1e-9
 
 
 def test_after_a_stall_time_passes_in_pieces_for_those_who_watch(here):
