@@ -33,7 +33,7 @@ def served(monkeypatch):
 
     yield serve
     for each in opened:
-        each.simulation.server.close()
+        each.simulation.close()
 
 
 @pytest.mark.slow

@@ -43,13 +43,13 @@ class ServedPerson:
     def wait_until(self, when: float) -> None:
         """Let time pass until then."""
         if self._starved():
-            self.simulation.time.sleep(max(when - self.now(), 0.0))
+            self.simulation.time.jump(max(when - self.now(), 0.0))
         else:
-            self.simulation.pass_time(when - self.now())
+            self.simulation.time.sleep(when - self.now())
 
     def starve(self, *spans: tuple[float, float]) -> None:
         """Let the server do nothing from one time to another, in s from now, while the host goes on."""
-        begin, server = self.now(), self.simulation.server
+        begin, server = self.now(), self.simulation.time.server
         self._spans = [(begin + first, begin + last) for first, last in spans]
         step = server.step
         server.step = lambda: None if self._starved() else step()
