@@ -117,6 +117,8 @@ class RealClock:
             client.listen(max(end - client.link.clock(), 0.0))
 
 
+ROUNDING_S = 1e-9
+"""A wait that is shorter would never end on a clock that does not go on by itself."""
 MAX_BEHIND_S = 0.1
 """What paced modules fall behind beyond this, and not because this process computes, is time that does not pass in
 them: on a busy machine they must not release because their own process got no time."""
@@ -150,7 +152,7 @@ class WorldClock:
 
     def wait_until(self, when: float) -> None:
         """Let time pass in the modules until then."""
-        while self._paced and (left := when - self.now()) > 0.0:
+        while self._paced and (left := when - self.now()) > ROUNDING_S:
             time.sleep(min(left, 0.5 * MAX_BEHIND_S))
             self._advance(self.now())
         self._advance(self.now() if self._paced else when)
