@@ -223,7 +223,7 @@ class PersonSimulation:
         self._plan, self._rig, self._track = plan, rig, track
         self._person, self._since = Person(plan, rig), 0.0
         self._lengths = rig.lengths(*self._person.pose)
-        self._playing, self._back_at = False, -np.inf
+        self._playing, self._back_at, self._latest = False, -np.inf, -np.inf
         self._began, self._frames_sent = time.time(), 0
         self.far_ends: dict[str, Callable[[], float]] = {
             module.name: partial(self._length, index) for index, module in enumerate(rig.modules)
@@ -233,6 +233,9 @@ class PersonSimulation:
         """Apply the tensions of all modules and move on: a watcher of `serve`, called each ms."""
         samples = [module.sample for module in modules]
         now = samples[0].seconds
+        if now == self._latest:  # a message has come; no time has passed
+            return
+        self._latest = now
         pulling = [sample.state in PULLING for sample in samples]
         if self._playing and not any(pulling):
             self._restart(return_plan(self._plan, self._person.pose), now)
