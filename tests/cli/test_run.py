@@ -34,7 +34,7 @@ def test_a_signal_ends_a_run_in_good_order(run, reachable, monkeypatch, number, 
     def demand(now):
         if now.cycle == 30:
             assert {module.sample.state for module in reachable.world.modules} == {State.RUNNING}
-            os.kill(os.getpid(), number)
+            signal.raise_signal(number)
         return Demand()
 
     monkeypatch.setattr(importlib.import_module("tensionlab.cli.run"), "_demand", lambda *words: demand)

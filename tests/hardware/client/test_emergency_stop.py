@@ -108,7 +108,8 @@ def test_a_process_that_does_not_let_go_is_named_and_the_rest_let_go(rig, monkey
     lock.release()
 
 
-def test_a_process_does_not_signal_itself(rig):
+def test_a_process_does_not_signal_itself(rig, monkeypatch):
+    monkeypatch.setattr(os, "kill", lambda pid, number: pytest.fail("it did"))
     lock = LinkLock(rig.urls["top"])
     [outcome] = emergency_stop({"top": rig.urls["top"]}).values()
     assert (outcome.holder.pid, outcome.error) == (os.getpid(), "this process has it")

@@ -3,7 +3,6 @@
 In lockstep, where time is exact; `test_fault_processes.py` has what takes real processes.
 """
 
-import os
 import resource
 import signal
 import time
@@ -233,7 +232,7 @@ def test_a_clock_that_goes_back_while_it_is_waited_for(rehearsal):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_ends_programs_stops_all(rehearsal, number):
-    statistics = rehearsal.runner(rehearsal.demand(trouble=lambda: os.kill(os.getpid(), number))).run(2.0)
+    statistics = rehearsal.runner(rehearsal.demand(trouble=lambda: signal.raise_signal(number))).run(2.0)
     assert statistics.ended == f"signal {signal.Signals(number).name}"
     assert not statistics.emergency
     assert set(rehearsal.states().values()) == {"IDLE"}
@@ -241,7 +240,7 @@ def test_a_signal_that_ends_programs_stops_all(rehearsal, number):
 
 
 def test_the_signal_of_the_emergency_stop_is_one(rehearsal):
-    statistics = rehearsal.runner(rehearsal.demand(trouble=lambda: os.kill(os.getpid(), ESTOP_SIGNAL))).run(2.0)
+    statistics = rehearsal.runner(rehearsal.demand(trouble=lambda: signal.raise_signal(ESTOP_SIGNAL))).run(2.0)
     assert (statistics.ended, statistics.emergency) == ("emergency stop", True)
     assert set(rehearsal.states().values()) == {"ESTOP"}
     assert rehearsal.let_pass(rehearsal.world.time + 1e-3) == 0.0

@@ -27,7 +27,7 @@ COUNT = 40
 
 PROGRAM = """
 import os, signal, sys
-import numpy as np
+import numpy as np, xarray, zarr
 import tensionlab as tl
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep import store
