@@ -213,7 +213,8 @@ def play(case: Case, seconds: float = 4.0) -> Outcome:
         link: Link = SimulatedLink(simulated)
         if index == victim and case.kind is not None:
             link = TamperedLink(SimulatedLink(simulated), case.kind, begin, case.seed)
-        clients.append(ModuleClient(module.name, FaultyLink(link, conditions, seed=case.seed + index)))
+        faulty = FaultyLink(link, conditions, seed=case.seed + index)
+        clients.append(ModuleClient(module.name, faulty, seed=case.seed + index))
     noticed: list[float] = []
     own = world.modules[victim]
     settings = RunSettings(ttl=TTL, on_loss="continue" if case.seed % 2 else "stop")

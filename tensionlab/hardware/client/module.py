@@ -14,7 +14,15 @@ from typing import Generic, Self, TypeVar
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import Link, open_link
 from tensionlab.hardware.protocol import messages
-from tensionlab.hardware.protocol.codes import LATCHED_STATES, RELEASED_STATES, Calibration, Code, Fault, State
+from tensionlab.hardware.protocol.codes import (
+    FOLLOWING_STATES,
+    LATCHED_STATES,
+    RELEASED_STATES,
+    Calibration,
+    Code,
+    Fault,
+    State,
+)
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge, Message, Telemetry
 from tensionlab.hardware.protocol.parameters import PARAMETERS, require_name, require_value
@@ -70,6 +78,8 @@ class ModuleClient:
         Ignored telemetry that was no newer than the latest: altogether, and since the latest.
     state, faults
         Of the latest message that had them.
+    followed_since_arm : bool
+        Whether telemetry has reported, in ARMED or RUNNING, the number of the latest ARM or a set-point since.
     on_message : callable or None
         Called with each unrequested message.
     """
@@ -80,6 +90,7 @@ class ModuleClient:
         self.session = 0
         self.telemetry: Received[Telemetry] | None = None
         self.stale_frames = self.repeated = 0
+        self.followed_since_arm = False
         self.state: State | None = None
         self.faults = Fault(0)
         self.on_message: Callable[[Received[Message]], None] | None = None
@@ -154,7 +165,7 @@ class ModuleClient:
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, messages.Arm) else self._next()
             if isinstance(command, messages.Arm):
-                self._armed = sequence
+                self._armed, self.followed_since_arm = sequence, False
             with self._arrived:
                 self._answers.pop(sequence, None)
             self.link.send(command.frame(sequence).pack())
@@ -216,7 +227,7 @@ class ModuleClient:
 
     def require_ready(self, info: messages.Info) -> None:
         """Refuse a module that somebody else has armed, that has a fault, or is not calibrated; say what to do."""
-        if info.state in (State.ARMED, State.RUNNING):
+        if info.state in FOLLOWING_STATES:
             raise LinkError(
                 f'module "{self.name}" is {info.state.name}: somebody else has it armed; stop it there, or with '
                 f"`tensionlab module stop {self.link.url}`"
@@ -328,14 +339,6 @@ class ModuleClient:
         self._refused = None
 
     @property
-    def reports_since_arm(self) -> bool:
-        """Whether the latest telemetry reports a set-point since the latest ARM."""
-        if self.telemetry is None:
-            return False
-        since = (self.telemetry.message.sequence - self._armed) % 256
-        return since <= (self._set_point - self._armed) % 256
-
-    @property
     def bad_frames(self) -> int:
         """Number of frames that were damaged or could not be read."""
         return self._decoder.bad_frames + self._unreadable
@@ -401,6 +404,10 @@ class ModuleClient:
                     continue
                 self.repeated = 0
                 self.telemetry = Received(message, now)
+                # Numbers alone do not tell: an idle module repeats the last of an earlier session, or 0.
+                since = (message.sequence - self._armed) % 256
+                if message.state in FOLLOWING_STATES and since <= (self._set_point - self._armed) % 256:
+                    self.followed_since_arm = True
             if isinstance(message, Telemetry | messages.Event):
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:

@@ -41,6 +41,8 @@ class State(IntEnum):
     ESTOP = 5
 
 
+FOLLOWING_STATES = frozenset((State.ARMED, State.RUNNING))
+"""States in which a module pulls, and takes set-points."""
 LATCHED_STATES = frozenset((State.FAULT, State.ESTOP))
 """States with the driver off that only CLEAR leaves: a STOP is refused."""
 RELEASED_STATES = LATCHED_STATES | {State.TIMEOUT}

@@ -14,7 +14,7 @@ from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.client.module import CLOCK_WRAP_US, ModuleClient, Received
-from tensionlab.hardware.protocol.codes import Code, Fault, State
+from tensionlab.hardware.protocol.codes import FOLLOWING_STATES, Code, Fault, State
 from tensionlab.hardware.protocol.messages import SetImpedance, Stop, Telemetry
 from tensionlab.hardware.runner.guard import Derating
 from tensionlab.hardware.runner.settings import OnLoss
@@ -150,8 +150,8 @@ class Stall:
 def require_following(client: ModuleClient) -> None:
     """Refuse a module that has released, refused a set-point, was stopped by somebody else or restarted."""
     client.check()
-    late = client.state is State.IDLE and not client.reports_since_arm  # what it was before
-    if client.state not in (State.ARMED, State.RUNNING) and not late:
+    late = client.state is State.IDLE and not client.followed_since_arm  # what it was before
+    if client.state not in FOLLOWING_STATES and not late:
         state = State.IDLE if client.state is None else client.state
         raise ModuleFault(
             f'module "{client.name}" is {state.name}: somebody else stopped it, or it started anew',
