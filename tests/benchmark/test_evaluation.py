@@ -24,6 +24,12 @@ WAY = Group(
 )
 
 
+@pytest.fixture(autouse=True)
+def small_batches(monkeypatch):
+    """Time batches of a hundred problems: a large one takes a slow solver all the time of `EFFORT`."""
+    monkeypatch.setattr("tensionlab.benchmark.evaluation.BATCH", 100)
+
+
 def measured(*groups, reachable="all", solvers=None, effort=EFFORT):
     told = []
     problems = ProblemSet("tiny", "tiny", groups, reachable)
