@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from tensionlab.haptics.effects import parameters
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
+from tensionlab.model.kinematics import structure_matrix
 from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
 
@@ -83,15 +85,24 @@ class Script:
                 f"the waypoints are {brief(positions)}; give all the same number of coordinates, and the sway too"
             )
 
+    @cached_property
+    def _times(self) -> list[float]:
+        return [waypoint.time for waypoint in self.waypoints]
+
+    @cached_property
+    def _positions(self) -> list[Floats]:
+        return [np.array(waypoint.position, dtype=np.float64) for waypoint in self.waypoints]
+
     def position(self, time: float) -> Floats:
         """Return the position in m at a time in s."""
-        first, last = self.waypoints[0], self.waypoints[-1]
-        position = np.array(first.position if time < first.time else last.position, dtype=np.float64)
-        for start, end in zip(self.waypoints, self.waypoints[1:], strict=False):
-            if start.time <= time < end.time:
-                share = (time - start.time) / (end.time - start.time)
-                way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-                position = (1.0 - way) * np.array(start.position) + way * np.array(end.position)
+        times, positions = self._times, self._positions
+        latest = bisect_right(times, time) - 1
+        if 0 <= latest < len(times) - 1:
+            share = (time - times[latest]) / (times[latest + 1] - times[latest])
+            way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+            position = (1.0 - way) * positions[latest] + way * positions[latest + 1]
+        else:
+            position = positions[max(latest, 0)].copy()
         if self.sway is not None:
             # The axes are out of step, so that it goes round rather than along a line; it begins where it rests.
             phases = 2.0 * math.pi * self.sway.frequency * time * np.array([1.0, 0.83, 1.21])[: position.size]
@@ -161,7 +172,7 @@ class Person:
         self._velocity: Floats = np.zeros_like(self._position)
         self._tensions: Floats = np.zeros(rig.m)
         self._rows: list[tuple[float, Floats, Floats, Floats]] = []
-        self.pose = self._current_pose()
+        self._take_place()
 
     def begin(self) -> None:
         """Start the script now, unless it has started."""
@@ -181,6 +192,11 @@ class Person:
         return self.pose
 
     @property
+    def lengths(self) -> Floats:
+        """Lengths of the cables at the current pose, in m."""
+        return self._cables.lengths
+
+    @property
     def record(self) -> PersonRecord:
         """Everything since the script began."""
         time, position, force, tensions = zip(*self._rows, strict=True) if self._rows else ((),) * 4
@@ -197,17 +213,19 @@ class Person:
         plan, now = self._plan, self._time - self._start
         goal = plan.script.position(now)
         speed = (plan.script.position(now + SPEED_STEP_S) - goal) / SPEED_STEP_S
-        force = self._rig.structure_matrix(*self.pose) @ self._tensions
+        force = structure_matrix(self._cables.directions, self._cables.arms) @ self._tensions
         own = plan.stiffness * (goal - self._position) + plan.damping * (speed - self._velocity)
         self._velocity = self._velocity + step * (own + force) / plan.mass
         self._position = self._position + step * self._velocity
-        self.pose = self._current_pose()
+        self._take_place()
         self._rows.append((now, self._position, force, self._tensions))
 
-    def _current_pose(self) -> Pose:
+    def _take_place(self) -> None:
+        """Update the pose and the cables."""
         now = max(self._time - self._start, 0.0)
         frames = {name: (script.position(now), None) for name, script in self._plan.bodies.items()}
-        return Pose(self._position, frames=frames)
+        self.pose = Pose(self._position, frames=frames)
+        self._cables = self._rig.cables(*self.pose)
 
 
 class PersonSimulation:
@@ -222,7 +240,7 @@ class PersonSimulation:
     def __init__(self, plan: PersonPlan, rig: Rig, track: Track | None = None) -> None:
         self._plan, self._rig, self._track = plan, rig, track
         self._person, self._since = Person(plan, rig), 0.0
-        self._lengths = rig.lengths(*self._person.pose)
+        self._lengths = self._person.lengths
         self._playing, self._back_at, self._latest = False, -np.inf, -np.inf
         self._began, self._frames_sent = time.time(), 0
         self.far_ends: dict[str, Callable[[], float]] = {
@@ -246,7 +264,7 @@ class PersonSimulation:
         self._person.apply_tensions(np.array([sample.tension for sample in samples]))
         # Where the cables are to be after the modules' next step.
         pose = self._person(now + COMPLIANT_STEP_S - self._since)
-        self._lengths = self._rig.lengths(*pose)
+        self._lengths = self._person.lengths
         due = int(now * TRACKER_RATE_HZ)
         if self._track is not None and due > self._frames_sent:
             self._frames_sent = due

@@ -12,7 +12,7 @@ the host.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,6 +119,11 @@ class SplitEffect(Effect, Protocol):
     def host_side(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return what is left for the host while a module renders its part."""
         ...
+
+
+def is_split(effect: object) -> TypeGuard[SplitEffect]:
+    """Return what `isinstance` would, which takes 50 times as long for a protocol."""
+    return hasattr(effect, "module_side") and hasattr(effect, "host_side")
 
 
 def relative(motion: Motion, to: Motion) -> Motion:

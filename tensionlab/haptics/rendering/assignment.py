@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, SplitEffect
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, SplitEffect, is_split
 from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
 
 MAX_APPROACH_M = 0.5
@@ -109,7 +109,7 @@ def assign(
             cable = None if part is None else _best_cable(part, cables.directions, free)
             if part is None or cable is None:
                 rendered = capped(effect, host_stiffness).render(motion, memory)
-                idle = isinstance(effect, SplitEffect) and part is None  # its stiff part is not where the hand is
+                idle = is_split(effect) and part is None  # its stiff part is not where the hand is
                 cut.append({} if idle else cut_stiffnesses(effect, host_stiffness))
             else:
                 free[cable] = False
@@ -117,7 +117,7 @@ def assign(
                 impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
                 expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
                 rest = capped(effect, host_stiffness, SplitEffect)
-                assert isinstance(rest, SplitEffect)
+                assert is_split(rest)
                 rendered = rest.host_side(motion, memory)
                 cut.append(cut_stiffnesses(effect, host_stiffness, SplitEffect))
             force = force + rendered.force
@@ -133,7 +133,7 @@ def assign(
 
 def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:
     """Return what a module is to render of an effect; None for one that the hand is far away from."""
-    part = effect.module_side(motion, memory) if isinstance(effect, SplitEffect) else None
+    part = effect.module_side(motion, memory) if is_split(effect) else None
     if part is None or part.compression >= -MAX_APPROACH_M or part.feed_forward or part.amplitude:
         return part
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import NamedTuple, TypeVar
@@ -76,7 +77,7 @@ def stiffness_cap(
     trips = np.atleast_1d(np.asarray(round_trips, dtype=np.float64))
     if trips.size == 0 or not (np.isfinite(trips) & (trips >= 0.0)).all():
         raise EffectError(f"stiffness cap: round trips are {round_trips}; measure some, in s")
-    late = float(np.percentile(trips, 99.0, method="higher"))
+    late = float(np.sort(trips, axis=None)[math.ceil(0.99 * (trips.size - 1))])
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 

@@ -90,9 +90,9 @@ class Message:
         if len(payload) != cls._layout.size:
             raise ProtocolError(f"{cls.__name__} has {cls._layout.size} bytes of payload; got {len(payload)}")
         values = cls._layout.unpack(payload)
-        for name, value in zip(cls._kinds, values, strict=True):
-            if cls._finite and not math.isfinite(value):
-                raise ProtocolError(f"{cls.__name__}: {name} is {value}; all its numbers must be finite")
+        if cls._finite and not all(map(math.isfinite, values)):
+            name, value = next(each for each in zip(cls._kinds, values, strict=True) if not math.isfinite(each[1]))
+            raise ProtocolError(f"{cls.__name__}: {name} is {value}; all its numbers must be finite")
         try:
             return cls(*(kind(value) for kind, value in zip(cls._kinds.values(), values, strict=True)))
         except ValueError as error:

@@ -156,6 +156,12 @@ class SimulatedModule:
         return Sample(*values[:7], State(values[7]), Limit(values[8]), *values[9:])
 
     @property
+    def tension(self) -> float:
+        """Tension of the cable now, in N."""
+        now: float = self._module.sample()[TENSION]
+        return now
+
+    @property
     def faults(self) -> Fault:
         """Faults that the firmware finds now, or found before and nobody cleared."""
         return Fault(self._module.faults())
@@ -212,8 +218,7 @@ class HangingMass(SimulatedModule):
         if distance is not None:
             raise InputError("a hanging mass moves the cable's far end by itself; give no distance")
         for _ in range(round(seconds / STEP_S)):
-            tension = self._module.sample()[TENSION]
-            self._speed += (STANDARD_GRAVITY_M_S2 - tension / self.mass) * STEP_S
+            self._speed += (STANDARD_GRAVITY_M_S2 - self.tension / self.mass) * STEP_S
             self._place += self._speed * STEP_S
             if self._place >= self._floor:
                 self._place, self._speed = self._floor, 0.0

@@ -106,6 +106,11 @@ Motion = Callable[[float], Pose]
 class CompliantMotion(Protocol):
     """Motion that the cables change."""
 
+    @property
+    def lengths(self) -> Floats:
+        """Lengths of the cables at the latest pose, (m,) in m."""
+        ...
+
     def __call__(self, time: float) -> Pose:
         """Return the pose at a time that does not go back."""
 
@@ -180,7 +185,7 @@ class World:
     @property
     def tensions(self) -> Floats:
         """True tensions of the cables, in N."""
-        return np.array([module.sample.tension for module in self.modules])
+        return np.array([module.tension for module in self.modules])
 
     @property
     def wrench(self) -> Floats:
@@ -199,7 +204,8 @@ class World:
         return ModuleGroup(clients)
 
     def _lengths(self) -> list[float]:
-        return [float(length) for length in self._rig.lengths(*self.pose)]
+        lengths = self._rig.lengths(*self.pose) if self._given is None else self._given.lengths
+        return [float(length) for length in lengths]
 
 
 APPROACH_GAIN_1_S = 20.0

@@ -44,6 +44,10 @@ class Hand:
         self.position, self.velocity, self.pull = np.array(start), np.zeros(3), np.zeros(3)
         self.push, self.mass, self.damping, self.time, self.path = push, mass, damping, 0.0, []
 
+    @property
+    def lengths(self):
+        return RIG.lengths(self.position)
+
     def apply_tensions(self, tensions):
         self.pull = RIG.structure_matrix(self.position) @ tensions
 
