@@ -1,6 +1,7 @@
 """The verb: with modules and a sensor of its own, and with served ones."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,9 @@ RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
 RIG = RIGS / "bartels2026-validation.toml"
 
 
-def test_one_command_measures_and_compares(run, tmp_path):
+def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
+    few = partial(Protocol, directions=grid18()[::6])
+    monkeypatch.setattr("tensionlab.validation.protocol.Protocol", few)
     out = tmp_path / "ideal"
     code, text, _ = run("validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out)
     assert code == 0

@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,14 @@ from tensionlab.plots.style import save_figure
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.plan import vary
-from tests.support.figures import content_of, words_of
+from tests.support.figures import content_of, words_in, words_of
+
+
+@pytest.fixture(scope="module")
+def contents(swept):
+    """What each function draws of the sweep, drawn once."""
+    return cache(lambda draw: content_of(draw(swept)))
+
 
 AXIS = np.linspace(-0.45, 0.45, 7)
 
@@ -19,9 +28,8 @@ def swept():
     return tl.sweep(rigs, Grid(AXIS, AXIS, AXIS), ["capacity-margin", "condition-number"], progress=False)
 
 
-def test_slices_name_the_rigs_the_metric_and_where_they_cut(tmp_path, swept):
-    save_figure(plot_slices(swept), tmp_path / "s.svg")
-    words = words_of(tmp_path / "s.svg")
+def test_slices_name_the_rigs_the_metric_and_where_they_cut(tmp_path, swept, contents):
+    words = words_in(contents(plot_slices))
     for word in ("box-corners", "alternate-corners", "capacity margin (N)", "z = 0 m", "x (m)", "y (m)", "module"):
         assert word in words, word
     save_figure(plot_slices(swept, "condition-number"), tmp_path / "c.svg")
@@ -52,9 +60,8 @@ def test_where_one_axis_has_one_point_that_is_the_slice(tmp_path):
     assert "y = 0.1 m" in words_of(tmp_path / "s.svg")
 
 
-def test_volumes_say_which_share_of_the_box_they_are(tmp_path, swept):
-    save_figure(plot_volume(swept), tmp_path / "v.svg")
-    words = words_of(tmp_path / "v.svg")
+def test_volumes_say_which_share_of_the_box_they_are(swept, contents):
+    words = words_in(contents(plot_volume))
     share = float((swept["capacity-margin"].isel(rig=0) > 0).mean())
     assert f"box-corners: {100 * share:.0f} % of the box" in words
     assert "capacity margin (N) above 0" in words
@@ -97,9 +104,9 @@ def test_a_grid_too_coarse_to_draw_is_refused(tmp_path):
         save_figure(plot_slices(coarse), tmp_path / "s.svg")
 
 
-def test_the_same_sweep_makes_the_same_figure(swept):
+def test_the_same_sweep_makes_the_same_figure(swept, contents):
     for draw in (plot_slices, plot_volume, plot_shares):
-        assert content_of(draw(swept)) == content_of(draw(swept))
+        assert content_of(draw(swept)) == contents(draw)
 
 
 def test_before_and_after_a_search(tmp_path, swept):

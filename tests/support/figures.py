@@ -11,7 +11,12 @@ from tensionlab.plots.style import save_figure
 
 def words_of(path: Path) -> list[str]:
     """Return every text in an SVG, which matplotlib keeps as comments beside the outlines."""
-    return re.findall(r"<!-- (.*?) -->", path.read_text(encoding="utf-8"))
+    return words_in(path.read_bytes())
+
+
+def words_in(content: bytes) -> list[str]:
+    """Return every text in the content of an SVG."""
+    return re.findall(r"<!-- (.*?) -->", content.decode("utf-8"))
 
 
 def content_of(figure: Figure) -> bytes:

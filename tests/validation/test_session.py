@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 
 import pytest
@@ -17,7 +18,21 @@ RIG = ring_plus_top(1.0)
 
 def plan(**changes):
     chosen = {"solver": "newton", "preset": "paper-like", "seed": 3} | changes
-    return ValidationPlan(RIG, protocol=Protocol(hold=0.35, directions=grid18()[::9]), **chosen)
+    return ValidationPlan(RIG, protocol=Protocol(hold=0.35, directions=grid18()[::15]), **chosen)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return the folder of a complete validation, and what was measured."""
+    folder = tmp_path_factory.mktemp("validation") / "whole"
+    return folder, validate(plan(), folder)[1]
+
+
+@pytest.fixture
+def found(tmp_path, whole):
+    """Copy it to the test's own folder, and return what was measured."""
+    shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
+    return whole[1]
 
 
 def interrupted_after(count, total):
@@ -30,36 +45,35 @@ def interrupted_after(count, total):
     return progress
 
 
-def test_interrupted_and_resumed_equals_uninterrupted(tmp_path):
+def test_interrupted_and_resumed_equals_uninterrupted(tmp_path, whole):
     total = len(plan().protocol.forces)
-    _, whole = validate(plan(), tmp_path / "whole")
-    assert len(whole) == total
+    folder, uninterrupted = whole
+    assert len(uninterrupted) == total
     for count in (2, 9):
         _, part = validate(plan(), tmp_path / "parts", progress=interrupted_after(count, total))
         assert len(part) == count
     with (tmp_path / "parts" / JOURNAL_FILE).open("a") as file:
         file.write('{"number": 9, "dema')  # as a process leaves it that is killed
     _, parts = validate(plan(), tmp_path / "parts")
-    assert parts == whole
-    assert (tmp_path / "parts" / JOURNAL_FILE).read_text() == (tmp_path / "whole" / JOURNAL_FILE).read_text()
+    assert parts == uninterrupted
+    assert (tmp_path / "parts" / JOURNAL_FILE).read_text() == (folder / JOURNAL_FILE).read_text()
 
 
-def test_what_is_complete_is_not_measured_again(tmp_path):
-    _, first = validate(plan(), tmp_path)
+def test_what_is_complete_is_not_measured_again(tmp_path, found):
     _, again = validate(plan(), tmp_path, progress=lambda share: pytest.fail("measured again"))
-    assert again == first
+    assert again == found
 
 
+@pytest.mark.usefixtures("found")
 def test_another_validation_is_not_continued(tmp_path):
-    validate(plan(), tmp_path)
     with pytest.raises(LogError, match="of a validation with other seed;"):
         validate(plan(seed=4), tmp_path)
     with pytest.raises(LogError, match="other solver"):
         validate(plan(solver="dykstra"), tmp_path)
 
 
+@pytest.mark.usefixtures("found")
 def test_a_damaged_journal_is_named_by_its_line(tmp_path):
-    validate(plan(), tmp_path)
     file = tmp_path / JOURNAL_FILE
     lines = file.read_text().splitlines()
     file.write_text("\n".join([*lines[:3], *lines[4:]]) + "\n")
@@ -72,16 +86,15 @@ def test_a_damaged_journal_is_named_by_its_line(tmp_path):
         validate(plan(), tmp_path)
 
 
+@pytest.mark.usefixtures("found")
 def test_the_journal_has_the_rig_itself(tmp_path):
-    validate(plan(), tmp_path)
     head = json.loads((tmp_path / JOURNAL_FILE).read_text().splitlines()[0])
     (tmp_path / "rig.toml").write_text(head["rig"])
     assert tl.load_rig(tmp_path / "rig.toml") == RIG
     assert head["simulated"] is True
 
 
-def test_a_journal_of_before_is_brought_up_to_date(tmp_path):
-    _, found = validate(plan(), tmp_path)
+def test_a_journal_of_before_is_brought_up_to_date(tmp_path, found):
     text = (tmp_path / JOURNAL_FILE).read_text()
     old = text.replace(FORMAT, OLD_FORMAT)
     for before, now in OLD_NAMES.items():

@@ -218,7 +218,8 @@ class HangingMass(SimulatedModule):
         if distance is not None:
             raise InputError("a hanging mass moves the cable's far end by itself; give no distance")
         for _ in range(round(seconds / STEP_S)):
-            self._speed += (STANDARD_GRAVITY_M_S2 - self.tension / self.mass) * STEP_S
+            tension = self._module.sample()[TENSION]
+            self._speed += (STANDARD_GRAVITY_M_S2 - tension / self.mass) * STEP_S
             self._place += self._speed * STEP_S
             if self._place >= self._floor:
                 self._place, self._speed = self._floor, 0.0

@@ -22,6 +22,7 @@ from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
+from tests.support.examples import many
 
 SPOOL = 0.0195
 
@@ -71,7 +72,7 @@ def test_a_mass_hangs_as_newton_says():
 @pytest.mark.slow
 def test_planted_gains_are_within_their_intervals():
     inside, friction, sure = [], [], []
-    for seed in range(12):
+    for seed in range(many(25)):
         plant, simulated = planted(seed)
         found = gain_from_weights(weighed(simulated, [0.1, 0.2]), 3.0)
         true = plant["torque_constant"] / SPOOL
@@ -83,7 +84,7 @@ def test_planted_gains_are_within_their_intervals():
         low, high = plant["dry_friction"], plant["dry_friction"] + plant["cogging"]
         friction.append(low - 0.01 < found.friction.value < high + 0.01)
         assert found.after < 0.02
-    assert sum(inside) >= 10
+    assert sum(inside) >= 0.8 * len(inside)
     assert all(friction)
     assert max(sure) < 0.025
 

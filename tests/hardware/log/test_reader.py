@@ -18,6 +18,7 @@ from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.solvers.base import Status
 from tests.support import runs
+from tests.support.examples import many
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +116,17 @@ def test_a_run_tells_the_time_of_day_when_it_began(tmp_path):
     assert np.isnan(read_run(tmp_path / "none.mcap").began)
 
 
-def test_a_log_may_be_cut_anywhere(tmp_path, seven):
-    file, written = seven
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """Return a log of which each message is flushed by itself, and the cycles that were written."""
+    file = tmp_path_factory.mktemp("logs") / "short.mcap"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tensionlab.hardware.log.writer.FLUSH_S", 0.0)
+        return file, runs.logged(file, runs.seven(), 20, lost=2)
+
+
+def test_a_log_may_be_cut_anywhere(tmp_path, short):
+    file, written = short
     empty = tmp_path / "empty.mcap"
     log = runs.new_log(empty, runs.seven())
     begin = empty.stat().st_size  # what is written before the run starts
@@ -124,14 +134,14 @@ def test_a_log_may_be_cut_anywhere(tmp_path, seven):
     content, cut = file.read_bytes(), tmp_path / "cut.mcap"
     last = len(content) - 2000
     places = [
-        *range(last, len(content), 11),
-        *range(len(content) - 50, len(content)),
-        *range(0, begin, 97),
+        *range(last, len(content), 23),
+        *range(len(content) - 50, len(content), 3),
+        *range(0, begin, 397),
         begin - 1,
         begin,
     ]
     found = []
-    for size in sorted([*places, *random.Random(0).sample(range(last), 60)]):
+    for size in sorted([*places, *random.Random(0).sample(range(last), many(150))]):
         cut.write_bytes(content[:size])
         try:
             run = read_run(cut)
@@ -148,11 +158,11 @@ def test_a_log_may_be_cut_anywhere(tmp_path, seven):
     assert len(set(found)) > 4
 
 
-def test_damage_ends_the_log_where_it_is(tmp_path, seven):
-    file, written = seven
+def test_damage_ends_the_log_where_it_is(tmp_path, short):
+    file, written = short
     content, damaged = file.read_bytes(), tmp_path / "damaged.mcap"
     ends = random.Random(1)
-    for _ in range(60):
+    for _ in range(many(150)):
         place = ends.randrange(len(content) // 2, len(content))
         damaged.write_bytes(
             content[:place] + bytes([content[place] ^ (1 << ends.randrange(8))]) + content[place + 1 :]
