@@ -3,8 +3,7 @@
 Exit status 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout
 that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C; verbs that are meant to
 be ended so (``run``, ``serve``, ``simulate``, ``module monitor``, ``module ping``) and stop in good order have 0.
-141: whoever reads stdout has gone. Everything slow to import is imported by the verb that needs it, so that
-``--help`` stays quick.
+141: whoever reads stdout has gone. A verb is imported when it is used, so that ``--help`` stays quick.
 """
 
 from __future__ import annotations
@@ -16,27 +15,15 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from tensionlab import __version__
-from tensionlab.cli.allocate import allocate
-from tensionlab.cli.bench import bench, problems
 from tensionlab.cli.common.output import INTERRUPTED, clip, print_error
-from tensionlab.cli.compare import compare
-from tensionlab.cli.layout import layout
-from tensionlab.cli.log import log
-from tensionlab.cli.module import estop_all, module
-from tensionlab.cli.rig import rig
-from tensionlab.cli.run import run
-from tensionlab.cli.scenario import scenario
-from tensionlab.cli.serve import serve
-from tensionlab.cli.simulate import simulate
-from tensionlab.cli.solvers import solvers
-from tensionlab.cli.validate import validate
-from tensionlab.cli.workspace import workspace
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 
 if TYPE_CHECKING:
@@ -59,29 +46,60 @@ PRINTERS = {"click", "typer", "rich"}
 """Packages that write to stdout. All else that writes names its file."""
 ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of typer bring a click of their own
 
+VERBS = {
+    "compare": ("compare", "Compare solvers on one set of forces."),
+    "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
+    "solvers": ("solvers", "List the solvers, with what each minimises, its policies and its source."),
+    "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
+    "bench": ("bench", "Benchmark all solvers and baselines."),
+    "run": ("run", "Render forces on the modules of a rig."),
+    "scenario": ("scenario", "Play a haptic scenario and check its forces."),
+    "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),
+    "simulate": ("simulate", "Simulate the modules of a rig, with their firmware."),
+    "validate": ("validate", "Repeat the published validation and compare with it."),
+    "estop": ("module", "Stop modules at once, also those of other processes."),
+    "module": ("module", "Find modules, show how they are, set them up and stop them."),
+    "rig": ("rig", "Show, check, import and export rigs."),
+    "layout": ("layout", "Find out where to put the modules."),
+    "log": ("log", "Show, export, draw and replay logs of runs."),
+    "problems": ("bench", "List, show and export the benchmark's problem sets."),
+}
+"""Module of each verb, and what ``--help`` says of it."""
+
+
+class Verbs(TyperGroup):
+    """All verbs, each imported when it is used."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands: dict[str, Any] = dict.fromkeys(VERBS)
+
+    def get_command(self, context: Any, name: str) -> Any:
+        """Return a verb; None if there is none of that name."""
+        if name not in VERBS:
+            return None
+        verb = getattr(import_module(f"tensionlab.cli.{VERBS[name][0]}"), name)
+        alone = typer.Typer(rich_markup_mode=None)
+        if isinstance(verb, typer.Typer):
+            alone.add_typer(verb, name=name)
+        else:
+            alone.command(name)(verb)
+        return typer.main.get_group(alone).commands[name]
+
+    def format_commands(self, context: Any, formatter: Any) -> None:
+        """Write the verbs, without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, about) for name, (_, about) in VERBS.items()])
+
+
 app = typer.Typer(
+    cls=Verbs,
     help="Tension allocation for modular cable systems: every solver behind one interface, each answer verified.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help, 0.2 s sooner
 )
-app.command()(compare)
-app.command()(allocate)
-app.command()(solvers)
-app.command()(workspace)
-app.command()(bench)
-app.command()(run)
-app.command()(scenario)
-app.command()(serve)
-app.command()(simulate)
-app.command()(validate)
-app.command("estop")(estop_all)
-app.add_typer(module, name="module")
-app.add_typer(rig, name="rig")
-app.add_typer(layout, name="layout")
-app.add_typer(log, name="log")
-app.add_typer(problems, name="problems")
 
 
 def _version(wanted: bool) -> None:
@@ -137,7 +155,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 @cache
 def _parser() -> Any:
-    """Return the parser of all verbs, which takes 0.1 s to make."""
+    """Return the parser of what comes before the verb."""
     return typer.main.get_command(app)
 
 

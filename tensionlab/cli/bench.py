@@ -9,11 +9,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from tensionlab import records
 from tensionlab.allocation import allocate
 from tensionlab.benchmark import report
+from tensionlab.benchmark import run as benchmark
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
 from tensionlab.benchmark.results import Results, read
 from tensionlab.benchmark.statistics import duration
@@ -75,11 +77,9 @@ def bench(
     through tensionlab's interface. The baselines solve the plain quadratic program, at their default and at
     tight tolerances: daqp, qpsolvers:BACKEND, cvxpy:plain.
     """
-    from tensionlab.benchmark.run import measure, plan
-
-    what = plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
+    what = benchmark.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
-        written = measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
+        written = benchmark.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
     results = read(written)
     with output.ResultWriter(quiet=json) as writer:
         _write(results, out, writer)
@@ -162,8 +162,6 @@ def show(
     json: Json = False,
 ) -> None:
     """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
-    import numpy as np
-
     found = problem_set(name, count, seed)
     groups = []
     for group in found.groups:

@@ -11,6 +11,7 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.files import writing
 from tensionlab.workspace.layout.search import Layout, LayoutSearch
+from tensionlab.workspace.layout.task import load_task
 
 layout = options.group("Find out where to put the modules.")
 
@@ -39,8 +40,6 @@ def search(
     On walls, floors and bodies, so that they render the most force. The space file says where modules may stand,
     how many there are, where the hand will be, and what counts.
     """
-    from tensionlab.workspace.layout.task import load_task
-
     task = load_task(path)
     if seed is not None:
         task = task._replace(seed=seed)

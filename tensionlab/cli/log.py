@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,10 +13,9 @@ from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Rows
 from tensionlab.cli.compare import STATUS_LEGEND, Column, print_scores
-
-if TYPE_CHECKING:
-    from tensionlab.comparison.replay import ReplayRow
-    from tensionlab.hardware.log.reader import ModuleReport, Run, RunReport
+from tensionlab.comparison import replay as replays
+from tensionlab.comparison.replay import ReplayRow
+from tensionlab.hardware.log import reader
 
 log = options.group("Show, export, draw and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
@@ -47,10 +46,8 @@ t: tensions   jump: of a tension from one cycle to the next, before the runner l
 @log.command()
 def info(path: RunFile, json: Json = False) -> None:
     """Show how a run went: answers, timing, limits and events."""
-    from tensionlab.hardware.log.reader import report
-
     run = _read(path)
-    found = report(run)
+    found = reader.report(run)
     if json:
         output.print_json(**found.summary(), setup=dataclasses.asdict(run.setup), manifest=run.manifest)
     else:
@@ -66,13 +63,11 @@ def export(
 
     NetCDF has names, units and dimensions; the Parquet table has a row for each cycle.
     """
-    from tensionlab.hardware.log.reader import flat_columns, write_netcdf
-
     run = _read(path)
     if to.suffix.lower() == ".nc":
-        write_netcdf(run, to)
+        reader.write_netcdf(run, to)
     else:
-        records.write_parquet(to, flat_columns(run), run.manifest)
+        records.write_parquet(to, reader.flat_columns(run), run.manifest)
     typer.echo(f"{to}: {len(run)} cycles")
 
 
@@ -109,8 +104,6 @@ def replay(
     have chosen, with its own policy for infeasible wrenches. The hand or platform follows the recorded path in
     all of them.
     """
-    from tensionlab.comparison import replay as replays
-
     run = _read(path)
     names = options.parse_names(solver)
     options.check_solvers(run.rig, names, None)
@@ -131,14 +124,12 @@ def replay(
         print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
 
 
-def _read(path: Path) -> Run:
-    from tensionlab.hardware.log.reader import read_run
-
+def _read(path: Path) -> reader.Run:
     with output.progress(f"Reading {path.name}") as progress:
-        return read_run(path, progress)
+        return reader.read_run(path, progress)
 
 
-def _print_info(found: RunReport) -> None:
+def _print_info(found: reader.RunReport) -> None:
     console = output.console()
     statistics = found.statistics
     policy = f", nearest in {found.nearest}" if found.nearest else ""
@@ -179,7 +170,7 @@ def _print_info(found: RunReport) -> None:
             console.print(f"and {len(found.events) - MAX_EVENTS} more events; --json has all", style="dim")
 
 
-def _limiters(module: ModuleReport) -> str:
+def _limiters(module: reader.ModuleReport) -> str:
     """Return what limited a module in which share of the cycles, its faults, and when it was lost."""
     limits = [
         f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -18,12 +18,17 @@ from tensionlab.cli.module_monitor import monitor, ping
 from tensionlab.errors import HardwareError, ModuleFault
 from tensionlab.files.reading import read_text
 from tensionlab.files.writing import make_folder, write_text
-
-if TYPE_CHECKING:
-    from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.client.parameter_file import Change
-    from tensionlab.hardware.protocol.codes import State
-    from tensionlab.hardware.protocol.messages import Info, Message
+from tensionlab.hardware.client import parameter_file
+from tensionlab.hardware.client.discovery import find_all, ports
+from tensionlab.hardware.client.discovery import identify as pulse
+from tensionlab.hardware.client.emergency_stop import emergency_stop
+from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
+from tensionlab.hardware.client.locks import locked_links
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.parameter_file import Change, firmware, plain
+from tensionlab.hardware.protocol.codes import LATCHED_STATES, State
+from tensionlab.hardware.protocol.messages import Clear, EmergencyStop, Info, Message, Stop
+from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
 
 module = options.group("Find modules, show how they are, set them up and stop them.")
 config = options.group("Get and set the parameters of modules. The modules must be idle.")
@@ -54,9 +59,6 @@ def discover(
     given; ports in use are only listed. With links, those are tried instead. Exit status 1 if no module was
     found.
     """
-    from tensionlab.hardware.client.discovery import find_all, ports
-    from tensionlab.hardware.client.parameter_file import firmware
-
     urls = ports(everything=everything) if not links and modules is None else None
     if urls is None:
         urls = {url: name if name != url else "" for name, url in find_links(links, modules).items()}
@@ -92,9 +94,6 @@ def discover(
 @module.command()
 def info(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show versions, state, limits and calibration of modules."""
-    from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.client.parameter_file import firmware
-
     urls = find_links(links, modules)
     answers, failed = call_all(urls, ModuleClient.hello)
     if json:
@@ -119,7 +118,6 @@ def identify(links: Links = None, modules: ModulesFile = None) -> None:
     Three times, and gently. Each module is armed for that, with its lower tension limit and half a newton more,
     and stopped at the end. A module that is armed already is left alone.
     """
-    from tensionlab.hardware.client.discovery import identify as pulse
 
     def job(client: ModuleClient) -> None:
         url = "" if client.name == client.link.url else f" ({client.link.url})"
@@ -134,35 +132,26 @@ def identify(links: Links = None, modules: ModulesFile = None) -> None:
 @module.command()
 def stop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules: they release their cables and are idle. Exit status 1 if one did not confirm it."""
-    from tensionlab.hardware.protocol.messages import Stop
-
     _command(find_links(links, modules), Stop(), json)
 
 
-@module.command()
-def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+@module.command("estop")
+def estop_these(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules at once, until they are cleared. Exit status 1 if one did not confirm it.
 
     `tensionlab estop` also reaches modules that another process uses.
     """
-    from tensionlab.hardware.protocol.messages import EmergencyStop
-
     _command(find_links(links, modules), EmergencyStop(), json)
 
 
 @module.command()
 def clear(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Have modules leave fault or emergency stop. Refused while what caused a fault is still there."""
-    from tensionlab.hardware.protocol.messages import Clear
-
     _command(find_links(links, modules), Clear(), json)
 
 
 def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
     """Send all modules a command, and print in which state that left them."""
-    from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
-    from tensionlab.hardware.protocol.codes import LATCHED_STATES
-    from tensionlab.hardware.protocol.messages import Stop
 
     def send(client: ModuleClient) -> State | None:
         try:
@@ -185,7 +174,7 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
     exit_if_failed(failed)
 
 
-def estop_all(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
+def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules at once, also those of other processes.
 
     They stay stopped until they are cleared. Without links and file: all modules that processes of yours use on
@@ -194,9 +183,6 @@ def estop_all(links: Links = None, modules: ModulesFile = None, json: Json = Fal
 
     This is software. Whatever it says, only cutting the motors' supply protects.
     """
-    from tensionlab.hardware.client.emergency_stop import emergency_stop
-    from tensionlab.hardware.client.locks import locked_links
-
     urls = {url: url for url in locked_links()} if not links and modules is None else find_links(links, modules)
     outcomes = emergency_stop(urls) if urls else {}
     if json:
@@ -225,8 +211,6 @@ def estop_all(links: Links = None, modules: ModulesFile = None, json: Json = Fal
 
 def _plain(info: Info) -> dict[str, Any]:
     """Return what a module reports of itself as JSON has it: codes by their names."""
-    from tensionlab.hardware.client.parameter_file import firmware
-
     names = {"state": info.state.name, "reset_reason": info.reset_reason.name, "firmware": firmware(info)}
     return {**asdict(info), **names}
 
@@ -234,12 +218,9 @@ def _plain(info: Info) -> dict[str, Any]:
 @config.command()
 def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
-    from tensionlab.hardware.client.parameter_file import parameters, plain
-    from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
-
     named = [word for word in words or () if word in PARAMETERS] or list(PARAMETERS)
     links = find_links([word for word in words or () if word not in PARAMETERS], modules)
-    answers, failed = call_all(links, parameters)
+    answers, failed = call_all(links, parameter_file.parameters)
     if json:
         output.print_json(
             [
@@ -262,8 +243,6 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
 @config.command(name="set")
 def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Save = False) -> None:
     """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
-    from tensionlab.hardware.client.parameter_file import change, checked
-
     pairs = [word.partition("=") for word in words or () if "=" in word]
     if not pairs:
         raise typer.BadParameter("no parameters; write them like slew=50")
@@ -273,9 +252,9 @@ def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Sa
             values[name] = float(value)
         except ValueError:
             raise typer.BadParameter(f"{name}={value}: give a number, such as {name}=50") from None
-    checked(values, "set")
+    parameter_file.checked(values, "set")
     links = find_links([word for word in words or () if "=" not in word], modules)
-    _change(links, lambda client: change(client, values, "set"), save)
+    _change(links, lambda client: parameter_file.change(client, values, "set"), save)
 
 
 @config.command()
@@ -291,15 +270,12 @@ def dump(
     ] = None,
 ) -> None:
     """Print all parameters of a module as a file (TOML); those of several go to a folder."""
-    from tensionlab.hardware.client.parameter_file import dump as text_of
-    from tensionlab.hardware.client.parameter_file import file_of
-
     urls = find_links(links, modules)
     if folder is None and len(urls) > 1:
         raise typer.BadParameter("more than one module; give --folder DIRECTORY, for a file of each")
     if folder is not None and modules is None:
         raise typer.BadParameter("--folder needs --modules FILE, whose names the files get")
-    texts, failed = call_all(urls, text_of)
+    texts, failed = call_all(urls, parameter_file.dump)
     if folder is None:
         for text in texts.values():
             typer.echo(text, nl=False)
@@ -307,7 +283,7 @@ def dump(
         make_folder(folder)
         with output.ResultWriter() as writer:
             for name, text in texts.items():
-                file = file_of(folder, name)
+                file = parameter_file.file_of(folder, name)
                 if writer.write("", file, partial(write_text, text=text)):
                     typer.echo(file)
             exit_if_failed(failed)
@@ -328,20 +304,17 @@ def restore(
     What the file does not name stays as it is. All values are checked before the first is changed. One file
     serves several modules; in a folder, each has its NAME.toml.
     """
-    from tensionlab.hardware.client.parameter_file import change, file_of, parse
-
     urls = find_links(links, modules)
-    files = {name: file_of(path, name) if path.is_dir() else path for name in urls}
+    files = {name: parameter_file.file_of(path, name) if path.is_dir() else path for name in urls}
     values = {
-        name: parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
+        name: parameter_file.parse(read_text(file, "a file of parameters (*.toml)", HardwareError), str(file))
         for name, file in files.items()
     }
-    _change(urls, lambda client: change(client, values[client.name], str(files[client.name])), save)
+    _change(urls, lambda client: parameter_file.change(client, values[client.name], str(files[client.name])), save)
 
 
 def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]], save: bool) -> None:
     """Change parameters of all modules, store them if ``save``, and print what changed."""
-    from tensionlab.hardware.client.parameter_file import LENGTH_PARAMETERS, plain
 
     def change_and_save(client: ModuleClient) -> list[Change]:
         changes = job(client)
@@ -357,7 +330,7 @@ def _change(links: Mapping[str, str], job: Callable[[ModuleClient], list[Change]
             typer.echo(f"{name}: nothing to change")
         if save:
             typer.echo(f"{name}: stored")
-        if LENGTH_PARAMETERS & {each.name for each in changes}:
+        if parameter_file.LENGTH_PARAMETERS & {each.name for each in changes}:
             typer.echo(f"{name}: it no longer knows how long its cable is; calibrate that")
     exit_if_failed(failed)
 

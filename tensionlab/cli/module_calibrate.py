@@ -5,21 +5,27 @@ from __future__ import annotations
 import math
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, RigFile
 from tensionlab.files.tables import table_text
+from tensionlab.hardware.calibration import anchors as calibration
+from tensionlab.hardware.calibration import gain_measurement as measurement
+from tensionlab.hardware.calibration import lengths as length_calibration
+from tensionlab.hardware.calibration.anchors import AnchorEstimate
+from tensionlab.hardware.calibration.gain import Balance, GainEstimate, gain_from_sensor, gain_from_weights
+from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import Calibration
+from tensionlab.hardware.runner.settings import RealClock
+from tensionlab.hardware.simulation.links import SimulatedLink
+from tensionlab.hardware.simulation.simulated_module import PLANT, HangingMass
 from tensionlab.model.files import load_rig, rig_to_toml
 from tensionlab.model.rig import Rig
-
-if TYPE_CHECKING:
-    from tensionlab.hardware.calibration.anchors import AnchorEstimate
-    from tensionlab.hardware.calibration.gain import Balance, GainEstimate
-    from tensionlab.hardware.client.group import ModuleGroup
-    from tensionlab.hardware.client.module import ModuleClient
 
 calibrate = options.group("Calibrate modules and rigs.")
 Url = Annotated[
@@ -63,9 +69,6 @@ def gain(
     on something, with 5 cm to rise. It is lifted and lowered slowly, some mm each time. Exit status 1 if the
     result is too uncertain to be written.
     """
-    from tensionlab.hardware.calibration.gain import gain_from_sensor, gain_from_weights
-    from tensionlab.hardware.protocol.codes import Calibration
-
     if (mass is None) == (sensor is None):
         raise typer.BadParameter("give either --mass, once or repeatedly, or --sensor with --staircase")
     if (sensor is None) != (staircase is None):
@@ -111,10 +114,8 @@ def staircase(
     Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
     run this, and stop the recording; then `gain URL --sensor FILE --staircase CSV`.
     """
-    from tensionlab.hardware.calibration.gain_measurement import climb
-
     with _client(url) as client, output.progress("staircase") as progress:
-        record = climb(client, progress)
+        record = measurement.climb(client, progress)
     with output.ResultWriter() as writer:
         writer.write_text(
             f"{record.time[-1]:.0f} s, up to {record.tension.max():.2f} N", out, table_text(vars(record))
@@ -123,10 +124,6 @@ def staircase(
 
 def _client(url: str) -> ModuleClient:
     """Reach a module; behind ``sim:`` hangs a mass."""
-    from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.simulation.links import SimulatedLink
-    from tensionlab.hardware.simulation.simulated_module import PLANT, HangingMass
-
     if url != "sim:":
         return ModuleClient(url, url)
     constant = SIMULATED_CONSTANT * PLANT["torque_constant"].standard
@@ -138,10 +135,6 @@ def _client(url: str) -> ModuleClient:
 
 
 def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[Balance]:
-    from tensionlab.hardware.calibration.gain_measurement import weigh
-    from tensionlab.hardware.simulation.links import SimulatedLink
-    from tensionlab.hardware.simulation.simulated_module import HangingMass
-
     balances = []
     for mass in masses:
         if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
@@ -155,16 +148,16 @@ def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[B
                 err=True,
             )
         with output.progress(f"{mass:g} kg") as progress:
-            balances += weigh(client, mass, repeat, progress)
+            balances += measurement.weigh(client, mass, repeat, progress)
     return balances
 
 
 def _sensor_balances(sensor: Path, staircase: Path, ahead: float | None) -> list[Balance]:
-    from tensionlab.hardware.calibration.gain_measurement import balances, lag, load_sensor, load_staircase
-
-    taken = load_staircase(staircase)
-    time, force = load_sensor(sensor)
-    return balances(taken, time, force, lag(taken, time, force) if ahead is None else ahead)
+    taken = measurement.load_staircase(staircase)
+    time, force = measurement.load_sensor(sensor)
+    return measurement.balances(
+        taken, time, force, measurement.lag(taken, time, force) if ahead is None else ahead
+    )
 
 
 def _gain_json(url: str, found: GainEstimate, *, written: bool) -> dict[str, object]:
@@ -203,15 +196,12 @@ def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
     Hold the platform at the rig's home meanwhile. Modules forget them when they restart, and perhaps when they
     save.
     """
-    from tensionlab.hardware.calibration.lengths import zero_lengths
-    from tensionlab.hardware.runner.settings import RealClock
-
     rig = load_rig(path)
     typer.echo(
         f"Hold the platform at {output.vector(rig.home)} m, not turned. Its cables are pulled tight.", err=True
     )
     with _group(rig, modules) as group:
-        before = zero_lengths(group, rig, RealClock(group.clients))
+        before = length_calibration.zero_lengths(group, rig, RealClock(group.clients))
     after = rig.lengths(rig.home, frames=rig.at_rest)
     changes = list(zip((module.name for module in rig.modules), before, after, strict=True))
     if json:
@@ -240,12 +230,9 @@ def record(
     Move the platform, and hold it still for half a second at each pose. Spread the poses over the whole
     workspace. The result is for `anchors`; columns x, y and z may be added to it.
     """
-    from tensionlab.hardware.calibration.lengths import columns, record_lengths
-    from tensionlab.hardware.runner.settings import RealClock
-
     rig = load_rig(path)
     with _group(rig, modules) as group:
-        measured = record_lengths(
+        measured = length_calibration.record_lengths(
             group,
             rig,
             RealClock(group.clients),
@@ -254,7 +241,7 @@ def record(
             lambda count: typer.echo(f"pose {count}", err=True),
         )
     with output.ResultWriter() as writer:
-        writer.write_text(f"{len(measured)} poses", out, table_text(columns(rig, measured)))
+        writer.write_text(f"{len(measured)} poses", out, table_text(length_calibration.columns(rig, measured)))
 
 
 @calibrate.command()
@@ -282,11 +269,8 @@ def anchors(
     show them. Nor do they show an error that is the same share of all lengths. For a platform, give rough poses
     all the same: the search starts from them.
     """
-    from tensionlab.hardware.calibration import anchors as calibration
-    from tensionlab.hardware.calibration.lengths import load_lengths
-
     rig = load_rig(path)
-    values, poses = load_lengths(measured, rig)
+    values, poses = length_calibration.load_lengths(measured, rig)
     if known and poses is None:
         raise typer.BadParameter(f"--known: {measured} has no columns x, y (and z) of the poses")
     found = calibration.calibrate_anchors(rig, values, poses, known=known, offsets=offsets)
@@ -326,8 +310,6 @@ def anchors(
 def _print_anchors(
     rig: Rig, found: AnchorEstimate, misfits: dict[str, float], *, known: bool, offsets: bool
 ) -> None:
-    import numpy as np
-
     moved = np.linalg.norm(found.anchors - rig.anchors, axis=1)
     rows = []
     for j, module in enumerate(rig.modules):
@@ -359,6 +341,4 @@ def _print_anchors(
 
 def _group(rig: Rig, modules: Path) -> closing[ModuleGroup]:
     """Reach all modules of a rig, to be closed at the end."""
-    from tensionlab.hardware.client.group import connect, load_modules
-
     return closing(connect(rig, load_modules(modules)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,12 +15,14 @@ from tensionlab.cli.common import output
 from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, until_interrupted
 from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
+from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
+from tensionlab.hardware.runner.settings import RealClock
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from tensionlab.hardware.client.latency import RoundTrips
-    from tensionlab.hardware.client.module import ModuleClient
 
 TELEMETRY_PERIOD_MS = 50
 REFRESH_PERIOD_S = 0.2
@@ -46,8 +49,6 @@ def monitor(
     """
     from rich.live import Live
 
-    from tensionlab.hardware.runner.settings import RealClock
-
     urls = find_links(links, modules)
     with ExitStack() as stack:
         clients, failed = _connect(urls, stack)
@@ -70,10 +71,6 @@ def monitor(
 
 def _connect(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleClient], dict[str, HardwareError]]:
     """Open all modules and have them report; they are closed with the stack."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    from tensionlab.hardware.client.module import ModuleClient
-
     failed: dict[str, HardwareError] = {}
 
     def connect(name: str) -> ModuleClient | None:
@@ -107,8 +104,6 @@ def _telemetry_table(clients: dict[str, ModuleClient], failed: dict[str, Hardwar
     """Return the table, and below it what the limits and faults in it mean."""
     from rich.console import Group
     from rich.text import Text
-
-    from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
 
     grid = output.table("", TELEMETRY, gap=1)
     faults = Fault(0)
@@ -181,8 +176,6 @@ def ping(
     The clock is how much the module's is ahead of this computer's, as exact as half the shortest trip; it wraps
     around after 71 minutes.
     """
-    from tensionlab.hardware.client.latency import is_bluetooth, measure, safe_rates
-
     urls = find_links(links, modules)
     done = dict.fromkeys(urls, 0)
     ttls: dict[str, float] = {}

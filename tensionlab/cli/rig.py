@@ -11,6 +11,7 @@ from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot, RigFile
 from tensionlab.files import writing
+from tensionlab.model import caspr as caspr_models
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
@@ -110,9 +111,7 @@ def import_(
 
     It has one body that moves in a plane or in space.
     """
-    from tensionlab.model.caspr import load_caspr
-
-    imported = load_caspr(*caspr, cable_set)
+    imported = caspr_models.load_caspr(*caspr, cable_set)
     if out is None:
         typer.echo(rig_to_toml(imported), nl=False)
         return

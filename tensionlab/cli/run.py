@@ -7,6 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from tensionlab.arrays import Floats
@@ -16,6 +17,11 @@ from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigFile, Solver
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
+from tensionlab.hardware.protocol.codes import Fault, Limit, State
+from tensionlab.hardware.runner.program import load_program
+from tensionlab.hardware.runner.runner import Runner, Tracker
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
@@ -24,8 +30,6 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
-    from tensionlab.hardware.runner.runner import Runner, Tracker
-    from tensionlab.hardware.runner.statistics import Statistics
 
 REFRESH_RATE_HZ = 5.0
 """Of the live table."""
@@ -76,9 +80,6 @@ def run(
     """
     from rich.live import Live
 
-    from tensionlab.hardware.runner.runner import Runner
-    from tensionlab.hardware.runner.settings import RunSettings
-
     loaded = load_rig(rig)
     demand = _demand(loaded, force, program)
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
@@ -118,10 +119,6 @@ def run(
 
 def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
     """Return what is to be rendered."""
-    import numpy as np
-
-    from tensionlab.hardware.runner.program import load_program
-
     if force is not None and program is not None:
         raise typer.BadParameter("--force and --program are both given; give one of them")
     if program is not None:
@@ -139,8 +136,6 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
 
 def _tracker(rig: Rig, at: str | None) -> Tracker | None:
     """Return where the point is at each time; None if the cable lengths are to show it."""
-    import numpy as np
-
     if at is None:
         return None
     position = np.array(options.parse_numbers(at))
@@ -153,8 +148,6 @@ def live_table(runner: Runner) -> RenderableType:
     """Return a table of how each module is now, and how the run goes."""
     from rich.console import Group
     from rich.text import Text
-
-    from tensionlab.hardware.protocol.codes import Fault, Limit, State
 
     cycle = runner.latest
     if cycle is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -14,11 +14,14 @@ from tensionlab.cli.common.modules import module_links, print_simulated
 from tensionlab.cli.common.options import Duration, Json, Log, Modules, Solver
 from tensionlab.errors import HardwareError
 from tensionlab.files import writing
-
-if TYPE_CHECKING:
-    from tensionlab.scenarios import Scenario
-    from tensionlab.scenarios.checks import Check, Directions
-    from tensionlab.scenarios.play import ScenarioModules, ScenarioResult
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.osc import OscServer
+from tensionlab.haptics.bridge.source import tracked_pose
+from tensionlab.hardware import RealClock, connect
+from tensionlab.scenarios import SCENARIOS, Scenario, load_scenario
+from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
+from tensionlab.scenarios.expected import check_scenario
+from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
 
 LIST = "list"
 """Shows the scenarios, in the place of a name."""
@@ -58,10 +61,6 @@ def scenario(
     or something went wrong with a module.
     """
     from tensionlab.plots import plot_scenario, save_figure
-    from tensionlab.scenarios import load_scenario
-    from tensionlab.scenarios.checks import check_directions, loop_delay
-    from tensionlab.scenarios.expected import check_scenario
-    from tensionlab.scenarios.play import play
 
     if name == LIST:
         _list(json)
@@ -110,12 +109,6 @@ def scenario(
 
 def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> ScenarioModules:
     """Open the modules, to be closed with the rest, and what tracks hand and bodies."""
-    from tensionlab.haptics.bridge.client_state import ClientState
-    from tensionlab.haptics.bridge.osc import OscServer
-    from tensionlab.haptics.bridge.source import tracked_pose
-    from tensionlab.hardware import RealClock, connect
-    from tensionlab.scenarios.play import ScenarioModules, needs_tracker, simulate_modules
-
     if modules is None:
         if osc is not None:
             raise typer.BadParameter("--osc is for real modules; of a simulated person it is known where it is")
@@ -140,8 +133,6 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
 
 def _list(json: bool) -> None:
     """Print the scenarios that come with the package."""
-    from tensionlab.scenarios import SCENARIOS, load_scenario
-
     loaded = [load_scenario(name) for name in SCENARIOS]
     if json:
         output.print_json(
@@ -163,8 +154,6 @@ def _list(json: bool) -> None:
 
 def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:
     """Print measured values beside expected ones, and where forces pointed."""
-    from tensionlab.scenarios.checks import loop_delay
-
     console = output.console()
     if rows:
         title = f"{played.scenario.title}: {played.scenario.about}"

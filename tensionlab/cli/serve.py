@@ -6,7 +6,7 @@ import os
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -15,12 +15,20 @@ from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Solver
 from tensionlab.cli.run import summary_table
 from tensionlab.errors import TensionlabError
+from tensionlab.haptics.bridge.client_state import HAND, ClientState
+from tensionlab.haptics.bridge.events import RunEvents
+from tensionlab.haptics.bridge.messages import Welcome
+from tensionlab.haptics.bridge.osc import OscServer
+from tensionlab.haptics.bridge.server import Bridge
+from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
+from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
+from tensionlab.hardware import Runner, RunSettings
+from tensionlab.hardware.protocol.codes import BrakeState, Limit
+from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-
-if TYPE_CHECKING:
-    from tensionlab.hardware import Runner
-    from tensionlab.scenarios import Scenario
+from tensionlab.scenarios import Scenario, ScenarioDemand, load_scenario
+from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 
 TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"
 """Variable of the environment that may hold the token of clients."""
@@ -89,19 +97,6 @@ def serve(
     It sends poses and effects, and gets the state; BRIDGE.md describes the messages. Without --modules, the
     simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
-    from tensionlab.haptics.bridge.client_state import HAND, ClientState
-    from tensionlab.haptics.bridge.events import RunEvents
-    from tensionlab.haptics.bridge.messages import Welcome
-    from tensionlab.haptics.bridge.osc import OscServer
-    from tensionlab.haptics.bridge.server import Bridge
-    from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
-    from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
-    from tensionlab.hardware import Runner, RunSettings
-    from tensionlab.hardware.protocol.codes import BrakeState, Limit
-    from tensionlab.hardware.simulation.world import GuidedHand
-    from tensionlab.scenarios import ScenarioDemand
-    from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
-
     loaded, played = _loaded(rig, scenario)
     standard = RunSettings() if played is None else RunSettings(rate=played.rate, nearest=played.nearest)
     settings = standard if rate is None else replace(standard, rate=rate)
@@ -150,8 +145,6 @@ def serve(
 
 def _loaded(rig: Path | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
     """Read the rig, and the scenario if one is to be played."""
-    from tensionlab.scenarios import load_scenario
-
     if scenario is not None:
         played = load_scenario(scenario, rig)
         return played.rig, played

@@ -6,22 +6,25 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from tensionlab.cli.common import options
 from tensionlab.cli.common.modules import until_interrupted
 from tensionlab.files import writing
+from tensionlab.haptics.bridge.osc import OscTracker
+from tensionlab.hardware.client.group import modules_to_toml
+from tensionlab.hardware.simulation import serve as serving
+from tensionlab.hardware.simulation.links import Conditions
+from tensionlab.hardware.simulation.simulated_module import SimulatedModule
+from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S, cable_lengths, simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-
-if TYPE_CHECKING:
-    from tensionlab.hardware.simulation.serve import PlannedFault, Watcher
-    from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-    from tensionlab.scenarios import Scenario
-    from tensionlab.scenarios.person import PersonSimulation
-    from tensionlab.validation.error_model import RigErrors
+from tensionlab.scenarios import Scenario, load_scenario
+from tensionlab.scenarios.person import PersonSimulation
+from tensionlab.validation.error_model import PRESETS, RigErrors, draw_errors, require_point, true_plants, true_rig
+from tensionlab.validation.simulated_sensor import SensorServer
 
 SINGLE_MODULE = "module"
 """Name of a module that belongs to no rig."""
@@ -116,13 +119,6 @@ def simulate(
     Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module takes one
     client at a time, and refuses others.
     """
-    from tensionlab.hardware.client.group import modules_to_toml
-    from tensionlab.hardware.simulation.links import Conditions
-    from tensionlab.hardware.simulation.serve import PtyPort, ServedModule, Server, TcpPort, recording, serve
-    from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
-    from tensionlab.scenarios import load_scenario
-    from tensionlab.validation.simulated_sensor import SensorServer
-
     if not 0.0 < speed <= MAX_SPEED:
         raise typer.BadParameter(f"--speed is above 0 and at most {MAX_SPEED:g}; got {speed:g}")
     conditions = Conditions(1e-3 * latency_ms, 1e-3 * jitter_ms, 0.01 * drop_pct, 0.01 * corrupt_pct)
@@ -149,9 +145,9 @@ def simulate(
         chosen = _chosen(only, list(simulated))
         faults = _faults(fault or [], list(simulated))
         served = [
-            ServedModule(
+            serving.ServedModule(
                 module,
-                PtyPort() if pty else TcpPort(listen, port and port + index),
+                serving.PtyPort() if pty else serving.TcpPort(listen, port and port + index),
                 conditions=conditions,
                 seed=seed + index,
                 faults=faults[name],
@@ -165,21 +161,21 @@ def simulate(
         for each in served:
             ports.callback(each.port.close)
         text = modules_to_toml({name: each.port.url for name, each in zip(chosen, served, strict=True)})
-        watchers: list[Watcher] = [] if person is None else [person.take]
+        watchers: list[serving.Watcher] = [] if person is None else [person.take]
         if loaded is not None and errors is not None and sensor_port is not None:
-            sensor = TcpPort(listen, sensor_port)
+            sensor = serving.TcpPort(listen, sensor_port)
             opened.callback(sensor.close)
             text += f"# Force sensor: {sensor.url}\n"
             watchers.append(SensorServer(loaded, errors, seed, sensor).take)
         if record is not None:
-            watchers.append(opened.enter_context(recording(record, chosen)))
+            watchers.append(opened.enter_context(serving.recording(record, chosen)))
         if modules is not None:
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
-        server = Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
+        server = serving.Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
         with until_interrupted() as interrupted:
             typer.echo(text)
-            serve(server, interrupted)
+            serving.serve(server, interrupted)
 
 
 def _modules(
@@ -189,14 +185,9 @@ def _modules(
 
     Without a rig it is a single one as its maker leaves it: neither set up nor calibrated.
     """
-    from tensionlab.hardware.simulation.serve import read_settings
-    from tensionlab.hardware.simulation.simulated_module import SimulatedModule
-    from tensionlab.hardware.simulation.world import simulated_module
-    from tensionlab.validation.error_model import true_plants, true_rig
-
     simulated: dict[str, tuple[SimulatedModule, Path | None]] = {}
     if rig is None:
-        settings = None if config_file is None else read_settings(config_file)
+        settings = None if config_file is None else serving.read_settings(config_file)
         simulated[SINGLE_MODULE] = (SimulatedModule(seed=seed, settings=settings), config_file)
     else:
         plants = {} if errors is None else true_plants(rig, errors)
@@ -209,7 +200,7 @@ def _modules(
                 far_ends[each.name]() if far_ends else float(length),
                 serial_number=index + 1,
                 seed=seed + index,
-                settings=None if file is None else read_settings(file),
+                settings=None if file is None else serving.read_settings(file),
                 plant=plants.get(each.name),
             )
             simulated[each.name] = (module, file)
@@ -221,9 +212,6 @@ def _modules(
 
 def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> PersonSimulation:
     """Return who holds the cables, and is tracked, if that is wanted."""
-    from tensionlab.haptics.bridge.osc import OscTracker
-    from tensionlab.scenarios.person import PersonSimulation
-
     if tracker is None:
         return PersonSimulation(scenario.person, scenario.rig)
     host, _, port = tracker.rpartition(":")
@@ -235,8 +223,6 @@ def _person(scenario: Scenario, tracker: str | None, opened: ExitStack) -> Perso
 
 def _errors(rig: Rig, preset: str, seed: int) -> RigErrors:
     """Return the errors of the rig that a force sensor holds."""
-    from tensionlab.validation.error_model import PRESETS, draw_errors, require_point
-
     if preset not in PRESETS:
         raise typer.BadParameter(f"no preset {preset!r}; there are {', '.join(PRESETS)}")
     require_point(rig)
@@ -245,8 +231,6 @@ def _errors(rig: Rig, preset: str, seed: int) -> RigErrors:
 
 def _orbit(rig: Rig | None, numbers: list[float]) -> FarEnds:
     """Return the lengths of cables whose point goes round its home, by the time of day, which processes share."""
-    from tensionlab.hardware.simulation.world import cable_lengths
-
     if rig is None or len(numbers) != 2:
         raise typer.BadParameter("--orbit takes a rig, and two numbers: a radius in m and a period in s")
     return cable_lengths(rig, *numbers)
@@ -260,15 +244,13 @@ def _chosen(only: list[str] | None, names: list[str]) -> list[str]:
     return [name for name in names if not only or name in only]
 
 
-def _faults(texts: list[str], names: list[str]) -> dict[str, list[PlannedFault]]:
+def _faults(texts: list[str], names: list[str]) -> dict[str, list[serving.PlannedFault]]:
     """Return the faults of each module. Without a name before a colon, a fault is in all."""
-    from tensionlab.hardware.simulation.serve import parse_fault
-
-    faults: dict[str, list[PlannedFault]] = {name: [] for name in names}
+    faults: dict[str, list[serving.PlannedFault]] = {name: [] for name in names}
     for text in texts:
         name, colon, rest = text.rpartition(":")
         if colon and name not in faults:
             raise typer.BadParameter(f"--fault {text}: no module {name!r}; there are {', '.join(names)}")
         for each in [name] if colon else names:
-            faults[each].append(parse_fault(rest))
+            faults[each].append(serving.parse_fault(rest))
     return faults

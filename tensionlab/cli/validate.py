@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_text
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -13,14 +13,16 @@ from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
 from tensionlab.cli.common.options import Modules, Solver
 from tensionlab.errors import HardwareError, LogError
+from tensionlab.hardware.client.group import ModuleGroup, connect
 from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import ring_plus_top
+from tensionlab.validation import report as reports
+from tensionlab.validation.data_tables import write_recording
+from tensionlab.validation.error_model import PRESETS, require_point
+from tensionlab.validation.protocol import Protocol
 from tensionlab.validation.sensors import ForceSensor, open_sensor
-
-if TYPE_CHECKING:
-    from tensionlab.hardware.client.group import ModuleGroup
-    from tensionlab.validation.report import ValidationResult
-    from tensionlab.validation.session import ValidationPlan
+from tensionlab.validation.session import ValidationPlan
+from tensionlab.validation.session import validate as measure
 
 SIMULATED = "sim:"
 
@@ -71,9 +73,6 @@ def validate(
     Renders 182 forces one after another, and measures them. The same command continues a validation that was
     interrupted. Exit status 1 where it is not complete, or something went wrong with a module or the sensor.
     """
-    from tensionlab.validation.report import HEADINGS, evaluate, remarks, rows
-    from tensionlab.validation.session import validate as measure
-
     if out is None:
         raise typer.BadParameter("--out is missing; name a folder for measurements and report")
     plan = _plan(rig, modules, sensor, solver, preset, seed, hold)
@@ -95,25 +94,21 @@ def validate(
             "others"
         )
         raise typer.Exit(output.INTERRUPTED)
-    result = evaluate(setup, measurements)
+    result = reports.evaluate(setup, measurements)
     with output.ResultWriter(quiet=True) as writer:
         report = _write(result, plan, sensor, out, writer)
         if json:
             output.print_json(report)
         else:
             title = f"{plan.rig.name}, {plan.solver}, {len(result.desired)} forces"
-            output.print_table(title, [heading or "<" for heading in HEADINGS], rows(result))
-            output.console().print("", *remarks(result), sep="\n")
+            output.print_table(title, [heading or "<" for heading in reports.HEADINGS], reports.rows(result))
+            output.console().print("", *reports.remarks(result), sep="\n")
 
 
 def _plan(
     rig: Path | None, modules: str | None, sensor: str, solver: str, preset: str | None, seed: int, hold: float
 ) -> ValidationPlan:
     """Return what is to be measured; refuse options that do not go together."""
-    from tensionlab.validation.error_model import PRESETS, require_point
-    from tensionlab.validation.protocol import Protocol
-    from tensionlab.validation.session import ValidationPlan
-
     if modules is not None and sensor == SIMULATED:
         raise typer.BadParameter(
             "--modules needs --sensor: what do they pull on? `tensionlab simulate --sensor-port` has one as well"
@@ -137,26 +132,21 @@ def _reached(
     plan: ValidationPlan, modules: str, sensor: str, opened: ExitStack
 ) -> tuple[ModuleGroup, ForceSensor]:
     """Open the links to modules and sensor, to be closed with the others."""
-    from tensionlab.hardware.client.group import connect
-
     links = module_links(plan.rig, modules)
     force_sensor = opened.enter_context(closing(open_sensor(sensor)))
     return opened.enter_context(closing(connect(plan.rig, links))), force_sensor
 
 
 def _write(
-    result: ValidationResult, plan: ValidationPlan, sensor: str, out: Path, writer: output.ResultWriter
+    result: reports.ValidationResult, plan: ValidationPlan, sensor: str, out: Path, writer: output.ResultWriter
 ) -> dict[str, object]:
     """Write report, table and recording, and return what the report says."""
-    from tensionlab.validation.data_tables import write_recording
-    from tensionlab.validation.report import as_json, as_latex, as_markdown, make_recording
-
     manifest = output.manifest(plan.seed if plan.preset else None)
-    report = as_json(result, manifest)
+    report = reports.as_json(result, manifest)
     writer.write_text("report", out / "report.json", json_text.dumps(output.plain(report), indent=2) + "\n")
-    writer.write_text("report", out / "report.md", as_markdown(result))
-    writer.write_text("table", out / "table.tex", as_latex(result))
-    recording = make_recording(result, plan.rig, sensor, manifest)
+    writer.write_text("report", out / "report.md", reports.as_markdown(result))
+    writer.write_text("table", out / "table.tex", reports.as_latex(result))
+    recording = reports.make_recording(result, plan.rig, sensor, manifest)
     name = "forces-simulated.parquet" if result.setup["simulated"] else "forces.parquet"
     writer.write("recording", out / name, lambda path: write_recording(path, recording))
     return report

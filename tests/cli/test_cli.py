@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import typer
 
 import tensionlab as tl
 from tensionlab import solvers
-from tensionlab.cli import join_numbers
+from tensionlab.cli import VERBS, app, join_numbers
 from tensionlab.cli.common import output
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -26,6 +27,12 @@ def program(*words):
     return subprocess.run(
         [sys.executable, "-m", "tensionlab", *words], capture_output=True, text=True, timeout=120, check=False
     )
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_help_says_of_each_verb_what_the_verb_says_of_itself(name):
+    said = typer.main.get_command(app).get_command(None, name).help.partition("\n")[0]
+    assert said.startswith(VERBS[name][1])
 
 
 def test_help_lists_the_verbs_without_the_slow_libraries():

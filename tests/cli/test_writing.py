@@ -103,7 +103,8 @@ QUICK = [key for key in RECIPES if key != ("validate", "--out")]
 def parameters(group=None, words=()):
     """All parameters of all verbs: words of the verb, the parameter, and how it is annotated."""
     group = typer.main.get_command(app) if group is None else group
-    for name, command in group.commands.items():
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
         if hasattr(command, "commands"):
             yield from parameters(command, (*words, name))
         else:

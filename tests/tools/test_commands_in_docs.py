@@ -26,9 +26,9 @@ def wrong(words):
     rest = shlex.split(words, comments=True)
     while hasattr(command, "commands") and rest and not rest[0].startswith("-"):
         word, *rest = rest
-        if word not in command.commands:
+        command = command.get_command(None, word)
+        if command is None:
             return word
-        command = command.commands[word]
     there = {name for each in command.params for name in (*each.opts, *each.secondary_opts)} | {"--help"}
     return next((word for word in rest if word.startswith("--") and word.partition("=")[0] not in there), None)
 

@@ -5,33 +5,30 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import typer
 
 from tensionlab.cli.common.output import print_error
 from tensionlab.errors import HardwareError
+from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules
+from tensionlab.hardware.client.links import URL_KINDS, require_known
+from tensionlab.hardware.client.locks import normalised
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.log.writer import RunLog
+from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
+from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
 from tensionlab.records import manifest
-
-if TYPE_CHECKING:
-    from tensionlab.hardware.client.group import ModuleGroup
-    from tensionlab.hardware.client.module import ModuleClient
-    from tensionlab.hardware.log.writer import RunLog
-    from tensionlab.hardware.runner.settings import Clock, RunSettings
-    from tensionlab.hardware.simulation.world import Motion
 
 Answer = TypeVar("Answer")
 
 
 def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
     """Return the URLs of the modules that are meant, by their names. Without a file, a URL is its own name."""
-    from tensionlab.hardware.client.group import load_modules
-    from tensionlab.hardware.client.links import URL_KINDS, require_known
-    from tensionlab.hardware.client.locks import normalised
-
     if file is not None:
         links = load_modules(file)
         for word in words or ():
@@ -56,9 +53,6 @@ def call_all(
     links: Mapping[str, str], job: Callable[[ModuleClient], Answer]
 ) -> tuple[dict[str, Answer], dict[str, HardwareError]]:
     """Carry out a job on all modules, each in a thread; return answers and errors by the modules' names."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    from tensionlab.hardware.client.module import ModuleClient
 
     def call(name: str) -> Answer | HardwareError:
         try:
@@ -118,10 +112,6 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
 
     The motion is that of the platform which simulated modules hold; None for the rig's home.
     """
-    from tensionlab.hardware.client.group import connect
-    from tensionlab.hardware.runner.settings import RealClock, WorldClock
-    from tensionlab.hardware.simulation.world import World
-
     if modules is None:
         print_simulated()
         world = World(rig, motion)
@@ -139,8 +129,6 @@ def print_simulated() -> None:
 
 def module_links(rig: Rig, modules: str) -> dict[str, str]:
     """Return the URL of each module of a rig, from the value of ``--modules``."""
-    from tensionlab.hardware.client.group import load_modules
-
     if modules.endswith(".toml"):
         return load_modules(modules)
     urls = [url.strip() for url in modules.split(",") if url.strip()]
@@ -155,6 +143,4 @@ def module_links(rig: Rig, modules: str) -> dict[str, str]:
 
 def begin_log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
     """Begin the log of a run."""
-    from tensionlab.hardware.log.writer import RunLog
-
     return RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)
