@@ -12,31 +12,10 @@ from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import InputError
+from tensionlab.plots import scene, style
 from tensionlab.plots.run import COLOURS
-from tensionlab.plots.scene import (
-    TILE_M,
-    Moment,
-    draw_scene,
-    held_name,
-    origin_of,
-    plane_of,
-    scene_legend,
-    scripted_moment,
-)
-from tensionlab.plots.style import (
-    BLUE,
-    COARSE_SHADE,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    add_legend,
-    label_points,
-    legend_beside,
-    lines_of,
-    new_figure,
-    two_scales,
-)
+from tensionlab.plots.scene import TILE_M, Moment
+from tensionlab.plots.style import BLUE, COARSE_SHADE, GREEN, GREY, ORANGE, RED
 from tensionlab.scenarios.checks import ForceRecord, rendered_force
 
 if TYPE_CHECKING:
@@ -96,7 +75,7 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check]) -> Figure:
     ]
     upper = max(6.8, 1.0 + 1.25 * sum(heights))
     lower = 0.5 + 0.27 * (len(rows) + 1) if rows else 0.0
-    with new_figure((14.0, upper + lower + 0.4)) as figure:
+    with style.new_figure((14.0, upper + lower + 0.4)) as figure:
         figure.suptitle(f"{scenario.title}. {scenario.about}", fontweight="bold", x=0.01, ha="left")
         ratios = [upper, lower] if rows else [upper]
         parts: Any = figure.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)[:, 0]
@@ -127,10 +106,10 @@ def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: 
     axes = parts[0].subplots()
     time = float(rendered.time[np.argmax(np.linalg.norm(rendered.force, axis=1))])
     path = played.run.position if played.person is None else played.person.position
-    names = draw_scene(axes, played.scenario, moment_of(played, time), path)
+    names = scene.draw_scene(axes, played.scenario, moment_of(played, time), path)
     axes.set_anchor("N")
     axes.set_title(f"Layout to scale, at {time:.2f} s; tiles of {TILE_M:g} m")
-    add_legend(parts[0], 3, scene_legend([played.scenario]))
+    style.add_legend(parts[0], 3, scene.scene_legend([played.scenario]))
     if curves:
         parts[1].suptitle("Force against distance", fontweight="bold", fontsize="medium", x=0.03, ha="left")
         panels = parts[1].subplots(-(-len(curves) // columns), columns, squeeze=False).ravel()
@@ -138,7 +117,7 @@ def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: 
             draw_force_distance(panel, each, knee_of(played))
         for panel in panels[len(curves) :]:
             panel.axis("off")
-    label_points(figure, axes, names)
+    style.label_points(figure, axes, names)
 
 
 def moment_of(played: ScenarioResult, time: float) -> Moment:
@@ -189,8 +168,8 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
         axes.plot(rendered.time, rendered.force[:, axis], color=COLOURS[axis], **THIN)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
-    axes.set_title(f"Force on the {held_name(played.scenario)}" if shown else "Force")
-    two = two_scales(axes, rendered.force[:, shown], knee_of(played))
+    axes.set_title(f"Force on the {scene.held_name(played.scenario)}" if shown else "Force")
+    two = style.two_scales(axes, rendered.force[:, shown], knee_of(played))
     axes.grid()
     up = run.rig.vertical
     source = "rendered (simulated)" if played.person is not None else "measured by the modules"
@@ -199,7 +178,7 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
         ("desired", {"color": GREY, **WIDE}),
         (source, {"color": GREY, **THIN}),
     ]
-    legend_beside(axes, entries + [("logarithmic scale", {"color": COARSE_SHADE, "linewidth": 8.0})] * two)
+    style.legend_beside(axes, entries + [("logarithmic scale", {"color": COARSE_SHADE, "linewidth": 8.0})] * two)
 
 
 def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
@@ -219,11 +198,13 @@ def draw_tension(axes: Axes, played: ScenarioResult, index: int) -> None:
     axes.set_ylabel("N")
     axes.set_title(f"Tension of {run.rig.modules[index].name}")
     # One range for all modules, so that they compare.
-    two_scales(axes, np.append(lines[-1][2], 1.1 * upper), KNEE * max(run.setup.upper))
+    style.two_scales(axes, np.append(lines[-1][2], 1.1 * upper), KNEE * max(run.setup.upper))
     axes.grid()
     if index == 0:
         entries = [(name, look) for name, _, _, look in lines]
-        legend_beside(axes, [*entries, ("motor limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9})])
+        style.legend_beside(
+            axes, [*entries, ("motor limits", {"color": GREY, "linestyle": "--", "linewidth": 0.9})]
+        )
 
 
 class Curve(NamedTuple):
@@ -251,10 +232,10 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
     run, frame = played.run, played.scenario.seen_from
     rendered, measured = rendered_force(played), rendered_force(replace(played, person=None))
     desired = ForceRecord(run.time, measured.position, run.desired)
-    between = f"from {played.scenario.labels.get(frame or '', frame)} to {held_name(played.scenario)} (m)"
+    between = f"from {played.scenario.labels.get(frame or '', frame)} to {scene.held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:
-        plane = plane_of(phase, ["plane"])
+        plane = scene.plane_of(phase, ["plane"])
         if plane is None and (frame is None or not phase.effects):
             continue
         parts = [each.during(phase.begin + SETTLING_S, phase.end) for each in (desired, rendered)]
@@ -268,7 +249,7 @@ def draw_force_distance(axes: Axes, each: ForceDistance, knee: float) -> None:
     axes.plot(*each.desired, color=BLUE, **WIDE)
     axes.plot(*each.rendered, color=BLUE, **THIN)
     axes.grid()
-    two_scales(axes, np.concatenate([each.desired.force, each.rendered.force]), knee)
+    style.two_scales(axes, np.concatenate([each.desired.force, each.rendered.force]), knee)
     axes.set(xlabel=each.distance, ylabel="force (N)", title=each.title)
 
 
@@ -320,7 +301,7 @@ def draw_timeline(axes: Axes, played: ScenarioResult, rows: dict[str, list[Bar]]
                                  color=TIMELINE_LOOKS[kind][1], linewidth=0.0)  # fmt: skip
     _name_rows(axes, list(rows))
     looks = [TIMELINE_LOOKS[kind] for kind in used]
-    legend_beside(axes, [(word, {"color": colour, "linewidth": 6}) for word, colour in looks])
+    style.legend_beside(axes, [(word, {"color": colour, "linewidth": 6}) for word, colour in looks])
 
 
 def pawls_engaged(played: ScenarioResult) -> NDArray[np.bool_]:
@@ -380,20 +361,22 @@ def plot_scenario_layouts(scenarios: Sequence[Scenario], note: str) -> Figure:
     All layouts have one scale; the note stands beside the legend.
     """
     rows = -(-(len(scenarios) + 1) // LAYOUT_COLUMNS)  # one more place, for the legend
-    with new_figure((15.0, 3.7 * rows)) as figure:
+    with style.new_figure((15.0, 3.7 * rows)) as figure:
         panels: Any = figure.subplots(rows, LAYOUT_COLUMNS, sharex=True, sharey=True, squeeze=False)
         drawn = []
         for axes, scenario in zip(panels.flat, scenarios, strict=False):
             path, moment = script_path(scenario)
-            drawn.append((axes, draw_scene(axes, scenario, moment, path)))
+            drawn.append((axes, scene.draw_scene(axes, scenario, moment, path)))
             axes.set_title(scenario.title)
         for axes in panels.flat[len(scenarios) :]:
             axes.axis("off")
         key = panels[-1, -1]
-        key.legend(handles=lines_of(scene_legend(scenarios)), loc="upper left", fontsize=9, labelspacing=0.8)
+        key.legend(
+            handles=style.lines_of(scene.scene_legend(scenarios)), loc="upper left", fontsize=9, labelspacing=0.8
+        )
         key.text(0.02, 0.45, f"{note}\nTiles: {TILE_M:g} m.", va="top", wrap=True, transform=key.transAxes)
         for axes, names in drawn:
-            label_points(figure, axes, names)
+            style.label_points(figure, axes, names)
     return figure
 
 
@@ -403,13 +386,13 @@ def script_path(scenario: Scenario) -> tuple[Floats, Moment]:
     That is when it first gets to a brake, or else when it is farthest from where it began.
     """
     times = np.linspace(0.0, scenario.seconds, SCRIPT_SAMPLES)
-    moments = [scripted_moment(scenario, float(time)) for time in times]
+    moments = [scene.scripted_moment(scenario, float(time)) for time in times]
     path, stopped = [], []
     for time, moment in zip(times, moments, strict=True):
         held = moment.held
         for phase in scenario.active_phases(float(time)):
             if phase.hold is not None:
-                wall = phase.hold.wall(held - origin_of(scenario, moment))
+                wall = phase.hold.wall(held - scene.origin_of(scenario, moment))
                 held = held - min(wall.distance, 0.0) * np.asarray(wall.normal)
         path.append(held)
         stopped.append(float(np.linalg.norm(held - moment.held)) > PRESSING_M)

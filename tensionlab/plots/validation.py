@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, add_legend, new_figure
+from tensionlab.validation.statistics import deviations
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +63,8 @@ def plot_error_sphere(recording: Recording, rig: Rig) -> Figure:
     The sphere of directions is seen from above and from below, in Lambert's projection, which keeps areas: the
     middle is straight up or down, the rim is horizontal. Squares are the directions in which the cables pull.
     """
-    angle, size = _deviations(recording)
+    found = deviations(recording.desired, recording.measured)
+    angle, size = found.angle, found.magnitude - np.linalg.norm(recording.desired, axis=1)
     largest = float(np.abs(size).max())
     looks = (
         (angle, "angle to the desired force (°)", {"cmap": "viridis_r", "vmin": 0.0}),
@@ -88,14 +90,6 @@ def caption(recording: Recording) -> str:
     kind = "simulated" if recording.simulated else "measured"
     force = float(np.linalg.norm(recording.desired, axis=1).mean())
     return f"{about['rig']}, {kind}: {len(recording.desired)} forces of {force:.3g} N, solver {about['solver']}"
-
-
-def _deviations(recording: Recording) -> tuple[Floats, Floats]:
-    """Return the angle in degrees, and the difference of sizes in N, of each measured to its desired force."""
-    desired, measured = recording.desired, recording.measured
-    across = np.linalg.norm(np.cross(desired, measured), axis=1)
-    angle = np.degrees(np.arctan2(across, np.sum(desired * measured, axis=1)))
-    return angle, np.linalg.norm(measured, axis=1) - np.linalg.norm(desired, axis=1)
 
 
 def _on_disc(vectors: Floats, up: float) -> tuple[Floats, NDArray[np.bool_]]:

@@ -7,8 +7,9 @@ import pytest
 import tensionlab as tl
 from tensionlab.plots import plot_error_sphere, plot_forces, plot_what_if
 from tensionlab.plots.style import save_figure
-from tensionlab.plots.validation import _deviations, _on_disc, grouped
+from tensionlab.plots.validation import _on_disc, grouped
 from tensionlab.validation.data_tables import Trials
+from tensionlab.validation.statistics import deviations
 from tests.support.figures import content_of, words_of
 from tests.support.recorded import QUESTIONS, made_up, made_up_trials
 
@@ -43,9 +44,9 @@ def test_angles_and_sizes_are_those_of_the_planted_error():
     recording = made_up(gain=1.2, noise=0.0)
     c, s = np.cos(0.2), np.sin(0.2)
     turned = replace(recording, measured=recording.measured @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]))
-    angle, size = _deviations(turned)
-    np.testing.assert_allclose(size, 0.2 * 1.5)
-    assert angle.max() == pytest.approx(np.degrees(0.2))
+    found = deviations(turned.desired, turned.measured)
+    np.testing.assert_allclose(found.magnitude - 1.5, 0.2 * 1.5)
+    assert found.angle.max() == pytest.approx(np.degrees(0.2))
 
 
 def test_the_disc_keeps_areas_and_has_each_direction_once_but_on_the_rim():
