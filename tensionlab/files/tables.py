@@ -9,9 +9,10 @@ import math
 import zipfile
 from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_type_hints
 
 import numpy as np
 
@@ -256,25 +257,17 @@ def _array(content: bytes, where: str, error: type[TensionlabError]) -> Floats:
     return np.asarray(values.reshape(shape, order="F" if fortran else "C"), dtype=np.float64)
 
 
+@cache
+def _check_of(hint: Any) -> Any:
+    """Return pydantic's check of an annotated type."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(hint).validator.isinstance_python
+
+
 def _suits(value: Any, hint: Any) -> bool:
-    """Tell whether a value is of an annotated type, as far as tables have them."""
-    if hint is Any:
-        return True
-    if get_origin(hint) is Mapping:
-        _, inner = get_args(hint)
-        return isinstance(value, Mapping) and all(_suits(each, inner) for each in value.values())
-    if get_origin(hint) is list:
-        (inner,) = get_args(hint)
-        return isinstance(value, list) and all(_suits(each, inner) for each in value)
-    if get_origin(hint) is tuple:
-        return isinstance(value, tuple) and all(_suits(each, get_args(hint)[0]) for each in value)
-    if get_origin(hint) is Literal:
-        return value in get_args(hint)
-    if options := get_args(hint):
-        return any(_suits(value, each) for each in options)
-    if hint is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    return type(value) is (type(None) if hint is None else hint)
+    """Tell whether a value is of an annotated type; whole numbers are floats, nothing else is converted."""
+    return bool(_check_of(hint)(value, strict=True))
 
 
 def _named(hint: Any) -> str:

@@ -198,14 +198,8 @@ def as_json(result: ValidationResult, manifest: Mapping[str, Any]) -> dict[str, 
         "rested": result.rested,
         "source": SOURCE,
         "comparison": [
-            {
-                "name": line.name,
-                "unit": line.unit,
-                "published": line.published,
-                "measured": line.measured._asdict(),
-                "weighted": None if line.weighted is None else line.weighted._asdict(),
-                "maximum": line.maximum,
-            }
+            line._asdict()
+            | {"measured": line.measured._asdict(), "weighted": line.weighted and line.weighted._asdict()}
             for line in comparison_lines(result)
         ],
         "alignments": {
