@@ -28,43 +28,25 @@ NAN = float("nan")
 class Row:
     """Result of one solver with one setting on one problem set; NaN where there is nothing to measure.
 
-    Attributes
-    ----------
-    problem_set, solver, setting, nearest, objective : str
-        `nearest` is None for a solver without a policy; its answers to infeasible wrenches are compared with
-        "force".
-    comparable : bool
-        Whether the objective is that of the sets. If not, the gap is a difference of objectives, not an error.
-    note : str
-        Why it did not take part, or which part it refused.
-    problems, tried, refused, failed, proved : int
-        Problems in the set; of these tried in its share of time; of those refused, without tensions, and with
-        a status that is verified (EXACT or NEAREST; 0 for baselines, which have no status).
-    solved_1e3, solved_1e6, solved_1e9 : float
-        Share of the tried ones with an error above the least possible, and raw tensions outside their limits,
-        of no more than the accuracy.
-    error_max, violation_max : float
-        Maximum of either, in N.
-    gap_median, gap_max : float
-        Largest difference of a tension to the optimum, in N, where the optimum is verified.
-    sgm_s, median_s, p99_s, p999_s, worst_s : float
-        Time of one call, each problem the best of its repeats, so that little of the machine's interruptions is
-        left. Shifted geometric mean, median, quantiles and worst over the problems.
-    jitter_s : float
-        The slowest call of all, interruptions included.
-    build_s, setup_s, solve_s : float
-        Medians: bringing the arrays into the baseline's form; set-up and solve by its own clock.
-    batch_s : float
-        Time of a problem in one large batch, for built-in solvers.
-    iterations_max : int
-        Worst iterations; 0 where none are reported.
-    jump_max : float
-        Largest change of a tension along a trajectory, in N/mm.
-    call_s, errors, violations, gaps : lists of float
-        The evidence, for each problem of the set in order; NaN where not tried, refused or failed.
-    path_mm, path_tensions, path_reachable : lists
-        Along one trajectory of the set: length of the path so far, the tensions of all cables, row by row, and
-        whether the wrench is feasible.
+    ``nearest`` is None for a solver without a policy, whose answers to infeasible wrenches are compared with
+    "force". ``comparable`` tells whether the objective is that of the sets; if not, the gap is a difference of
+    objectives, not an error. ``note`` says why it did not take part, or which part it refused.
+
+    Of the problems in the set, some were ``tried`` in its share of time, of those some ``refused``, ``failed``
+    (without tensions) and ``proved`` (with a verified status, EXACT or NEAREST; 0 for baselines, which have none).
+    ``solved_1e3`` and the like are shares of the tried ones with an error above the least possible, and raw
+    tensions outside their limits, of no more than the accuracy; ``error_max`` and ``violation_max`` are the
+    maximum of either, in N. Gaps are largest differences of a tension to a verified optimum, in N.
+
+    Times in s are of one call, each problem the best of its repeats, so that little of the machine's interruptions
+    is left: shifted geometric mean, median, quantiles and worst over the problems. ``jitter_s`` is the slowest
+    call of all, interruptions included; ``build_s`` the median time to bring the arrays into the baseline's form,
+    ``setup_s`` and ``solve_s`` medians by its own clock; ``batch_s`` the time of a problem in one large batch, for
+    built-in solvers. ``iterations_max`` is 0 where none are reported. ``jump_max`` is the largest change of a
+    tension along a trajectory, in N/mm.
+
+    The lists are the evidence for each problem in order (NaN where not tried, refused or failed), and of one
+    trajectory: length of the path so far, tensions of all cables row by row, and whether wrenches are feasible.
     """
 
     problem_set: str

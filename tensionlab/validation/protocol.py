@@ -68,26 +68,13 @@ class Protocol:
 
 @dataclass(frozen=True)
 class Measurement:
-    """Measurement of one force.
+    """Measurement of one force, ``number`` being its row of `Protocol.forces`.
 
-    Attributes
-    ----------
-    number : int
-        Its row of `Protocol.forces`.
-    desired, rendered, measured : (float, float, float)
-        Desired force; force of the commanded tensions by the nominal rig; and what the sensor showed in its own
-        axes, less its zero. In N.
-    tensions : tuple of float
-        As they were commanded, in N.
-    status, fallback_used
-        Of the solver's answer, a name of `Status`; whether it left that unproven, so that the exact solver's was
-        sent.
-    samples, spread
-        Number of samples in the average, and their standard deviation of the axis where it is largest, in N.
-    rested : float
-        Time for which modules had to cool before it, in s.
-    limited_modules : tuple of str
-        Modules at a limit of their own.
+    In N: the desired force, that of the commanded tensions by the nominal rig, what the sensor showed in its own
+    axes less its zero, and the tensions. The status, a name of `Status`, is that of the solver's answer; with
+    ``fallback_used`` it was unproven, so that the exact solver's was sent. ``spread`` is the samples' standard
+    deviation in N along the axis where it is largest, ``rested`` the s for which modules had to cool before.
+    ``limited_modules`` were at a limit of their own.
     """
 
     number: int

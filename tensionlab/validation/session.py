@@ -148,22 +148,10 @@ def validate(
     remembers, so that each force depends a little on those before. Real modules take up the last force again, and
     go on from there.
 
-    Parameters
-    ----------
-    plan : ValidationPlan
-    folder : Path
-        Keeps the measurements.
-    opened : (ModuleGroup, ForceSensor), optional
-        Real modules and their sensor, or those of another process; simulated ones of this process if left out.
-    progress : callable, optional
-        Receives the share that is done.
-
-    Raises
-    ------
-    RigError
-        If the rig does not hold a point in space.
-    HardwareError
-        What went wrong with modules, sensor or journal.
+    The folder keeps the measurements. ``opened`` are real modules and their sensor, or those of another process;
+    without them, they are simulated in this process. ``progress`` receives the share that is done. Raises
+    `RigError` if the rig does not hold a point in space, and `HardwareError` for what went wrong with modules,
+    sensor or journal.
     """
     require_point(plan.rig)
     writing.make_folder(folder)

@@ -196,13 +196,7 @@ MODELS = {"one gain": fit_gain, "gain and bias": fit_gains_and_biases, "linear m
 def estimate_cables(structure: Floats, tensions: Floats, forces: Floats) -> CableEstimates:
     """Estimate gain and bias of each cable, if positions are right.
 
-    Parameters
-    ----------
-    structure : (3, m) array
-    tensions : (K, m) array
-        Commanded, in N.
-    forces : (K, 3) array
-        Measured, in the axes of the structure matrix, in N.
+    From commanded tensions (K, m) and measured forces (K, 3), in N, in the axes of the structure matrix (3, m).
     """
     found = _fit_cables(structure, tensions, forces)
     m = structure.shape[1]
