@@ -49,7 +49,10 @@ ClickException: type[Any] = typer.BadParameter.__mro__[2]  # later versions of t
 VERBS = {
     "compare": ("compare", "Compare solvers on one set of forces."),
     "allocate": ("allocate", "Choose the cable tensions that render one wrench."),
-    "solvers": ("solvers", "List the solvers, with what each minimises, its policies and its source."),
+    "solvers": (
+        "solvers",
+        "List the solvers, with what each minimises, its policies for infeasible wrenches, and its source.",
+    ),
     "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
     "bench": ("bench", "Benchmark all solvers and baselines."),
     "run": ("run", "Render forces on the modules of a rig."),
