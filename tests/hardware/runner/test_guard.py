@@ -43,6 +43,12 @@ def test_no_tension_changes_by_more_than_it_may_and_all_go_the_same_share(before
         np.testing.assert_array_equal(after, wanted)
 
 
+def test_the_tension_with_the_longest_way_goes_as_far_as_it_may_towards_what_is_wanted():
+    before, wanted = np.array([1.0, 2.0, 3.0]), np.array([1.4, 1.2, 3.0])
+    np.testing.assert_allclose(limit_slew(before, wanted, 0.2), [1.1, 1.8, 3.0])
+    np.testing.assert_array_equal(limit_slew(before, before, 0.2), before)
+
+
 @pytest.mark.parametrize("value", [0.49, 6.01, np.nan, np.inf, -np.inf])
 def test_tensions_outside_the_limits_are_refused(value):
     tensions = np.array([1.0, 2.0, value, 3.0])
@@ -163,6 +169,12 @@ def test_an_event_is_half_a_newton_or_the_limit_that_is_whole_again():
     assert hot.lowest == {"a": pytest.approx(5.25)}
 
 
+def test_half_a_newton_is_enough_for_an_event():
+    hot = derating()
+    assert len(hot.update(np.array([0.6843, 0.0, 0.0, 0.0]))) == 1
+    assert hot.limits.upper[0] == 5.5
+
+
 def test_a_limit_that_is_whole_again_is_told_however_little_it_was_lowered():
     hot = derating()
     hot.update(np.array([0.69, 0.0, 0.0, 0.0]))
@@ -192,7 +204,17 @@ def test_a_limit_is_told_in_a_sentence():
 
 @pytest.mark.parametrize(
     ("after", "tension"),
-    [(-1.0, 4.0), (0.0, 4.0), (0.1, 3.0), (0.34, 0.6), (0.35, 0.5), (2.0, 0.5), (2.01, 0.4), (2.05, 0.0), (9.0, 0.0)],
+    [
+        (-1.0, 4.0),
+        (0.0, 4.0),
+        (0.1, 3.0),
+        (0.34, 0.6),
+        (0.35, 0.5),
+        (2.0, 0.5),
+        (2.01, 0.4),
+        (2.05, 0.0),
+        (9.0, 0.0),
+    ],
 )
 def test_a_module_that_times_out_ramps_down_stays_taut_for_2_s_and_lets_go(after, tension):
     assert Release(4.0, 7.0, 10.0, 0.5).pull(7.0 + after) == pytest.approx(tension)
@@ -220,6 +242,7 @@ SILENT, CLOSED, FAULT = LinkTimeout("silent"), LinkError("closed"), ModuleFault(
         (FAULT, 10.0, State.RUNNING, [4.0, 2.0, 0.0, 0.0]),  # it is told to stop
         (FAULT, 10.0, State.TIMEOUT, [4.0, 2.0, 0.5, 0.0]),
         (CLOSED, 10.0, State.RUNNING, [4.0, 2.0, 0.5, 0.0]),
+        (CLOSED, 9.5, State.RUNNING, [4.0, 2.0, 0.5, 0.0]),  # silent, and closed only now
         (SILENT, 9.75, State.RUNNING, [4.0, 2.0, 0.0, 0.0]),  # late, but heard: it is told to stop
         (SILENT, 9.65, State.RUNNING, [3.0, 1.0, 0.5, 0.0]),  # its last set-point died at 9.9
         (SILENT, 9.65, None, [3.0, 1.0, 0.5, 0.0]),
@@ -231,3 +254,9 @@ def test_what_a_lost_module_pulls_depends_on_why_it_is_lost(error, heard, state,
     pulls = np.array([lost.pulls(10.0 + after) for after in (0.0, 0.2, 1.0, 3.0)])
     np.testing.assert_allclose(pulls[:, 2], course, atol=1e-12)
     assert not pulls[:, [0, 1, 3]].any()
+
+
+def test_a_module_whose_driver_is_off_pulls_nothing_in_a_run_that_has_just_begun():
+    lost = ReleasedModules(LIMITS.lower, [60.0] * 4, TTL)
+    lost.add(2, 4.0, 0.01, 0.02, State.FAULT, FAULT)
+    assert not lost.pulls(0.02).any()

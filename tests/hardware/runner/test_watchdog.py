@@ -1,0 +1,244 @@
+"""Watchdog and signals of a run, tick by tick; `test_hung.py` has runs that really hang."""
+
+import signal
+import threading
+from functools import partial
+
+import pytest
+
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.client.locks import ESTOP_SIGNAL
+from tensionlab.hardware.runner.watchdog import (
+    ENDING,
+    GRACE_S,
+    NATIVE_GRACE_S,
+    TICK_S,
+    Hung,
+    Interrupted,
+    Interrupts,
+    Watchdog,
+    stopping,
+)
+
+
+class Ticks:
+    """Event whose waiting is a tick: `at` has what happens before some of them; it is set after the last."""
+
+    def __init__(self, count, at=None):
+        self.left, self.at, self.number = count, at or {}, 0
+
+    def wait(self, seconds):
+        assert seconds == TICK_S
+        self.at.get(self.number, lambda: None)()
+        self.number += 1
+        self.left -= 1
+        return self.left < 0
+
+    def set(self):
+        self.left = 0
+
+
+class Kicks(list):
+    """Native watchdog that notes how long it is told to wait."""
+
+    def kick(self, seconds):
+        self.append(round(seconds, 9))
+
+    def close(self):
+        self.append("closed")
+
+
+@pytest.fixture
+def watched():
+    """Return a function: what becomes of a run after some ticks, in which a few things happen."""
+    made = []
+
+    def watch(ticks, happens=None, first=("cycle 1", 0.1)):
+        said = []
+        dog = Watchdog(
+            lambda why: said.append(("interrupt", dog._closed.number, why)),
+            lambda why: said.append(("end", dog._closed.number, why)),
+        )
+        made.append(dog._native)
+        begun = {at: partial(dog.begin, *step) if step else dog.rest for at, step in (happens or {}).items()}
+        dog._closed, dog._native = Ticks(ticks, begun), Kicks()
+        if first:
+            dog.begin(*first)
+        dog._watch()
+        return said, dog._native
+
+    yield watch
+    for native in made:
+        native.close()
+
+
+GRACE_TICKS = round(GRACE_S / TICK_S)
+
+
+def test_a_step_may_take_its_time_and_not_a_tick_more(watched):
+    assert watched(6)[0] == []  # seen in the first tick, and counted in five
+    [(what, tick, why)], _ = watched(7)
+    assert (what, tick) == ("interrupt", 7)
+    assert why.startswith("cycle 1 has not ended for 0.1 s, in ")
+    assert why.endswith("): all modules are stopped")
+    assert "(watchdog.py:" in why, "where this thread is"
+
+
+def test_a_step_that_follows_has_its_own_time(watched):
+    assert watched(16, {5: ("cycle 2", 0.1), 10: ("cycle 3", 0.1)})[0] == []
+    [(_, tick, why)], _ = watched(17, {5: ("cycle 2", 0.1), 10: ("cycle 3", 0.1)})
+    assert tick == 17
+    assert why.startswith("cycle 3 ")
+
+
+def test_the_same_step_once_more_is_another_one(watched):
+    assert watched(10, {5: ("cycle 1", 0.1)})[0] == []
+
+
+def test_between_steps_nothing_is_late(watched):
+    assert watched(500, {3: None})[0] == []
+    assert watched(500, first=None)[0] == []
+
+
+def test_one_that_was_interrupted_and_leaves_in_time_is_not_ended(watched):
+    said, _ = watched(7 + GRACE_TICKS - 1)
+    assert [what for what, _, _ in said] == ["interrupt"]
+
+
+def test_one_that_does_not_leave_is_ended_once_and_for_the_same_reason(watched):
+    said, kicks = watched(10_000)
+    assert [(what, tick) for what, tick, _ in said] == [("interrupt", 7), ("end", 7 + GRACE_TICKS)]
+    assert said[0][2] == said[1][2]
+    assert kicks[-1] == 30.0, "what stops the modules, and closes the log, has that long"
+
+
+def test_the_native_one_waits_longer_than_this_one_at_each_tick(watched):
+    _, kicks = watched(4, {2: ("start", 5.0), 3: None})
+    assert kicks == [0.1 + NATIVE_GRACE_S] * 2 + [5.0 + NATIVE_GRACE_S, NATIVE_GRACE_S]
+    _, kicks = watched(10_000)
+    assert kicks[7:-1] == [GRACE_S + NATIVE_GRACE_S] * GRACE_TICKS
+
+
+def test_its_threads_end_with_the_context():
+    dog = Watchdog(lambda why: None, lambda why: None)
+    with dog as same:
+        assert same is dog
+        assert dog._thread.is_alive()
+        assert dog._thread.daemon, "it keeps no process from ending"
+        native, dog._native = dog._native, Kicks()
+    native.close()
+    assert not dog._thread.is_alive()
+    assert dog._native[-1] == "closed"
+
+
+def test_a_thread_that_has_ended_is_nowhere():
+    dog = Watchdog(lambda why: None, lambda why: None)
+    dog._native.close()
+    dog._watched = -1
+    assert dog._place() == ""
+
+
+# Signals
+
+
+@pytest.mark.parametrize("number", [*ENDING, ESTOP_SIGNAL])
+def test_the_first_signal_interrupts_those_after_it_do_not_and_handlers_are_put_back(number):
+    before = signal.getsignal(number)
+    interrupts = Interrupts()
+    with interrupts.caught((number,)):
+        with pytest.raises(Interrupted, match=signal.Signals(number).name) as caught:
+            signal.raise_signal(number)
+        signal.raise_signal(number)
+        signal.raise_signal(number)
+    assert caught.value.number == number
+    assert isinstance(caught.value, KeyboardInterrupt)
+    assert signal.getsignal(number) is before
+
+
+def test_an_orderly_end_is_not_interrupted():
+    interrupts = Interrupts()
+    with interrupts.caught((signal.SIGTERM,)):
+        interrupts.ignore()
+        signal.raise_signal(signal.SIGTERM)
+        interrupts.throw(Hung("too late"))
+
+
+def test_handlers_are_put_back_after_an_error_too():
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(ZeroDivisionError), Interrupts().caught((signal.SIGTERM,)):
+        raise ZeroDivisionError
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_another_thread_throws_an_error_into_this_one_that_no_except_of_exceptions_catches():
+    interrupts, hung = Interrupts(), Hung("cycle 7")
+    with interrupts.caught((signal.SIGTERM,)):
+        thread = threading.Thread(target=interrupts.throw, args=(hung,))
+        with pytest.raises(Hung) as caught:  # noqa: PT012 - it comes from elsewhere
+            thread.start()
+            thread.join()
+    assert caught.value is hung
+    assert not isinstance(hung, Exception)
+
+
+def test_nothing_is_thrown_where_nothing_is_caught():
+    interrupts = Interrupts()
+    interrupts.throw(Hung("before"))
+    with interrupts.caught((signal.SIGTERM,)):
+        pass
+    interrupts.throw(Hung("after"))  # the signal would end this process
+
+
+def test_in_another_thread_nothing_is_caught_and_nothing_fails():
+    before, seen = signal.getsignal(signal.SIGTERM), []
+
+    def other():
+        with Interrupts().caught((signal.SIGTERM,)):
+            seen.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    thread.join()
+    assert seen == [before]
+
+
+@pytest.mark.parametrize(
+    ("number", "called"), [(signal.SIGINT, "stop"), (signal.SIGTERM, "stop"), (ESTOP_SIGNAL, "at once")]
+)
+def test_a_signal_stops_the_modules_and_the_one_of_an_emergency_stop_at_once(number, called):
+    calls = []
+
+    def stop(what):
+        calls.append(what)
+        signal.raise_signal(number)  # which does not disturb it
+        raise HardwareError("nor does a module that does not confirm")
+
+    with (
+        pytest.raises(Interrupted) as caught,
+        stopping(lambda: stop("stop"), lambda: stop("at once")),
+    ):
+        signal.raise_signal(number)
+    assert caught.value.number == number
+    assert calls == [called]
+
+
+def test_modules_are_stopped_at_the_end_and_after_any_error():
+    calls = []
+    with stopping(lambda: calls.append("stop"), lambda: calls.append("at once")):
+        assert calls == []
+    assert calls == ["stop"]
+    with (
+        pytest.raises(ZeroDivisionError),
+        stopping(lambda: calls.append("stop"), lambda: calls.append("at once")),
+    ):
+        raise ZeroDivisionError
+    assert calls == ["stop", "stop"]
+
+
+def test_an_error_of_stopping_is_raised_where_there_is_no_other_and_no_signal_disturbs_it():
+    def stop():
+        signal.raise_signal(signal.SIGTERM)
+        raise HardwareError("not confirmed")
+
+    with pytest.raises(HardwareError, match="not confirmed"), stopping(stop, stop):
+        pass
