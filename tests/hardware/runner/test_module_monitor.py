@@ -1,14 +1,23 @@
 """Checks of modules while they follow set-points."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from tensionlab.errors import ModuleFault
-from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import Calibration, State
-from tensionlab.hardware.protocol.messages import Stop
-from tensionlab.hardware.runner.module_monitor import require_following
+from tensionlab.demand import Demand, Impedance
+from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
+from tensionlab.hardware.client.module import ModuleClient, Received
+from tensionlab.hardware.protocol.codes import BrakeState, Calibration, Code, Fault, Limit, State
+from tensionlab.hardware.protocol.messages import Stop, Telemetry
+from tensionlab.hardware.runner.module_monitor import (
+    ModuleMonitor,
+    Stall,
+    require_following,
+    require_plausible,
+    silence,
+)
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -63,3 +72,255 @@ def test_telemetry_of_before_it_was_armed_is_not_taken_for_a_stop(seed):
         client.listen(0.05)
         assert client.state is State.RUNNING
         require_following(client)
+
+
+def telemetry(time_us=0, at=0.0, **changes):
+    """What a module that follows set-points reports, and when it came."""
+    usual = {"state": State.RUNNING, "faults": Fault(0), "limit": Limit.NONE, "sequence": 0}
+    usual |= {"tension": 2.0, "current": 0.7, "length": 1.0, "speed": 0.0, "supply": 12.0, "thermal": 0.1}
+    usual |= {"brake": BrakeState.OPEN, "bad_frames": 0, "lost_frames": 0, "longest_step_us": 250}
+    return Received(Telemetry(time_us, **(usual | changes)), at)
+
+
+# What can be true
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("field", "unit"),
+    [
+        ("length", "m"),
+        ("speed", "m/s"),
+        ("tension", "N"),
+        ("current", "A"),
+        ("supply", "V"),
+        ("thermal", "of the"),
+    ],
+)
+def test_what_is_not_finite_cannot_be_true(field, unit, value):
+    with pytest.raises(ModuleFault, match=rf'module "one" reports a {field} of {value} {unit}') as caught:
+        require_plausible("one", None, telemetry(**{field: value}))
+    assert (caught.value.module, caught.value.code) == ("one", Code.BAD_VALUE)
+
+
+def test_a_module_that_pulls_in_spite_of_a_fault_is_refused():
+    with pytest.raises(ModuleFault, match=r"reports a fault \(SPEED\) and goes on pulling \(RUNNING\)") as caught:
+        require_plausible("one", None, telemetry(faults=Fault.SPEED))
+    assert (caught.value.module, caught.value.code) == ("one", Fault.SPEED)
+
+
+@pytest.mark.parametrize("start", [0, 2**32 - 5000])
+@pytest.mark.parametrize(("sign", "word"), [(1.0, "more"), (-1.0, "less")])
+def test_a_length_follows_from_the_speeds_but_for_5_cm_and_what_the_hand_may_accelerate(start, sign, word):
+    # In 20 ms, from 1 to 2 m/s: 30 mm; and 50 mm + 100 m/s^2 (20 ms)^2 / 4 = 60 mm more or less.
+    before, after = telemetry(start, 5.0, speed=1.0), (start + 20_000) % 2**32
+    require_plausible("one", before, telemetry(after, 5.02, speed=2.0, length=1.03 + sign * 0.0599))
+    with pytest.raises(ModuleFault, match=f"60 mm {word} than its speed explains in 20 ms") as caught:
+        require_plausible("one", before, telemetry(after, 5.02, speed=2.0, length=1.03 + sign * 0.0601))
+    assert (caught.value.module, caught.value.code) == ("one", Fault.ENCODER)
+
+
+def test_the_slower_of_the_two_clocks_counts():
+    before = telemetry(0, 5.0, speed=1.0)
+    require_plausible("one", before, telemetry(20_000, 5.5, speed=1.0, length=1.5))
+    require_plausible("one", before, telemetry(500_000, 5.02, speed=1.0, length=1.5))
+    with pytest.raises(ModuleFault, match="in 20 ms"):
+        require_plausible("one", before, telemetry(20_000, 5.02, speed=1.0, length=1.5))
+
+
+def test_how_long_a_module_is_silent_or_repeats_itself_is_told():
+    heard = telemetry(1234)
+    assert silence(SimpleNamespace(repeated=0, telemetry=heard), 0.26) == "has been silent for 0.26 s"
+    assert silence(SimpleNamespace(repeated=3, telemetry=None), 0.26) == "has been silent for 0.26 s"
+    assert silence(SimpleNamespace(repeated=3, telemetry=heard), 0.26).startswith(
+        "repeats what it said 0.26 s ago (3 times time_us 1234)"
+    )
+
+
+# Cycles that come late
+
+
+def test_a_cycle_that_takes_over_three_quarters_of_a_time_to_live_is_a_stall_for_one():
+    stall = Stall(0.5)
+    told = []
+    for now in (1000.0, 1000.375, 1000.875, 1001.0, 1001.375, 1001.5):
+        stall.update(now)
+        told.append(stall.seconds)
+    assert told == [0.0, 0.0, 0.5, 0.5, 0.5, 0.0]
+    stall.update(1003.5)
+    assert str(stall).startswith("this computer took 2.00 s from one cycle to the next, and set-points live 0.5 s")
+
+
+# The monitor itself, of modules that say what the test wants
+
+
+class Client:
+    """Module that is well; what it is sent is noted."""
+
+    def __init__(self, name):
+        self.name, self.link = name, SimpleNamespace(url=f"sim:{name}")
+        self.state, self.reports_since_arm, self.repeated = State.RUNNING, 5, 0
+        self.telemetry, self.sent, self.broken = telemetry(), [], None
+
+    def check(self):
+        if self.broken is not None:
+            raise self.broken
+
+    def _send(self, *what):
+        if self.broken is not None:
+            raise self.broken
+        self.sent.append(what)
+        return len(self.sent)
+
+    def send(self, message):
+        self._send(message)
+
+    def set_tension(self, tension, *, brake, ttl_ms):
+        return self._send("tension", tension, brake, ttl_ms)
+
+    def set_impedance(self, message):
+        return self._send("impedance", message.stiffness, message.brake, message.ttl_ms)
+
+
+class Watched:
+    """Three modules under a monitor; `cycle` is one in which all is well but what it is told."""
+
+    def __init__(self, on_loss="continue"):
+        self.clients, self.lost, self.now = [Client(name) for name in "abc"], [], 50.0
+        self.monitor = ModuleMonitor(
+            SimpleNamespace(clients=self.clients), 0.25, on_loss, lambda *loss: self.lost.append(loss)
+        )
+        self.too_hot = set()
+
+    def require_taut(self, index, thermal):
+        if thermal >= 1.0:
+            raise ModuleFault(f"{index} is too hot", "abc"[index], Limit.THERMAL)
+
+    def cycle(self, seconds=0.02, ages=(0.01,) * 3, delays=(0.03,) * 3, thermal=(0.0,) * 3):
+        self.now += seconds
+        seen = SimpleNamespace(ages=np.array(ages), thermal=np.array(thermal))
+        self.monitor.check(seen, np.array(delays), self, self.now)
+        return [(index, type(error)) for index, error in self.lost]
+
+
+def test_a_module_may_be_silent_for_as_long_as_set_points_live():
+    watched = Watched()
+    assert watched.cycle(ages=(0.25, 0.01, 0.01)) == []
+    assert watched.cycle(ages=(0.26, 0.01, 0.01)) == [(0, LinkTimeout)]
+    assert str(watched.lost[0][1]) == 'module "a" at sim:a has been silent for 0.26 s'
+    np.testing.assert_array_equal(watched.monitor.active, [False, True, True])
+    assert watched.clients[0].sent == [(Stop(),)], "it is told, should it hear"
+    assert watched.cycle(ages=(9.0, 0.01, 0.01)) == [(0, LinkTimeout)], "and lost only once"
+
+
+def test_after_a_stall_a_module_has_the_time_of_it_more():
+    watched = Watched()
+    watched.cycle()
+    assert watched.cycle(1.0, ages=(1.2, 0.01, 0.01), delays=(2.0,) * 3) == []
+    assert watched.cycle(0.02, ages=(1.27, 0.01, 0.01)) == [(0, LinkTimeout)]
+
+
+def test_a_module_that_follows_old_set_points_for_as_long_as_they_live_is_lost():
+    watched, late = Watched(), (0.03, 0.26, 0.25)
+    for _ in range(13):
+        assert watched.cycle(delays=late) == []
+    assert watched.cycle(delays=late) == [(1, LinkTimeout)]
+    assert 'module "b" is late: the newest set-point that it reports to follow was sent 0.26 s ago' in str(
+        watched.lost[0][1]
+    )
+
+
+def test_one_that_follows_in_between_is_not_late():
+    watched = Watched()
+    for cycle in range(100):
+        assert watched.cycle(delays=(0.03, 0.26 if cycle % 12 else 0.1, 0.03)) == []
+
+
+def test_each_module_is_late_for_itself():
+    watched = Watched()
+    for cycle in range(13):
+        watched.cycle(delays=(0.3, 0.3 if cycle > 5 else 0.03, 0.03))
+    assert watched.cycle(delays=(0.3, 0.3, 0.03)) == [(0, LinkTimeout)]
+
+
+def test_a_module_too_hot_to_hold_its_cable_taut_is_lost():
+    assert Watched().cycle(thermal=(np.nan, 0.99, 1.0)) == [(2, ModuleFault)]
+
+
+def test_what_cannot_be_true_is_found_once_for_each_telemetry():
+    watched = Watched()
+    watched.cycle()
+    watched.clients[1].telemetry = telemetry(20_000, 0.02, length=1.5)
+    assert watched.cycle() == [(1, ModuleFault)]
+    watched.clients[0].telemetry = telemetry(20_000, 0.02, length=1.04)
+    watched.cycle()
+    watched.clients[0].telemetry = telemetry(40_000, 0.04, length=1.08)  # by the one before, and not the first
+    assert watched.cycle() == [(1, ModuleFault)]
+
+
+def test_a_run_that_is_to_stop_raises_what_is_wrong_with_the_first_module():
+    watched = Watched("stop")
+    watched.clients[1].state = State.IDLE
+    with pytest.raises(ModuleFault, match='"b" is IDLE'):
+        watched.cycle()
+    assert [index for index, _ in watched.lost] == [1]
+    assert watched.clients[1].sent == [], "the run stops all modules"
+
+
+def test_with_the_last_module_the_run_ends():
+    watched = Watched()
+    watched.clients[0].broken = LinkError("a is cut")
+    watched.clients[1].broken = LinkError("b is cut")
+    assert watched.cycle() == [(0, LinkError), (1, LinkError)]
+    watched.clients[2].broken = LinkError("c is cut")
+    with pytest.raises(HardwareError, match="no module is left; the last one: c is cut"):
+        watched.cycle()
+
+
+@pytest.mark.parametrize("stalled", [True, False])
+def test_a_timeout_by_a_stall_of_this_computer_says_so(stalled):
+    watched = Watched("stop")
+    watched.cycle()
+    fault = ModuleFault('module "a" has released its cable (TIMEOUT)', "a", State.TIMEOUT)
+    watched.clients[0].broken = fault
+    with pytest.raises(ModuleFault) as caught:
+        watched.cycle(0.5 if stalled else 0.02)
+    assert ("this computer took 0.50 s" in str(caught.value)) == stalled
+    assert str(caught.value).startswith(str(fault))
+    assert (caught.value.module, caught.value.code) == ("a", State.TIMEOUT)
+
+
+def test_another_fault_is_no_stalls():
+    watched = Watched("stop")
+    watched.cycle()
+    watched.clients[0].broken = ModuleFault("it is broken", "a", Fault.SPEED)
+    with pytest.raises(ModuleFault, match=r"^it is broken$"):
+        watched.cycle(0.5)
+
+
+def test_a_module_that_has_not_reported_since_it_was_armed_may_say_what_it_was_before():
+    watched = Watched()
+    watched.clients[0].state, watched.clients[0].reports_since_arm = State.IDLE, 0
+    assert watched.cycle() == []
+    watched.clients[0].reports_since_arm = 1
+    watched.clients[1].state = None  # it has said nothing at all
+    assert watched.cycle() == [(0, ModuleFault), (1, ModuleFault)]
+    assert watched.lost[1][1].code is State.IDLE
+
+
+def test_those_that_take_part_are_sent_set_points_and_a_broken_link_loses_its_module():
+    watched = Watched()
+    demand = Demand(np.zeros(3), brakes=frozenset("c"), impedances={"b": Impedance(1.0, 30.0)})
+    tensions = np.array([1.0, np.nan, 3.0])
+    np.testing.assert_array_equal(watched.monitor.send(tensions, demand, 250), [1, 1, 1])
+    assert [client.sent for client in watched.clients] == [
+        [("tension", 1.0, False, 250)],
+        [("impedance", 30.0, False, 250)],
+        [("tension", 3.0, True, 250)],
+    ]
+    watched.clients[0].broken = LinkError("a is cut")
+    np.testing.assert_array_equal(watched.monitor.send(tensions, demand, 250), [-1, 2, 2])
+    assert [index for index, _ in watched.lost] == [0]
+    watched.clients[0].broken = None
+    np.testing.assert_array_equal(watched.monitor.send(tensions, demand, 250), [-1, 3, 3])
+    assert watched.clients[0].sent == [("tension", 1.0, False, 250)], "it does not come back"
