@@ -106,6 +106,94 @@ def test_tensions_outside_their_limits_are_clipped_before_they_are_measured():
     np.testing.assert_allclose(found.wrench[0], problem.structure[0] @ found.tensions[0])
 
 
+@pytest.mark.parametrize("strange", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("m", [3, 8, 11])
+def test_an_answer_with_a_tension_that_is_no_number_fails_and_nothing_of_it_is_kept(m, strange):
+    problem = problems(3, m, m, "force", 1.5, np.ones(3))
+    tensions = np.full((m, m), 2.0)
+    np.fill_diagonal(tensions, strange)  # each problem with another
+    found = verify(problem, Answer(tensions, np.zeros(m, dtype=np.int64), np.ones((m, 3))))
+    assert (found.status == tl.Status.FAILED).all()
+    for name in ("tensions", "wrench", "residual", "scale"):
+        assert np.isnan(getattr(found, name)).all(), name
+    assert not found.separation.any()
+    assert found.failures == dict.fromkeys(range(m), "the solver returned NaN")
+
+
+def test_tensions_of_another_shape_are_refused():
+    with pytest.raises(tl.ShapeError, match=r"tensions of shape \(2, 3\), not \(2, 4\)"):
+        verify(problems(3, 4, 2, "force", 1.0, np.ones(3)), Answer(np.ones((2, 3)), np.zeros(2, dtype=np.int64)))
+
+
+def judged(structure, wrench, tensions, nearest="force", separation=None, weights=None, lower=LOWER, upper=UPPER):
+    """What is found of one answer: status, scale, separation."""
+    structure = np.atleast_2d(np.asarray(structure, dtype=float))
+    n, m = structure.shape
+    limits = [np.full((1, m), value) for value in (lower, upper, 0.0)]
+    weights = np.ones(n) if weights is None else np.asarray(weights, dtype=float)
+    problem = Problem(structure[None], np.asarray([wrench], dtype=float), *limits, weights, nearest)
+    proposal = None if separation is None else np.asarray([separation], dtype=float)
+    found = verify(problem, Answer(np.asarray([tensions], dtype=float), np.zeros(1, dtype=np.int64), proposal))
+    return found.status[0], found.scale[0], found.separation[0]
+
+
+@pytest.mark.parametrize("size", [0.1, 1.0, 1000.0])
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_what_is_missed_by_the_tolerance_of_the_wrench_or_of_a_newton_is_exact(size, share):
+    miss = share * TOLERANCE * max(1.0, size)
+    status, scale, _ = judged(np.eye(2), [size, 0.0], [size, miss], lower=0.0, upper=1e4)
+    assert (status == tl.Status.EXACT) == (share < 1.0)
+    assert (scale == 1.0) == (share < 1.0)
+
+
+@pytest.mark.parametrize("separation", [[np.nan, 1.0], [np.inf, 0.0], None])
+def test_a_direction_that_is_no_number_proves_nothing_and_hinders_no_proof(separation):
+    status, _, proof = judged(np.eye(2), [9.0, 2.0], [6.0, 2.0], separation=separation)
+    assert status == tl.Status.NEAREST
+    np.testing.assert_allclose(proof / np.linalg.norm(proof), [1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
+def test_what_is_not_proved_comes_without_a_direction(nearest):
+    status, scale, proof = judged(np.eye(2), [9.0, 2.0], [3.0, 2.0], nearest, [1.0, 0.0])
+    assert status == tl.Status.ITERATION_LIMIT
+    assert np.isnan(scale)
+    assert not proof.any()
+
+
+def test_no_wrench_on_the_boundary_is_out_of_reach_by_rounding():
+    rng = np.random.default_rng(7)
+    for _ in range(200):
+        structure, normal = rng.normal(size=(2, 6)), rng.normal(size=2)
+        vertex = np.where(normal @ structure > 0.0, UPPER, LOWER)
+        tensions = vertex.copy()
+        tensions[0] -= np.copysign(30.0 * TOLERANCE * np.linalg.norm(structure @ vertex), vertex[0] - 3.0)
+        for nearest in ("force", "tension", "direction"):
+            status, _, _ = judged(structure, structure @ vertex, tensions, nearest, normal)
+            assert status == tl.Status.ITERATION_LIMIT
+
+
+def test_what_is_within_reach_is_never_nearest_however_near_by_its_weights():
+    """A heavy component makes room for an error of the light one; only that nothing separates them tells."""
+    for upper in (2.0, UPPER):  # on the boundary, and inside
+        off = [2.0, 2.0 - 30 * TOLERANCE]
+        status, _, _ = judged(np.eye(2), [2.0, 2.0], off, separation=[0.0, 1.0], weights=[1e4, 1.0], upper=upper)
+        assert status == tl.Status.ITERATION_LIMIT
+
+
+def test_where_no_share_of_a_wrench_can_be_rendered_the_nearest_wrench_is_proved_not_any():
+    for tensions, expected in (([0.5, 0.5], tl.Status.NEAREST), ([3.0, 3.0], tl.Status.ITERATION_LIMIT)):
+        status, scale, _ = judged([[1.0, 1.0]], [-5.0], tensions, "direction", [-1.0])
+        assert status == expected
+        assert np.isnan(scale)
+
+
+def test_what_lies_outside_the_range_of_all_cables_is_proved_and_the_rest_must_be_rendered():
+    flat = [[1.0, -1.0], [0.0, 0.0]]
+    assert judged(flat, [1.0, 3.0], [2.0, 1.0], "tension")[0] == tl.Status.NEAREST
+    assert judged(flat, [1.0, 3.0], [3.0, 1.0], "tension")[0] == tl.Status.ITERATION_LIMIT
+
+
 def test_a_solver_keeps_its_own_arrays():
     problem = problems(3, 4, 2, "force", 1.0, np.ones(3))
     mine = np.full((2, 4), -1.0)

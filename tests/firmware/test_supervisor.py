@@ -36,6 +36,28 @@ def happen(host: Host, event: str) -> bool:
     return answers == [] or answers[-1].code == Code.OK
 
 
+AS_DOCUMENTED = """
+            idle      armed     running   timeout   fault     estop
+arm         armed     refused   refused   refused   refused   refused
+set_point   refused   running   running   refused   refused   refused
+stop        idle      idle      idle      idle      refused   refused
+estop       estop     estop     estop     estop     estop     estop
+clear       idle      armed     running   timeout   idle      idle
+expire      idle      timeout   timeout   timeout   fault     estop
+fault       idle      fault     fault     fault     fault     estop
+"""
+
+
+def test_the_table_is_the_one_that_is_documented():
+    states, *rows = [line.split() for line in AS_DOCUMENTED.strip().splitlines()]
+    for event, *row in rows:
+        for state, after in zip(states, row, strict=True):
+            before = State[state.upper()]
+            refused = after == "refused"
+            assert TABLE[before, event] == (not refused, before if refused else State[after.upper()])
+    assert len(rows) == len(EVENTS)
+
+
 @pytest.mark.parametrize("event", EVENTS)
 @pytest.mark.parametrize("state", State)
 def test_the_module_does_what_the_table_says(state, event):

@@ -3,8 +3,9 @@
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import HardwareError
-from tensionlab.hardware.client.group import ModuleGroup, load_modules, modules_to_toml
+from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
+from tensionlab.hardware.client import group
+from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules, modules_to_toml
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
@@ -53,10 +54,156 @@ def test_modules_stay_armed_while_one_is_slow_to_answer_however_fast_this_machin
     clients = [
         ModuleClient(module.name, link) for module, link in zip(rig.modules, [*links[:-1], slow], strict=True)
     ]
-    group = ModuleGroup(clients)
     begin = links[0].clock()
-    group.arm([1.0] * rig.m)
+    ModuleGroup(clients).arm([1.0] * rig.m)
     assert links[0].clock() - begin > 0.3
     for client in clients[:-1]:
         client.listen(0.02)
         assert client.state is State.ARMED
+
+
+# Arming, stopping and closing together. The modules are in this process, and so is their time.
+
+RIG = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
+NAMES = [module.name for module in RIG.modules]
+
+
+class Modules:
+    """Modules of the published rig behind faulty links."""
+
+    def __init__(self, conditions=None):
+        self.world = World(RIG)
+        self.links = {
+            name: FaultyLink(SimulatedLink(module), conditions, seed=3)
+            for name, module in zip(NAMES, self.world.modules, strict=True)
+        }
+        self.group = connect(RIG, self.links)
+
+    @property
+    def states(self):
+        return [module.sample.state for module in self.world.modules]
+
+    def pull(self):
+        self.group.arm([1.0] * RIG.m)
+        for client in self.group.clients:
+            client.set_tension(2.0)
+            client.listen(0.02)
+        assert self.states == [State.RUNNING] * RIG.m
+        return self
+
+
+@pytest.mark.parametrize(
+    ("command", "state"), [(ModuleGroup.stop, State.IDLE), (ModuleGroup.emergency_stop, State.ESTOP)]
+)
+@pytest.mark.parametrize("conditions", [None, Conditions(latency=0.02, drop=0.002)])
+def test_a_stop_reaches_all_modules_over_links_that_lose_much(command, state, conditions):
+    modules = Modules(conditions).pull()
+    assert command(modules.group) == {}
+    assert modules.states == [state] * RIG.m
+
+
+@pytest.mark.parametrize("trouble", [FaultyLink.cut, FaultyLink.freeze])
+def test_those_that_do_not_confirm_a_stop_are_named_and_the_others_stop_first(trouble, monkeypatch):
+    monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.1, 0.1))
+    modules = Modules().pull()
+    trouble(modules.links[NAMES[1]])
+    begin = modules.world.modules[0].seconds
+    unconfirmed = modules.group.stop()
+    assert {name: type(error) for name, error in unconfirmed.items()} == {
+        NAMES[1]: LinkError if trouble is FaultyLink.cut else LinkTimeout
+    }
+    assert [modules.states[index] for index in (0, 2, 3)] == [State.IDLE] * 3
+    passed = modules.world.modules[0].seconds - begin
+    assert passed == pytest.approx(0.0 if trouble is FaultyLink.cut else 0.2, abs=0.02), "it is asked twice"
+
+
+def test_a_module_that_latched_refuses_a_stop_and_that_is_as_good():
+    modules = Modules().pull()
+    modules.group.clients[2].estop()
+    assert modules.group.stop() == {}
+    assert modules.states == [State.IDLE, State.IDLE, State.ESTOP, State.IDLE]
+
+
+def test_one_that_refuses_to_be_armed_is_told_and_the_others_may_be_armed():
+    modules = Modules()
+    modules.group.clients[1].estop()
+    with pytest.raises(ModuleFault, match=f'"{NAMES[1]}" refused Arm: BAD_STATE') as caught:
+        modules.group.arm([1.0] * RIG.m)
+    assert caught.value.module == NAMES[1]
+    for index in (0, 2, 3):
+        modules.group.clients[index].check()
+    assert modules.group.stop() == {}
+
+
+def test_modules_whose_links_close_release_and_a_broken_link_keeps_none_from_it():
+    modules = Modules().pull()
+    modules.links[NAMES[0]].cut()
+    modules.group.close()
+    assert modules.states == [State.TIMEOUT] * RIG.m
+
+
+def test_a_group_of_none_is_closed_at_once():
+    ModuleGroup([]).close()
+
+
+def test_before_a_run_modules_tell_what_they_can_do_and_begin_to_report():
+    modules = Modules()
+    for client in modules.group.clients:
+        client.set_parameter("slew", 30.0)
+        client.set_parameter("current_continuous", 0.8)
+    modules.group.prepare(RIG, 10)
+    assert [info.state for info in modules.group.infos] == [State.IDLE] * RIG.m
+    assert modules.group.slews == (30.0,) * RIG.m
+    assert modules.group.continuous == pytest.approx(
+        [0.8 * info.newton_per_ampere for info in modules.group.infos]
+    )
+    modules.group.require_lengths()
+    for client in modules.group.clients:
+        client.listen(0.02)
+        assert client.telemetry is not None
+
+
+def test_modules_whose_lengths_are_unknown_are_named():
+    modules = Modules()
+    modules.world.modules[1].pause(0.02)  # it counted no turns
+    modules.world.modules[1].advance(0.01)
+    modules.group.prepare(RIG, 10)
+    with pytest.raises(HardwareError, match=f"the cable lengths of {NAMES[1]} are not known"):
+        modules.group.require_lengths()
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "said"),
+    [("tension_upper", 5.9, "0.5 to 5.9 N"), ("tension_lower", 0.6, "0.6 to 6 N")],
+)
+def test_a_module_that_cannot_pull_as_the_rig_says_is_refused(parameter, value, said):
+    modules = Modules()
+    modules.group.clients[2].set_parameter(parameter, value)
+    with pytest.raises(HardwareError, match=f'"{NAMES[2]}" pulls with {said}, but the rig wants 0.5 to 6 N'):
+        modules.group.prepare(RIG, 10)
+
+
+def test_a_module_that_timed_out_in_an_earlier_run_can_be_armed_again():
+    modules = Modules().pull()
+    modules.world.advance(0.3)
+    assert modules.states == [State.TIMEOUT] * RIG.m
+    modules.group.prepare(RIG, 10)
+    assert modules.states == [State.IDLE] * RIG.m
+
+
+def test_each_module_of_a_rig_needs_a_link_and_no_other_has_one():
+    links = Modules().links
+    with pytest.raises(HardwareError, match='has no module "ceiling"; it has floor-1, floor-2, floor-3, top'):
+        connect(RIG, links | {"ceiling": links["top"]})
+    del links["top"], links["floor-2"]
+    with pytest.raises(HardwareError, match="no link for floor-2, top; give each"):
+        connect(RIG, links)
+
+
+def test_where_one_link_cannot_be_opened_the_others_are_closed_again():
+    modules = Modules().pull()
+    links = dict(modules.links)
+    links["floor-2"] = "socket://127.0.0.1:1"
+    with pytest.raises(LinkError, match="cannot be opened"):
+        connect(RIG, links)
+    assert modules.states == [State.TIMEOUT, State.RUNNING, State.TIMEOUT, State.TIMEOUT]

@@ -242,3 +242,15 @@ def test_an_error_of_stopping_is_raised_where_there_is_no_other_and_no_signal_di
 
     with pytest.raises(HardwareError, match="not confirmed"), stopping(stop, stop):
         pass
+
+
+def test_no_signal_disturbs_the_stop_after_an_error():
+    calls = []
+
+    def stop():
+        signal.raise_signal(signal.SIGTERM)
+        calls.append("stopped")
+
+    with pytest.raises(ZeroDivisionError), stopping(stop, stop):
+        raise ZeroDivisionError
+    assert calls == ["stopped"]
