@@ -124,3 +124,74 @@ def test_a_long_command_line_is_cut(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["/usr/lib/python3/site-packages/tensionlab/__main__.py", "run", "x" * 200])
     assert locks._program().startswith("tensionlab run xxx")
     assert len(locks._program()) == locks.MAX_PROGRAM_CHARACTERS
+
+
+def test_who_released_a_lock_once_takes_no_note_of_the_next_one_away():
+    first = LinkLock("COM5")
+    first.release()
+    second = LinkLock("COM5")
+    first.release()
+    assert holder("COM5").pid == os.getpid()
+    second.release()
+
+
+def test_a_note_that_somebody_removed_or_damaged_is_no_obstacle(locks_folder, monkeypatch):
+    monkeypatch.setattr(locks, "LOCK_TIMEOUT_S", 0.0)
+    lock = LinkLock("COM5")
+    [note] = locks_folder.glob("*.json")
+    note.write_text("{")
+    assert holder("COM5") is None
+    assert locks.locked_links() == {}
+    with pytest.raises(LinkError, match="COM5 is in use by another process; end that first"):
+        LinkLock("COM5")
+    note.unlink()
+    lock.release()
+    LinkLock("COM5").release()
+
+
+def test_the_links_that_are_locked_are_listed_with_their_processes():
+    assert locks.locked_links() == {}
+    taken = [LinkLock("COM5"), LinkLock("COM6"), LinkLock("COM7")]
+    taken[1].release()
+    assert {url: who.pid for url, who in locks.locked_links().items()} == {
+        "COM5": os.getpid(),
+        "COM7": os.getpid(),
+    }
+    for lock in taken:
+        lock.release()
+
+
+def test_what_cannot_be_locked_is_named(locks_folder):
+    locks._path("COM5").mkdir()
+    with pytest.raises(LinkError, match=r"\.lock: cannot be locked: .*; see that you may write there"):
+        LinkLock("COM5")
+    locks._path("COM5").rmdir()
+    locks_folder.rmdir()
+    locks_folder.write_text("no folder")
+    with pytest.raises(LinkError, match="no folder for locks of modules"):
+        LinkLock("COM5")
+
+
+def test_a_folder_of_another_user_is_refused(locks_folder, monkeypatch):
+    somebody = os.getuid() + 1
+    monkeypatch.setattr(os, "getuid", lambda: somebody)
+    with pytest.raises(LinkError, match="must be yours"):
+        LinkLock("COM5")
+
+
+@pytest.mark.parametrize(
+    ("called", "told"),
+    [
+        (["/usr/bin/tensionlab", "run", "a"], "tensionlab run a"),
+        (["/usr/lib/tensionlab/__main__.py", "run"], "tensionlab run"),
+        (
+            ["host.py", "x" * (locks.MAX_PROGRAM_CHARACTERS - 8)],
+            f"host.py {'x' * (locks.MAX_PROGRAM_CHARACTERS - 8)}",
+        ),
+        ([""], "python"),
+        ([], "python"),
+    ],
+)
+def test_a_program_is_told_as_it_was_called(called, told, monkeypatch):
+    monkeypatch.setattr(sys, "argv", called)
+    assert locks._program() == told
