@@ -160,7 +160,7 @@ class Client:
 
     def __init__(self, name):
         self.name, self.link = name, SimpleNamespace(url=f"sim:{name}")
-        self.state, self.reports_since_arm, self.repeated = State.RUNNING, 5, 0
+        self.state, self.followed_since_arm, self.repeated = State.RUNNING, True, 0
         self.telemetry, self.sent, self.broken = telemetry(), [], None
 
     def check(self):
@@ -307,12 +307,12 @@ def test_another_fault_is_no_stalls():
         watched.cycle(0.5)
 
 
-def test_a_module_that_has_not_reported_since_it_was_armed_may_say_what_it_was_before():
+def test_a_module_that_has_not_followed_since_it_was_armed_may_say_what_it_was_before():
     watched = Watched()
-    watched.clients[0].state, watched.clients[0].reports_since_arm = State.IDLE, 0
+    watched.clients[0].state, watched.clients[0].followed_since_arm = State.IDLE, False
     assert watched.cycle() == []
-    watched.clients[0].reports_since_arm = 1
-    watched.clients[1].state, watched.clients[1].reports_since_arm = None, 0  # it has said nothing at all
+    watched.clients[0].followed_since_arm = True
+    watched.clients[1].state, watched.clients[1].followed_since_arm = None, False  # it has said nothing at all
     watched.clients[2].telemetry = None
     assert watched.cycle() == [(0, ModuleFault), (1, ModuleFault)]
     assert watched.lost[1][1].code is State.IDLE
