@@ -1,7 +1,7 @@
 """`tensionlab module calibrate`, on simulated modules of this process, and on files."""
 
+import importlib
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,7 +58,7 @@ def test_what_is_sure_is_written_and_what_is_vague_is_not(run, monkeypatch):
     assert code == 0
     assert "Written and saved" in out
     assert "tension for each ampere" in out
-    monkeypatch.setattr(sys.modules["tensionlab.cli.module_calibrate"], "LARGEST_UNCERTAINTY", 1e-6)
+    monkeypatch.setattr(importlib.import_module("tensionlab.cli.module_calibrate"), "LARGEST_UNCERTAINTY", 1e-6)
     code, out, err = run("gain", "sim:", "--mass", 0.1, "--repeat", 2, "--write")
     assert code == 1
     assert "not written: N/A is only certain to" in err

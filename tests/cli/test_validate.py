@@ -25,7 +25,7 @@ RIG = RIGS / "bartels2026-validation.toml"
 
 def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
     few = partial(Protocol, directions=grid18()[::6])
-    monkeypatch.setattr("tensionlab.validation.protocol.Protocol", few)
+    monkeypatch.setattr("tensionlab.cli.validate.Protocol", few)
     out = tmp_path / "ideal"
     code, text, _ = run("validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out)
     assert code == 0

@@ -1,9 +1,9 @@
 """`tensionlab simulate` in this process: its server takes steps while a client waits."""
 
 import contextlib
+import importlib
 import io
 import socket
-import sys
 import tomllib
 from contextlib import AbstractContextManager
 from functools import partial
@@ -111,7 +111,7 @@ class Simulation:
         self.time, self._ports, servers, printed = ServedTime(), {}, [], io.StringIO()
         KeptOpen.made = self._opened = []
         with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-            patch.setattr(sys.modules["tensionlab.cli.simulate"], "ExitStack", KeptOpen)
+            patch.setattr(importlib.import_module("tensionlab.cli.simulate"), "ExitStack", KeptOpen)
             patch.setattr(serve, "TcpPort", self._open)
             patch.setattr(serve, "Server", partial(serve.Server, clock=self.time.monotonic))
             patch.setattr(serve, "serve", lambda server, stopped: servers.append(server))

@@ -28,7 +28,7 @@ class ServedPerson:
         self._scenario, self.ignored = scenario, []
         self._osc: OscServer | None = None
         self._spans: list[tuple[float, float]] = []
-        monkeypatch.setattr("tensionlab.haptics.bridge.osc.OscTracker", lambda *where: nullcontext(self))
+        monkeypatch.setattr("tensionlab.cli.simulate.OscTracker", lambda *where: nullcontext(self))
         self.simulation = Simulation("--scenario", scenario.name, "--tracker", "127.0.0.1:9000")
 
     def send(self, bodies: Mapping, when: float) -> None:

@@ -11,7 +11,7 @@ import pytest
 from pythonosc.osc_message_builder import build_msg
 from websockets.asyncio.client import connect
 
-import tensionlab.scenarios.play  # noqa: F401 - before anything is replaced: it imports some of that by name
+import tensionlab.cli.serve  # noqa: F401 - it imports by name what is replaced
 from tensionlab.cli import main
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
@@ -41,10 +41,10 @@ class SimulatedServe:
     def __init__(self, words: tuple[object, ...], monkeypatch: pytest.MonkeyPatch) -> None:
         self.loop = SimulatedLoop()
         for place, part in (
-            ("tensionlab.haptics.bridge.server.Bridge", partial(LoopBridge, self)),
-            ("tensionlab.haptics.bridge.osc.OscServer", partial(FedOscServer, self)),
-            ("tensionlab.haptics.bridge.client_state.ClientState", self._client_state),
-            ("tensionlab.hardware.runner.settings.WorldClock", partial(LoopClock, self)),
+            ("tensionlab.cli.serve.Bridge", partial(LoopBridge, self)),
+            ("tensionlab.cli.serve.OscServer", partial(FedOscServer, self)),
+            ("tensionlab.cli.serve.ClientState", self._client_state),
+            ("tensionlab.cli.common.modules.WorldClock", partial(LoopClock, self)),
             ("websockets.sync.client.connect", self.connect),
         ):
             monkeypatch.setattr(place, part)
