@@ -130,8 +130,10 @@ def test_any_messages_at_any_time_with_any_damage(happenings, start_us):
             host.module.close_link()
         elif kind == "move":
             watch.advance(0.1, what)  # slowly: faster, the motor becomes a generator
+        elif kind == "pause":
+            host.module.pause(what)
         else:
-            getattr(host.module, kind)(what)
+            host.module.damage(what, broken=kind == "damage")
         watch.advance(wait)
         host.module.transmit()
     watch.advance(4.5)
