@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 from tensionlab.errors import HardwareError
 
@@ -62,13 +62,3 @@ def simulated(*words: object) -> Iterator[tuple[dict[str, str], subprocess.Popen
         code, said = running.wait(ENDING), running.stderr.read()
         if code != 0 or "Traceback" in said:
             raise HardwareError(f"tensionlab simulate ended with {code}: {said}")
-
-
-@contextmanager
-def each_simulated(calls: list[tuple[object, ...]]) -> Iterator[dict[str, str]]:
-    """Run several of them; gives all links by name."""
-    with ExitStack() as stack:
-        links: dict[str, str] = {}
-        for words in calls:
-            links.update(stack.enter_context(simulated(*words))[0])
-        yield links

@@ -14,7 +14,6 @@ import sys
 import traceback
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -156,15 +155,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     raise SystemExit(status)
 
 
-@cache
-def _parser() -> Any:
-    """Return the parser of what comes before the verb."""
-    return typer.main.get_command(app)
-
-
 def _invoke(words: Sequence[str]) -> None:
     """Carry out the verb; errors are let through, which the parser's own way of running it would not do."""
-    with _parser().make_context("tensionlab", list(words)) as context:
+    with typer.main.get_command(app).make_context("tensionlab", list(words)) as context:
         context.command.invoke(context)
 
 
