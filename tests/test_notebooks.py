@@ -3,24 +3,62 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
+import matplotlib.pyplot as plt
 import nbformat
+import numpy as np
 import pytest
+from IPython.core.interactiveshell import InteractiveShell
+from IPython.core.pylabtools import activate_matplotlib
+from IPython.utils.capture import capture_output
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
+from matplotlib_inline.backend_inline import configure_inline_support
 from nbclient import NotebookClient
+from traitlets.config import Config
 
 import tensionlab
 
 ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+INLINE = "module://matplotlib_inline.backend_inline"
+"""The backend with which kernels show figures below their cells."""
 
 
 def load(path: Path) -> Any:
     return nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """What a notebook sees of the repository, somewhere else: it may write beside itself."""
+    folder = tmp_path / "notebooks"
+    folder.mkdir()
+    (tmp_path / "datasets").symlink_to(ROOT / "datasets")
+    return folder
+
+
+@pytest.fixture
+def shell(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[InteractiveShell]:
+    """The shell of a kernel in this process, which has imported already what takes long."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
+    monkeypatch.setitem(sys.modules, "__main__", sys.modules["__main__"])
+    backend = mpl.get_backend()
+    with mpl.rc_context(), np.printoptions():
+        shell = InteractiveShell.instance(config=Config(HistoryManager={"enabled": False}))
+        activate_matplotlib(INLINE)
+        configure_inline_support(shell, INLINE)
+        yield shell
+        plt.close("all")
+        plt.switch_backend(backend)
+    InteractiveShell.clear_instance()
 
 
 def test_there_are_notebooks() -> None:
@@ -38,12 +76,19 @@ def test_committed_without_outputs(path: Path) -> None:
 
 
 @each
-def test_runs(path: Path, tmp_path: Path) -> None:
-    # What a notebook sees of the repository, somewhere else: it may write beside itself.
-    folder = tmp_path / "notebooks"
-    folder.mkdir()
-    (tmp_path / "datasets").symlink_to(ROOT / "datasets")
-    notebook = load(path)
+def test_runs(path: Path, shell: InteractiveShell) -> None:
+    """Warnings are errors here."""
+    for cell in load(path).cells:
+        if cell.cell_type == "code":
+            with capture_output() as captured:
+                ran = shell.run_cell(cell.source)
+            ran.raise_error()
+            assert not captured.stderr, f"cell {cell.id} complains: {captured.stderr}"
+
+
+@pytest.mark.realtime  # a kernel in a process of its own
+def test_one_runs_in_a_kernel_of_its_own(folder: Path, tmp_path: Path) -> None:
+    notebook = load(NOTEBOOKS[0])
 
     # No kernel directories: the kernel is this very interpreter, whatever is installed for the user.
     kernel = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))

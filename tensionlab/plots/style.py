@@ -64,10 +64,12 @@ def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[
         from matplotlib.axis import Axis
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
     except ImportError as error:
         raise MissingDependency("figures need matplotlib: pip install matplotlib") from error
     with style.context(STYLE):
-        figure = Figure(figsize=size, layout="constrained", dpi=dpi)
+        layout = ConstrainedLayoutEngine()
+        figure = Figure(figsize=size, layout=layout, dpi=dpi)
         FigureCanvasAgg(figure)
         with rc_context({"text.parse_math": False}):  # dollar signs in names are no mathematics
             yield figure
@@ -76,8 +78,8 @@ def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[
                 for label in (*axis.get_majorticklabels(), *axis.get_minorticklabels()):
                     label.set_parse_math(True)
         # The layout's solver leaves different last digits from run to run; the file must not.
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
+        layout.execute(figure)
+        figure.set_layout_engine(None)
         for axes in figure.axes:
             axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
     vars(figure)["_repr_png_"] = lambda: _png(figure)

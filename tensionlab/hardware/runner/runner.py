@@ -157,7 +157,6 @@ class Runner:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
         interrupts = Interrupts()
         with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
-            gc.collect()
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
             sys.setswitchinterval(THREAD_SWITCH_S)
