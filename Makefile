@@ -5,7 +5,7 @@ CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test test-fast check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
+.PHONY: demo test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -20,6 +20,11 @@ test: .venv/dev.stamp
 
 test-fast: .venv/dev.stamp
 	@$(BIN)/pytest -n auto -m "not realtime"
+
+# Lines and branches that these tests do not reach, by file.
+coverage: .venv/dev.stamp
+	@mkdir -p out/coverage
+	@$(BIN)/pytest -n auto -m "not realtime" --cov --cov-report term
 
 check: .venv/dev.stamp
 	@$(BIN)/ruff check .
