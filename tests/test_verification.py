@@ -1,5 +1,7 @@
 """The compiled judge against a short statement of what it must find, on good, bad and absurd answers."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -179,6 +181,114 @@ def test_what_is_within_reach_is_never_nearest_however_near_by_its_weights():
         off = [2.0, 2.0 - 30 * TOLERANCE]
         status, _, _ = judged(np.eye(2), [2.0, 2.0], off, separation=[0.0, 1.0], weights=[1e4, 1.0], upper=upper)
         assert status == tl.Status.ITERATION_LIMIT
+
+
+def light_row(m, beyond):
+    """An answer to judge: the first cable renders a heavy component, the others a light one, with up to 2 N each.
+
+    Desired is `beyond` more than they can render, and the tensions fall short of that by 30 tolerances, which the
+    heavy weight allows. Also what all products in the comparison with the limits amount to.
+    """
+    structure = np.zeros((2, m))
+    structure[0, 0], structure[1, 1:] = 1.0, 1.0
+    most = 2.0 * (m - 1)
+    tensions = np.full(m, 2.0)
+    tensions[1] -= 30 * TOLERANCE
+    given = {"separation": [0.0, 1.0], "weights": [1e4, 1.0], "upper": 2.0}
+    return (structure, [2.0, most + beyond], tensions), given, 2 * most
+
+
+@pytest.mark.parametrize("m", [2, 3, 5, 9, 11])
+@pytest.mark.parametrize("share", [0.0, 0.8, 1.25])
+def test_a_wrench_is_infeasible_by_more_than_the_rounding_of_what_is_compared(m, share):
+    """Sums of n and m products of three numbers, each wrong by half an epsilon at most, twice over."""
+    _, _, magnitude = light_row(m, 0.0)
+    rounding = magnitude * (2 + m + 3) * np.finfo(float).eps
+    words, given, _ = light_row(m, share * rounding)
+    expected = tl.Status.NEAREST if share > 1.0 else tl.Status.ITERATION_LIMIT
+    assert judged(*words, **given)[0] == expected
+
+
+@pytest.mark.parametrize("m", [3, 6, 9, 12])
+def test_a_wrench_that_can_be_rendered_in_exact_arithmetic_is_never_infeasible(m):
+    rng, wrong = np.random.default_rng(m), 0
+    for _ in range(100):
+        (structure, wrench, _), given, _ = light_row(m, 0.0)
+        row = structure[1, 1:] = rng.normal(size=m - 1)
+        upper = rng.uniform(1.0, 3.0)
+        tensions = np.append(upper, np.where(row > 0.0, upper, LOWER))
+        wrench[0] = upper
+        most = sum(Fraction(each) * Fraction(tension) for each, tension in zip(row, tensions[1:], strict=True))
+        wrench[1] = float(most)
+        if Fraction(wrench[1]) > most:
+            wrench[1] = np.nextafter(wrench[1], -np.inf)
+        wrong += wrench[1] > sum(row * tensions[1:])  # by rounding
+        tensions[1] -= 60 * TOLERANCE / row[0]
+        status, _, _ = judged(structure, wrench, tensions, **(given | {"upper": upper}))
+        assert status == tl.Status.ITERATION_LIMIT
+    assert wrong > 0
+
+
+@pytest.mark.parametrize("beyond", [0.0, 1e-12])
+def test_tensions_near_the_best_are_the_nearest_only_where_the_wrench_is_infeasible(beyond):
+    """Strong cables: what is missed is much in newtons of the wrench, and little in newtons of tension."""
+    tensions = [0.125 - 0.5 * TOLERANCE, 0.0625]
+    status, _, _ = judged(
+        100.0 * np.eye(2), [12.5 + beyond, 6.25], tensions, "tension", [1.0, 0.0], lower=0.0, upper=0.125
+    )
+    assert status == (tl.Status.NEAREST if beyond else tl.Status.ITERATION_LIMIT)
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_nearest_exceeds_the_least_error_by_the_tolerance_at_most(share):
+    error = np.sqrt(2.0 * 1000.0 * share * TOLERANCE * np.hypot(6.0, 2.0))  # beside 1000 N that nothing renders
+    status, _, _ = judged(np.eye(2), [1006.0, 2.0 + error], [6.0, 2.0], separation=[1.0, 0.0])
+    assert status == (tl.Status.NEAREST if share < 1.0 else tl.Status.ITERATION_LIMIT)
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_heaviest_weight_sets_the_tolerance_where_little_is_rendered(share):
+    tensions, weights = [0.0, 6.0 - share * 10.0 * TOLERANCE], [100.0, 1.0]
+    status, _, _ = judged(np.eye(2), [0.0, 9.0], tensions, separation=[0.0, 1.0], weights=weights, lower=0.0)
+    assert status == (tl.Status.NEAREST if share < 1.0 else tl.Status.ITERATION_LIMIT)
+
+
+def test_what_two_cables_that_pull_alike_miss_hinders_no_proof():
+    """Without a proposal: the error less what free cables could still render is the direction."""
+    structure = [[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
+    status, _, proof = judged(structure, [9.0, 4.0], [6.0, 2.0, 2.0 - 100 * TOLERANCE])
+    assert status == tl.Status.NEAREST
+    np.testing.assert_allclose(proof / np.linalg.norm(proof), [1.0, 0.0], atol=1e-12)
+
+
+def test_no_wrench_on_the_boundary_is_nearest_to_itself():
+    """What misses it by 0.9 tolerances along and aside is not exact."""
+    wrench = np.array([2.0, 1.0])
+    missed = 0.9 * TOLERANCE * np.array([[-2.0, -1.0], [-1.0, 2.0]]).sum(axis=0)
+    status, _, _ = judged(np.eye(2), wrench, wrench + missed, "direction", [1.0, 0.0], upper=2.0)
+    assert status == tl.Status.ITERATION_LIMIT
+
+
+def test_nothing_of_a_wrench_is_rendered_where_all_that_is_rendered_points_away_from_it():
+    for tensions, expected in (([0.5, 0.0], tl.Status.NEAREST), ([1.5, 0.9], tl.Status.ITERATION_LIMIT)):
+        small = TOLERANCE * np.array(tensions)
+        status, scale, _ = judged(np.diag([-1.0, 1.0]), [5.0, 0.0], small, "direction", [1.0, 0.0], lower=0.0)
+        assert status == expected
+        assert scale == 0.0 or expected == tl.Status.ITERATION_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("wrench", "tensions", "lower", "upper"),
+    [
+        ([0.0, 5.0], [1e-7, 2.0], [1e-7, 0.0], UPPER),  # beside the available wrenches
+        ([-5e-4, 1000.0], [0.0, 1.77], 0.0, 500.0),  # out of them, by half the tolerance of so long a wrench
+    ],
+)
+def test_a_wrench_that_grazes_what_is_available_is_rendered_as_far_as_the_tolerance_lets_it(
+    wrench, tensions, lower, upper
+):
+    status, _, _ = judged(np.eye(2), wrench, tensions, "direction", [-1.0, 0.0], lower=lower, upper=upper)
+    assert status == tl.Status.ITERATION_LIMIT
 
 
 def test_where_no_share_of_a_wrench_can_be_rendered_the_nearest_wrench_is_proved_not_any():

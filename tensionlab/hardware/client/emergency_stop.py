@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 
-from tensionlab.errors import HardwareError, LinkError
+from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
 from tensionlab.hardware.client.locks import ESTOP_SIGNAL, Holder, holder
 from tensionlab.hardware.client.module import ModuleClient
@@ -49,7 +49,7 @@ def emergency_stop(links: Mapping[str, str]) -> dict[str, Outcome]:
                     client.command(EmergencyStop(), PATIENT_TIMEOUTS_S)
                     return Outcome(who)
             except HardwareError as error:
-                now = holder(links[name]) if isinstance(error, LinkError) else None
+                now = holder(links[name])
                 # The process that had it when this try began may have closed it since: then it is free now.
                 if (now is None and before is None) or time.monotonic() > end:
                     return Outcome(who, _reason(error, who, now, problems))

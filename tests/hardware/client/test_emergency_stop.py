@@ -7,16 +7,18 @@ from functools import partial
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import LinkError
+from tensionlab.errors import LinkError, LinkTimeout
 from tensionlab.hardware.client import emergency_stop as emergency
 from tensionlab.hardware.client import locks
 from tensionlab.hardware.client.emergency_stop import emergency_stop
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tests.support.reachable import ReachableRig
 from tests.support.scripts import running
+from tests.support.simulated_time import START_S, SimulatedTime
 
 HOST = """
 import signal, sys
@@ -73,6 +75,114 @@ def test_modules_that_another_process_has_let_go_and_the_rest_too(rig, manner, m
     assert [each.holder and each.holder.pid for each in outcomes.values()] == [process.pid] * 3 + [None]
     assert {each.error for each in outcomes.values()} == {""}
     assert states(rig) == [State.ESTOP] * 4
+
+
+class OtherProcess:
+    """Process that has links, as this one sees it. A signal raises `ends`, or the links are free after it.
+
+    Time passes only while somebody sleeps. `signals` are those it got.
+    """
+
+    PID = 4_000_000
+
+    def __init__(self, monkeypatch, urls=(), seconds=0.0, ends=None):
+        self.time, self.signals = SimulatedTime(), []
+        self._seconds, self._ends, self._due = seconds, ends, None
+        self._locks = [self.lock(url) for url in urls]
+        self.time.watchers.append(self._look)
+        monkeypatch.setattr(locks, "LOCK_TIMEOUT_S", 0.0)
+        monkeypatch.setattr(emergency, "time", self.time)
+        monkeypatch.setattr(os, "kill", self._kill)
+
+    def lock(self, url):
+        lock = LinkLock(url)
+        note = locks._path(url).with_suffix(".json")
+        note.write_text(note.read_text().replace(str(os.getpid()), str(self.PID)))
+        return lock
+
+    def _kill(self, pid, number):
+        self.signals.append((pid, number))
+        if self._ends is not None:
+            raise self._ends
+        self._due = self.time.monotonic() + self._seconds
+        self._look()
+
+    def _look(self):
+        if self._due is not None and self.time.monotonic() >= self._due:
+            for lock in self._locks:
+                lock.release()
+
+    @property
+    def passed(self):
+        return self.time.monotonic() - START_S
+
+
+def test_a_process_is_signalled_once_for_all_that_it_has(rig, monkeypatch):
+    other = OtherProcess(monkeypatch, list(rig.urls.values())[:3])
+    outcomes = emergency_stop(rig.urls)
+    assert other.signals == [(other.PID, locks.ESTOP_SIGNAL)]
+    assert [each.holder and each.holder.pid for each in outcomes.values()] == [other.PID] * 3 + [None]
+    assert {each.error for each in outcomes.values()} == {""}
+    assert states(rig) == [State.ESTOP] * 4
+
+
+@pytest.mark.parametrize("seconds", [5.9, 6.1])
+def test_a_signalled_process_has_6_s_to_stop_its_modules_and_close_their_links(seconds, rig, monkeypatch):
+    other = OtherProcess(monkeypatch, [rig.urls["top"]], seconds)
+    [outcome] = emergency_stop({"top": rig.urls["top"]}).values()
+    if seconds < 6.0:
+        assert outcome.error == ""
+        assert states(rig)[3] is State.ESTOP
+    else:
+        assert "was signalled, and still has it" in outcome.error
+    assert other.passed == pytest.approx(min(seconds, 6.0), abs=0.02)
+
+
+def test_one_that_cannot_be_signalled_is_not_waited_for(rig, monkeypatch):
+    other = OtherProcess(monkeypatch, [rig.urls["top"]], ends=PermissionError(1, "Operation not permitted"))
+    outcome = emergency_stop(rig.urls)["top"]
+    assert (
+        outcome.error == f"process {other.PID} ({locks._program()}) cannot be signalled: Operation not permitted"
+    )
+    assert other.passed <= 0.02
+    assert states(rig)[:3] == [State.ESTOP] * 3
+
+
+def test_one_that_has_ended_when_it_is_signalled_is_waited_for_as_if_it_had_heard(rig, monkeypatch):
+    """The system takes a moment to close what it had."""
+    other = OtherProcess(monkeypatch, [rig.urls["top"]], ends=ProcessLookupError())
+    other._due = START_S + 0.5
+    [outcome] = emergency_stop({"top": rig.urls["top"]}).values()
+    assert outcome.error == ""
+    assert other.passed == pytest.approx(0.5, abs=0.02)
+    assert states(rig)[3] is State.ESTOP
+
+
+def test_a_module_that_somebody_takes_at_that_moment_is_told_at_once(rig, monkeypatch):
+    other, url = OtherProcess(monkeypatch), rig.urls["top"]
+    taken = []
+    monkeypatch.setitem(OPENERS, url, lambda: taken.append(other.lock(url)) or LinkLock(url))
+    [outcome] = emergency_stop({"top": url}).values()
+    assert outcome.holder is None
+    assert outcome.error == f"process {other.PID} ({locks._program()}) has just taken it; try again"
+    assert other.signals == []
+    assert other.passed <= 0.02
+
+
+def test_a_module_that_does_not_answer_is_named_and_tried_again_only_if_a_process_had_it(rig, monkeypatch):
+    tries = []
+
+    def silent(client, command, *timeouts):
+        tries.extend([command] * isinstance(command, EmergencyStop))
+        raise LinkTimeout('module "top" did not answer')
+
+    monkeypatch.setattr(emergency.ModuleClient, "command", silent)
+    other = OtherProcess(monkeypatch, [rig.urls["top"]])
+    for count in (2, 1):
+        [outcome] = emergency_stop({"top": rig.urls["top"]}).values()
+        assert (outcome.error, len(tries)) == ('module "top" did not answer', count)
+        tries.clear()
+    assert len(other.signals) == 1
 
 
 def test_a_module_that_is_let_go_while_it_is_being_opened(rig, monkeypatch):

@@ -1,5 +1,9 @@
 """Groups of modules, and the file that names the modules of a rig and their links."""
 
+import threading
+from functools import partial
+from types import SimpleNamespace
+
 import pytest
 
 import tensionlab as tl
@@ -7,7 +11,9 @@ from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault
 from tensionlab.hardware.client import group
 from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules, modules_to_toml
 from tensionlab.hardware.client.module import ModuleClient
-from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.codes import Code, State
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import Acknowledge
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.world import World
 
@@ -124,6 +130,39 @@ def test_a_module_that_latched_refuses_a_stop_and_that_is_as_good():
     assert modules.states == [State.IDLE, State.IDLE, State.ESTOP, State.IDLE]
 
 
+def test_one_that_latched_and_does_not_answer_may_have_been_cleared_by_somebody_else(monkeypatch):
+    monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.1,))
+    modules = Modules().pull()
+    modules.group.clients[2].estop()
+    modules.links[NAMES[2]].freeze()
+    assert {name: type(error) for name, error in modules.group.stop().items()} == {NAMES[2]: LinkTimeout}
+
+
+def test_one_that_refuses_a_stop_and_has_not_latched_is_named():
+    class Stubborn(SimulatedLink):
+        def send(self, content):
+            for frame in Decoder().feed(content):
+                self.said = Acknowledge(frame.type, Code.BAD_STATE, State.RUNNING).frame(frame.sequence).pack()
+
+        def receive(self, timeout):
+            said, self.said = self.said, b""
+            return said
+
+    stubborn = ModuleGroup([ModuleClient("stubborn", Stubborn(World(RIG).modules[0]))])
+    [(name, error)] = stubborn.stop().items()
+    assert (name, type(error), error.code) == ("stubborn", ModuleFault, Code.BAD_STATE)
+
+
+def test_set_points_that_were_refused_before_it_was_armed_are_no_fault_of_a_run():
+    modules = Modules()
+    for client in modules.group.clients:
+        client.set_tension(2.0)
+        client.listen(0.02)
+    modules.group.arm([1.0] * RIG.m)
+    for client in modules.group.clients:
+        client.check()
+
+
 def test_one_that_refuses_to_be_armed_is_told_and_the_others_may_be_armed():
     modules = Modules()
     modules.group.clients[1].estop()
@@ -140,6 +179,13 @@ def test_modules_whose_links_close_release_and_a_broken_link_keeps_none_from_it(
     modules.links[NAMES[0]].cut()
     modules.group.close()
     assert modules.states == [State.TIMEOUT] * RIG.m
+
+
+def test_links_that_are_slow_to_close_are_closed_side_by_side():
+    together = threading.Barrier(RIG.m)
+    links = [SimpleNamespace(lockstep=True, close=partial(together.wait, 60.0)) for _ in NAMES]
+    ModuleGroup([ModuleClient(name, link) for name, link in zip(NAMES, links, strict=True)]).close()
+    assert not together.broken
 
 
 def test_a_group_of_none_is_closed_at_once():
@@ -180,6 +226,33 @@ def test_a_module_that_cannot_pull_as_the_rig_says_is_refused(parameter, value, 
     modules = Modules()
     modules.group.clients[2].set_parameter(parameter, value)
     with pytest.raises(HardwareError, match=f'"{NAMES[2]}" pulls with {said}, but the rig wants 0.5 to 6 N'):
+        modules.group.prepare(RIG, 10)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "error", "said"),
+    [
+        (lambda client: client.arm(), LinkError, "is ARMED: somebody else has it armed"),
+        (lambda client: client.estop(), ModuleFault, "is in ESTOP: find out why"),
+        (lambda client: client.link.freeze(), LinkTimeout, "did not answer Hello in 1 tries"),
+    ],
+)
+def test_a_module_that_is_not_ready_for_a_run_is_refused_and_the_others_are_left_alone(
+    trouble, error, said, monkeypatch
+):
+    monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.1,))
+    modules = Modules()
+    trouble(modules.group.clients[2])
+    with pytest.raises(error, match=f'module "{NAMES[2]}" .*{said}'):
+        modules.group.prepare(RIG, 10)
+    modules.world.advance(0.1)
+    assert [modules.links[name].receive(0.0) for name in NAMES[:2]] == [b""] * 2, "they report nothing yet"
+
+
+def test_a_module_that_is_not_calibrated_is_refused():
+    modules = Modules()
+    modules.group.clients[2].set_parameter("calibrated", 0.0)
+    with pytest.raises(HardwareError, match=f'module "{NAMES[2]}" is not calibrated'):
         modules.group.prepare(RIG, 10)
 
 

@@ -149,6 +149,24 @@ def test_a_note_that_somebody_removed_or_damaged_is_no_obstacle(locks_folder, mo
     LinkLock("COM5").release()
 
 
+def test_a_note_that_a_killed_process_left_names_nobody(locks_folder):
+    lock = LinkLock("COM5")
+    [note] = locks_folder.glob("*.json")
+    content = note.read_text()
+    lock.release()
+    note.write_text(content)
+    assert holder("COM5") is None
+    assert locks.locked_links() == {}
+    LinkLock("COM5").release()
+
+
+def test_who_has_a_link_is_told_without_waiting_for_it(monkeypatch):
+    lock = LinkLock("COM5")
+    monkeypatch.setattr("time.sleep", lambda seconds: pytest.fail("it waits"))
+    assert holder("COM5").pid == os.getpid()
+    lock.release()
+
+
 def test_the_links_that_are_locked_are_listed_with_their_processes():
     assert locks.locked_links() == {}
     taken = [LinkLock("COM5"), LinkLock("COM6"), LinkLock("COM7")]

@@ -111,6 +111,16 @@ def test_other_modules_or_limits_are_another_allocation_and_few_are_kept(structu
     assert guarded._prepared == kept, "the same ones are not prepared again"
 
 
+def test_limits_that_come_and_go_are_prepared_once(structure, monkeypatch):
+    guarded, prepared = GuardedAllocator("newton"), []
+    monkeypatch.setattr(
+        guard, "Allocator", lambda *words, **more: prepared.append(words) or tl.Allocator(*words, **more)
+    )
+    for upper in (6.0, 5.0) * 3:
+        guarded(structure, np.array([0.0, 5.0, 0.0]), ALL, tl.TensionLimits(np.full(4, 0.5), np.full(4, upper)))
+    assert len(prepared) == 4, "the chosen solver's and the exact one's"
+
+
 # Hot windings: the rig's limits are 0.5 to 6 N, and windings stand 3 N for ever but the last, which stands 10.
 
 

@@ -318,6 +318,13 @@ def test_a_module_that_has_not_followed_since_it_was_armed_may_say_what_it_was_b
     assert watched.lost[1][1].code is State.IDLE
 
 
+def test_a_module_that_released_since_its_client_was_checked_is_lost_by_the_state_that_it_reports():
+    watched = Watched()
+    watched.clients[1].state = State.TIMEOUT
+    assert watched.cycle() == [(1, ModuleFault)]
+    assert watched.lost[0][1].code is State.TIMEOUT
+
+
 def test_those_that_take_part_are_sent_set_points_and_a_broken_link_loses_its_module():
     watched = Watched()
     demand = Demand(np.zeros(3), brakes=frozenset("c"), impedances={"b": Impedance(1.0, 30.0)})
