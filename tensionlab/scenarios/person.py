@@ -27,6 +27,8 @@ from tensionlab.model.kinematics import structure_matrix
 from tensionlab.model.pose import frame_of
 from tensionlab.model.rig import Rig
 
+AXIS_RATES = np.array([1.0, 0.83, 1.21])
+"""Of a sway's frequency: axes out of step make it go round rather than along a line; it begins where it rests."""
 MAX_STEP_S = 1e-3
 """Longest step of the integration."""
 SPEED_STEP_S = 1e-4
@@ -59,6 +61,11 @@ class Sway(parameters.Parameters):
 
     amplitude: parameters.Point
     frequency: parameters.Frequency = 0.4
+
+    @cached_property
+    def amplitudes(self) -> Floats:
+        """The same as an array (d,)."""
+        return np.array(self.amplitude)
 
 
 @dataclass(frozen=True)
@@ -104,9 +111,8 @@ class Script:
         else:
             position = positions[max(latest, 0)].copy()
         if self.sway is not None:
-            # The axes are out of step, so that it goes round rather than along a line; it begins where it rests.
-            phases = 2.0 * math.pi * self.sway.frequency * time * np.array([1.0, 0.83, 1.21])[: position.size]
-            position = position + np.array(self.sway.amplitude) * np.sin(phases)
+            phases = 2.0 * math.pi * self.sway.frequency * time * AXIS_RATES[: position.size]
+            position = position + self.sway.amplitudes * np.sin(phases)
         return position
 
 

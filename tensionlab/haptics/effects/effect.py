@@ -133,7 +133,7 @@ def relative(motion: Motion, to: Motion) -> Motion:
 
 def dot(a: Floats, b: Floats) -> Floats:
     """Return the inner product of vectors (..., d)."""
-    product: Floats = np.einsum("...i,...i->...", a, b)
+    product: Floats = np.vecdot(a, b)
     return product
 
 

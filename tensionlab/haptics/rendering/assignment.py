@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tensionlab.arrays import Floats
 from tensionlab.demand import Impedance
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, SplitEffect, is_split
+from tensionlab.haptics.effects.effect import AxisImpedance, Effect, Memory, Motion, is_split
 from tensionlab.haptics.rendering.stability import capped, cut_stiffnesses
 
 MAX_APPROACH_M = 0.5
@@ -116,10 +116,10 @@ def assign(
                 direction = cables.directions[cable]
                 impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
                 expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
-                rest = capped(effect, host_stiffness, SplitEffect)
+                rest = capped(effect, host_stiffness, host_side=True)
                 assert is_split(rest)
                 rendered = rest.host_side(motion, memory)
-                cut.append(cut_stiffnesses(effect, host_stiffness, SplitEffect))
+                cut.append(cut_stiffnesses(effect, host_stiffness, host_side=True))
             force = force + rendered.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"

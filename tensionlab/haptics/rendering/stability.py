@@ -11,7 +11,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError
-from tensionlab.haptics.effects.effect import Motion, dot
+from tensionlab.haptics.effects.effect import Motion, dot, is_split
 
 T = TypeVar("T")
 
@@ -81,25 +81,23 @@ def stiffness_cap(
     return margin * float(stiffness_bound(late, step, hand_damping, damping))
 
 
-def capped(effect: T, cap: float, spared: type | tuple[()] = ()) -> T:
+def capped(effect: T, cap: float, *, host_side: bool = False) -> T:
     """Return an effect whose stiffness, and that of its parts, does not exceed a cap in N/m.
 
-    Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. Where a kind
-    of effect is spared, its own stiffness stays, but not that of its parts.
+    Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. On the
+    ``host_side`` of split effects, their own stiffness, which a module renders, stays, but not that of their parts.
     """
     changes: dict[str, object] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
         value = getattr(effect, each.name)
-        if each.name == "stiffness" and value > cap and not isinstance(effect, spared):
+        if each.name == "stiffness" and value > cap and not (host_side and is_split(effect)):
             changes[each.name] = cap
-        elif is_dataclass(value) and (part := capped(value, cap, spared)) is not value:
+        elif is_dataclass(value) and (part := capped(value, cap, host_side=host_side)) is not value:
             changes[each.name] = part
     return replace(effect, **changes) if changes else effect  # type: ignore[type-var]
 
 
-def cut_stiffnesses(
-    effect: object, cap: float, spared: type | tuple[()] = (), above: str = ""
-) -> dict[str, float]:
+def cut_stiffnesses(effect: object, cap: float, above: str = "", *, host_side: bool = False) -> dict[str, float]:
     """Return the stiffnesses that `capped` cuts, by their names, as they were, in N/m.
 
     ``above`` is the name of what the effect is part of, with a dot.
@@ -107,10 +105,10 @@ def cut_stiffnesses(
     found: dict[str, float] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
         value = getattr(effect, each.name)
-        if each.name == "stiffness" and value > cap and not isinstance(effect, spared):
+        if each.name == "stiffness" and value > cap and not (host_side and is_split(effect)):
             found[f"{above}stiffness"] = value
         elif is_dataclass(value):
-            found |= cut_stiffnesses(value, cap, spared, f"{above}{each.name}.")
+            found |= cut_stiffnesses(value, cap, f"{above}{each.name}.", host_side=host_side)
     return found
 
 

@@ -145,25 +145,26 @@ class FaultyLink:
         with self._turn:
             if not self._frozen:
                 self._outbound.put(content, self.clock())
-        self._deliver()
+        self._deliver(self.clock())
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes, and meanwhile deliver what others sent."""
-        end = self.clock() + timeout
+        now = self.clock()
+        end = now + timeout
         while True:
             self._require_whole()
-            self._deliver()
-            now = self.clock()
+            self._deliver(now)
             with self._turn:
                 arrived = b"".join(content for content in self._inbound.take(now) if content)
             if arrived:
                 return arrived
             content = self.inner.receive(min(max(end - now, 0.0), self._grain))
+            before, now = now, self.clock()
             with self._turn:
                 if content and not self._frozen:
-                    self._inbound.put(content, self.clock())
+                    self._inbound.put(content, now)
                     continue
-            if now >= end or (not content and self.clock() == now):  # less than a step of the firmware is left
+            if before >= end or (not content and now == before):  # less than a step of the firmware is left
                 return b""
 
     def clock(self) -> float:
@@ -190,10 +191,10 @@ class FaultyLink:
         """Let bytes through again."""
         self._frozen = False
 
-    def _deliver(self) -> None:
+    def _deliver(self, now: float) -> None:
         """Deliver what has arrived at the module's end by now."""
         with self._turn:
-            for content in self._outbound.take(self.clock()):
+            for content in self._outbound.take(now):
                 if content:
                     self.inner.send(content)
 

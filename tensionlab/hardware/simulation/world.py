@@ -205,7 +205,7 @@ class World:
 
     def _lengths(self) -> list[float]:
         lengths = self._rig.lengths(*self.pose) if self._given is None else self._given.lengths
-        return [float(length) for length in lengths]
+        return list(lengths.tolist())
 
 
 APPROACH_GAIN_1_S = 20.0

@@ -12,7 +12,6 @@ from tensionlab.haptics.effects import (
     Magnet,
     Motion,
     Shape,
-    SplitEffect,
     Texture,
     Viscous,
     Wall,
@@ -117,10 +116,10 @@ def test_every_stiffness_of_an_effect_is_capped():
     assert cut == [{"stiffness"}, inner, {"stiffness"}, {"coupling.stiffness"}, set(), set()]
     assert not any(cut_stiffnesses(effect, 50.0) for effect in soft)
     rough = Texture(friction=Friction(stiffness=70.0))
-    assert cut_stiffnesses(rough, 50.0, SplitEffect)["friction.stiffness"] == 70.0
-    assert "wall.stiffness" not in cut_stiffnesses(Texture(), 50.0, SplitEffect)
+    assert cut_stiffnesses(rough, 50.0, host_side=True)["friction.stiffness"] == 70.0
+    assert "wall.stiffness" not in cut_stiffnesses(Texture(), 50.0, host_side=True)
     # What a module renders keeps its own stiffness, not what the host adds to it.
-    rough = capped(Texture(), 50.0, SplitEffect)
+    rough = capped(Texture(), 50.0, host_side=True)
     assert [rough.wall.stiffness, rough.friction.stiffness, rough.ripples.stiffness] == [300.0, 50.0, 50.0]
     assert capped(Shape(coupling=VirtualCoupling(400.0, 1.0)), 50.0).coupling == VirtualCoupling(50.0, 1.0)
 
