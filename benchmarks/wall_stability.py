@@ -85,10 +85,10 @@ def simulate(
     drift = mobility * hand.mass
     p, v, f = (np.empty((count, *shape)) for _ in range(3))
     now, speed = np.broadcast_to(position, shape), np.broadcast_to(velocity, shape)
-    which = np.indices(shape)
+    which, delays = np.indices(shape), np.broadcast_to(delays, shape)
     for k in range(count):
         p[k], v[k] = now, speed
-        past = k - np.broadcast_to(delays, shape)
+        past = k - delays
         seen = (np.maximum(past, 0), *which)
         f[k] = law(k, p[seen], np.where(past >= 0, v[seen], 0.0))
         pull = f[k] - hand.push

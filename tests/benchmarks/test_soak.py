@@ -12,7 +12,7 @@ from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import Trace
 
-SECONDS = 12.0
+SECONDS = 8.0
 NOT_REPEATED = {"path", "began", "compute_time", "summary", "manifest"}
 """What the host's own clock has a part in."""
 

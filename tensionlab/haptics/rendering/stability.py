@@ -85,7 +85,7 @@ def capped(effect: T, cap: float, *, host_side: bool = False) -> T:
     """Return an effect whose stiffness, and that of its parts, does not exceed a cap in N/m.
 
     Every parameter called stiffness counts: that of a wall, of a friction's bristle, of a coupling. On the
-    ``host_side`` of split effects, their own stiffness, which a module renders, stays, but not that of their parts.
+    ``host_side`` of a split effect its own stiffness, which a module renders, stays, but not that of its parts.
     """
     changes: dict[str, object] = {}
     for each in fields(effect) if is_dataclass(effect) else ():
@@ -189,7 +189,7 @@ class PassivityController:
             memory = Observed(np.zeros(motion.position.shape[:-1]), motion.position, nothing)
         energy = memory.energy - dot(memory.forces[0], motion.position - memory.position)
         coming = np.sum(memory.forces[1:], axis=0) + force
-        idle = ~np.any(coming, axis=-1) & ~np.any(memory.forces[0], axis=-1)
+        idle = ~(coming.any(axis=-1) | memory.forces[0].any(axis=-1))
         energy = np.where(idle, np.minimum(energy, 0.0), energy)
         given = motion.step * dot(coming, motion.velocity)
         foreseen = energy - np.maximum(given, -TURNING_SHARE * given)

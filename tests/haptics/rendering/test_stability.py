@@ -45,20 +45,20 @@ def law(wall):
     return push
 
 
+AGREED = {0.0: 4000.0, 0.005: 366.0, 0.020: 100.0, 0.030: 68.0}
+"""Bounds in N/m by the delay in s that the project agreed on."""
+
+
 @pytest.mark.parametrize("damping", [0.0, 2.0])
 def test_the_predicted_bound_is_within_10_percent_of_the_simulated_one(damping):
     predicted = stiffness_bound(DELAYS, STEP, 2.0, damping)
-    measured = measured_bound(DELAYS, damping)
+    measured = measured_bound(DELAYS, damping, seconds=6.0)
     assert measured == pytest.approx(predicted, rel=0.10)
     assert measured == pytest.approx(predicted, rel=0.05), "and closer than that"
-
-
-def test_the_numbers_that_the_project_agreed_on():
-    """No delay 4000 N/m, 5 ms 366, 20 ms 100, 30 ms 68: as simulated, and the formula within 4 %."""
-    agreed = [4000.0, 366.0, 100.0, 68.0]
-    delays = np.array([0.0, 0.005, 0.020, 0.030])
-    assert measured_bound(delays) == pytest.approx(agreed, rel=0.015)
-    assert stiffness_bound(delays, STEP, 2.0) == pytest.approx(agreed, rel=0.04)
+    if damping == 0.0:
+        there = np.isin(DELAYS, list(AGREED))
+        assert measured[there] == pytest.approx(list(AGREED.values()), rel=0.015)
+        assert predicted[there] == pytest.approx(list(AGREED.values()), rel=0.04)
 
 
 def test_a_light_hand_is_further_from_the_formula():
@@ -78,20 +78,20 @@ def test_a_hand_moves_as_it_should_where_nothing_acts():
 
 
 @pytest.mark.parametrize("delay", [0, 5, 20, 30])
-@pytest.mark.parametrize("damping", [0.0, 2.0])
-def test_a_wall_under_the_cap_comes_to_rest(delay, damping):
+@pytest.mark.parametrize(("damping", "seconds"), [(0.0, 6.0), (2.0, 4.0)])
+def test_a_wall_under_the_cap_comes_to_rest(delay, damping, seconds):
     cap = stiffness_cap(delay * 1e-3, STEP, 2.0, damping)
     wall = capped(Wall(stiffness=1e6, damping=damping), cap)
     assert wall.stiffness == cap
     push, speeds = np.array([2.0, 5.0, 0.5]), np.array([0.0, -1.0, -0.3])
-    track = simulate(law(wall), np.array(delay), 0.01, speeds, Hand(push=push), STEP, 6.0)
+    track = simulate(law(wall), np.array(delay), 0.01, speeds, Hand(push=push), STEP, seconds)
     assert np.ptp(track.position[-1000:], axis=0).max() < 1e-4
     assert track.position[-1] == pytest.approx(-push / wall.stiffness, abs=1e-4)
 
 
 def test_a_wall_over_the_bound_shakes():
     wall = Wall(stiffness=1.2 * float(stiffness_bound(0.020, STEP, 2.0)), damping=0.0)
-    track = simulate(law(wall), np.array([20]), -2.0 / wall.stiffness, -0.01, Hand(), STEP, 10.0)
+    track = simulate(law(wall), np.array([20]), -2.0 / wall.stiffness, -0.01, Hand(), STEP, 6.0)
     assert np.abs(track.velocity[-1000:]).max() > 0.1
 
 
@@ -147,8 +147,8 @@ PUSHES, SPEEDS = np.array([0.1, 0.5, 2.0, 5.0]), np.array([-0.5, -0.3, 0.0, -0.5
 """Of the hands that meet a wall: some bounce off, some are pressed against it."""
 
 
-def bounce(delay, observed, factor=3.0, pushes=PUSHES, speeds=SPEEDS, **stages):
-    """Hands of 0.3 kg against a wall of ``factor`` times the bound, with or without the observer, for 4 s.
+def bounce(delay, observed, factor=3.0, pushes=PUSHES, speeds=SPEEDS, seconds=4.0, **stages):
+    """Hands of 0.3 kg against a wall of ``factor`` times the bound, with or without the observer.
 
     Without more, the observer sees the velocity as it is, and the force is not slewed.
     """
@@ -165,13 +165,18 @@ def bounce(delay, observed, factor=3.0, pushes=PUSHES, speeds=SPEEDS, **stages):
         return force[..., 2]
 
     hand = Hand(push=pushes)
-    track = simulate(host, np.array(delay), 0.02, speeds, hand, STEP, 4.0)
+    track = simulate(host, np.array(delay), 0.02, speeds, hand, STEP, seconds)
     return track, np.cumsum(hand.damping * track.velocity[:-1] ** 2 * STEP, axis=0)
 
 
-@pytest.mark.parametrize("stages", [{}, {"cutoff": 60.0, "slew": 200.0}], ids=["bare", "staged"])
-@pytest.mark.parametrize("delay", [0, 1, 5, 10, 20, 30])
-def test_with_the_observer_the_system_is_passive_at_three_times_the_bound(stages, delay):
+AS_RENDERED = {"cutoff": 60.0, "slew": 200.0}
+
+
+@pytest.mark.parametrize(
+    ("delay", "stages"),
+    [*((delay, {"seconds": 3.0}) for delay in (0, 1, 5, 10, 20, 30)), (0, AS_RENDERED), (30, AS_RENDERED)],
+)
+def test_with_the_observer_the_system_is_passive_at_three_times_the_bound(delay, stages):
     """Wall, loop and the hand's own damping together never give out more than they took, at any step."""
     track, lost = bounce(delay, observed=True, **stages)
     assert (track.energy() + lost).min() >= -1e-9
@@ -181,7 +186,7 @@ def test_with_the_observer_the_system_is_passive_at_three_times_the_bound(stages
 
 @pytest.mark.parametrize("delay", [1, 5, 10, 20, 30])
 def test_and_without_it_is_not(delay):
-    track, lost = bounce(delay, observed=False)
+    track, lost = bounce(delay, observed=False, seconds=2.0)
     assert ((track.energy() + lost).min(axis=0)[2:] < -1e-3).all()
     assert (np.abs(track.velocity[-1000:]).max(axis=0)[2:] > 0.3).all()
 
@@ -190,7 +195,7 @@ def test_and_without_it_is_not(delay):
 def test_the_observer_leaves_a_stable_wall_alone_where_the_link_is_quick(delay, least, most):
     """At half the bound and 5 ms, it takes 2 % of the largest force; over 20 ms it doubles it, at first touch."""
     peaks = [
-        bounce(delay, observed, 0.5, np.array([2.0]), np.array([-0.3]))[0].force.max()
+        bounce(delay, observed, 0.5, np.array([2.0]), np.array([-0.3]), seconds=1.0)[0].force.max()
         for observed in (True, False)
     ]
     assert least < peaks[0] / peaks[1] < most
