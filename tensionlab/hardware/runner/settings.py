@@ -159,4 +159,5 @@ class WorldClock:
 
     def _advance(self, when: float) -> None:
         self._world.advance(max(when - self._world.time, 0.0))
-        self._worked = time.process_time()
+        if self._paced:
+            self._worked = time.process_time()
