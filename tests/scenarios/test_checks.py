@@ -15,12 +15,18 @@ from tests.support.runs import logged
 COUNT = 200
 
 
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """A run as it was logged."""
+    path = tmp_path_factory.mktemp("logs") / "run.mcap"
+    logged(path, tl.load_rig("datasets/rigs/bartels2026-validation.toml"), COUNT, rate=100.0)
+    return read_run(path)
+
+
 @pytest.fixture
-def run(tmp_path):
+def run(found):
     """A run with no module limited, all feasible, a loop that is 20 ms late, and no force at all."""
-    rig = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
-    logged(tmp_path / "run.mcap", rig, COUNT, rate=100.0)
-    found = read_run(tmp_path / "run.mcap")
+    rig = found.rig
     return replace(
         found,
         status=np.full(COUNT, Status.EXACT, dtype=np.int8),
