@@ -61,9 +61,9 @@ def bench_folder(tmp_path_factory):
     plan = Plan(
         sets=("point", "unreachable", "trajectory"),
         solvers=("newton", "closed-form", "qp:daqp", "daqp", "qpsolvers:osqp", "cvxpy:plain"),
-        count=8,
+        count=4,
         seed=3,
-        seconds=0.3,
+        seconds=0.05,
         repeats=2,
         batch=200,
         rounds=1,

@@ -148,7 +148,7 @@ def check_nearest(case: Case, error: NDArray[np.float64], scale: float, truth: T
 
 @every_policy
 def test_answers_are_what_they_claim(name: str, nearest: Any) -> None:
-    @settings(max_examples=2 * examples(name))
+    @settings(max_examples=examples(name))
     @given(case=batches())
     def holds(case: Case) -> None:
         assume(serves(name, *case.structure.shape[1:]))
@@ -159,7 +159,7 @@ def test_answers_are_what_they_claim(name: str, nearest: Any) -> None:
 
 @pytest.mark.parametrize(("name", "nearest"), [p for p in PAIRS if family(p[0]) in CLOSEST])
 def test_reachable_is_exact_and_unreachable_nearest(name: str, nearest: Any) -> None:
-    count, given_up = 3 * examples(name), 0
+    count, given_up = 2 * examples(name), 0
     shapes = ((2, 4), (3, 4), (3, 8), (6, 8))
     for n, m in shapes:
         batch = random_cases(17 * n + m, n, m, count)
@@ -198,9 +198,9 @@ def test_batch_equals_loop(name: str, nearest: Any) -> None:
     def holds(drawn: tuple[int, int, int]) -> None:
         n, m, seed = drawn
         assume(serves(name, n, m))
-        batch = random_cases(seed, n, m, 4)
+        batch = random_cases(seed, n, m, 2)
         together = run(batch, name, nearest)
-        for i in range(4):
+        for i in range(2):
             alone = run(one(batch, i), name, nearest)
             assert alone.status == together.status[i]
             np.testing.assert_allclose(together.tensions[i], alone.tensions, rtol=0, atol=1e-9)
@@ -216,7 +216,7 @@ def test_permuting_cables_permutes_the_answer(name: str, nearest: Any) -> None:
     def holds(drawn: tuple[int, int, int], data: st.DataObject) -> None:
         n, m, seed = drawn
         assume(serves(name, n, m))
-        batch = random_cases(seed, n, m, 3)
+        batch = random_cases(seed, n, m, 2)
         order = data.draw(st.permutations(range(m)))
         turned = Case(
             batch.structure[:, :, order],
@@ -239,7 +239,7 @@ def test_a_stronger_rig_gives_stronger_answers(name: str, nearest: Any) -> None:
     def holds(drawn: tuple[int, int, int]) -> None:
         n, m, seed = drawn
         assume(serves(name, n, m))
-        c = random_cases(seed, n, m, 3)
+        c = random_cases(seed, n, m, 2)
         strong = replace(
             c,
             wrench=1000 * c.wrench,

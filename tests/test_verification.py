@@ -9,8 +9,11 @@ import tensionlab as tl
 from tensionlab import _native
 from tensionlab.solvers.base import GRAZING, RANK_TOLERANCE, TOLERANCE, Answer, Problem
 from tensionlab.verification import verify
+from tests.support.examples import many
 
 LOWER, UPPER = 0.5, 6.0
+COUNT = many(100)
+"""Problems for each statement."""
 
 
 def problems(n, m, count, nearest, stretch, weights):
@@ -82,13 +85,13 @@ def statement(W, w, weights, nearest, t, d):
 def test_finds_what_its_statement_finds(n, m, nearest, proposed, blur):
     weights = np.linspace(0.5, 2.0, n)
     for stretch in (1.0, 1.5):
-        problem = problems(n, m, 60, nearest, stretch, weights)
+        problem = problems(n, m, COUNT, nearest, stretch, weights)
         answer = tl.Newton().solve(problem)
         rng = np.random.default_rng(0)
         tensions = answer.tensions + blur * rng.normal(size=answer.tensions.shape)
-        proposal = answer.separation if proposed else np.zeros((60, n))
+        proposal = answer.separation if proposed else np.zeros((COUNT, n))
         found = verify(problem, Answer(tensions.copy(), answer.iterations, proposal.copy()))
-        for row in range(60):
+        for row in range(COUNT):
             status, residual, scale = statement(
                 problem.structure[row], problem.wrench[row], weights, nearest, tensions[row], proposal[row]
             )

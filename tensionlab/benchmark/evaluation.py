@@ -81,6 +81,7 @@ def evaluate_set(
         for done, entry in enumerate(present):
             runs = driver(entry)
             gc.collect()
+            gc.freeze()  # what the others left is not searched for each
             mine = evidence[entry]
             answered[entry] = runs, _answers(runs, entry, blocks, best[entry.policy], mine, effort, trajectories)
             _along_trajectories(problems, mine)

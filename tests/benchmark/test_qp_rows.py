@@ -17,7 +17,7 @@ from tensionlab.benchmark.problem_sets import problem_set, qp_rows
 from tensionlab.cli import main
 
 README = Path(__file__).parents[2] / "datasets" / "problems" / "README.md"
-COUNT = 24
+COUNT = 8
 SOLVERS = ("daqp", "quadprog")
 
 

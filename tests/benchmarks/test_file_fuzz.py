@@ -8,7 +8,7 @@ import pytest
 from benchmarks import file_fuzz
 from benchmarks.file_kinds import kinds
 
-COUNT = 25
+COUNT = 10
 
 
 @pytest.fixture(scope="module")

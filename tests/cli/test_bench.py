@@ -8,21 +8,26 @@ from tensionlab.benchmark import run as room
 
 @pytest.fixture
 def run(run, monkeypatch):
-    """Run `tensionlab bench` in this process, without the batches: exit status, stdout, stderr."""
+    """Run `tensionlab bench`, all of it in this process, without the batches: exit status, stdout, stderr."""
     make = room.plan
 
     def without_batches(*words):
         from dataclasses import replace
 
-        return replace(make(*words), rounds=0)
+        return replace(make(*words), seconds=0.01, rounds=0)
+
+    def in_this_process(what, folder, *words):
+        folder.mkdir(parents=True, exist_ok=True)
+        return room.measure_here(what, folder, *words)
 
     monkeypatch.setattr(room, "plan", without_batches)
+    monkeypatch.setattr(room, "measure", in_this_process)
     return lambda *words: run("bench", *words)
 
 
 def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
     out = tmp_path / "made" / "here"
-    code, said, err = run("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 10,
+    code, said, err = run("--set", "point,trajectory", "--solvers", "newton", "--solvers", "daqp", "--count", 4,
                           "--seed", 4, "--quick", "--out", out)  # fmt: skip
     assert (code, err) == (0, "")
     names = ("accuracy", "continuity", "profile", "worst")

@@ -55,8 +55,8 @@ def test_help_takes_under_a_second():
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         return used.ru_utime + used.ru_stime - before
 
-    # Processor time, and the best of a few: the clock also measures what else the machine does.
-    assert min(seconds() for _ in range(3)) < 1.0
+    # Processor time, and a few tries: the clock also measures what else the machine does.
+    assert any(seconds() < 1.0 for _ in range(3))
 
 
 def test_compare_as_a_program_prints_a_whole_table_in_a_pipe():
