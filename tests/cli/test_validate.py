@@ -24,7 +24,7 @@ RIG = RIGS / "bartels2026-validation.toml"
 
 
 def test_one_command_measures_and_compares(run, tmp_path, monkeypatch):
-    few = partial(Protocol, directions=grid18()[::6])
+    few = partial(Protocol, directions=grid18()[::18])
     monkeypatch.setattr("tensionlab.cli.validate.Protocol", few)
     out = tmp_path / "ideal"
     code, text, _ = run("validate", RIG, "--preset", "ideal", "--hold", 0.35, "--out", out)
@@ -81,7 +81,7 @@ def test_bad_input_is_refused_before_anything_pulls(run, tmp_path, monkeypatch, 
 def test_with_served_modules_and_sensor_the_statistics_are_the_same(tmp_path, monkeypatch):
     """Modules and sensor of `tensionlab simulate`, against those that a validation simulates itself."""
     rig = load_rig(RIG)
-    protocol = Protocol(hold=0.4, directions=grid18()[::14])
+    protocol = Protocol(hold=0.4, directions=grid18()[::26])
     setup, found = validate(ValidationPlan(rig, "newton", protocol, "paper-like", 2), tmp_path / "here")
     here = evaluate(setup, found)
     simulation = Simulation(RIG, "--sensor-port", 0, "--seed", 2)

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from tensionlab.plots.style import save_figure
 from tensionlab.plots.validation import _on_disc, grouped
 from tensionlab.validation.data_tables import Trials
 from tensionlab.validation.statistics import deviations
-from tests.support.figures import content_of, words_of
+from tests.support.figures import content_of, words_in, words_of
 from tests.support.recorded import QUESTIONS, made_up, made_up_trials
 
 RIG = Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml"
@@ -22,16 +23,21 @@ def draw():
     return {"forces": plot_forces, "sphere": lambda recording: plot_error_sphere(recording, rig)}
 
 
+@pytest.fixture(scope="module")
+def contents(draw):
+    """What each function draws of one recording, drawn once."""
+    return cache(lambda name: content_of(draw[name](made_up())))
+
+
 @pytest.mark.parametrize("name", ["forces", "sphere"])
-def test_the_same_recording_makes_the_same_figure_and_another_another(draw, name):
-    content = content_of(draw[name](made_up()))
+def test_the_same_recording_makes_the_same_figure_and_another_another(draw, contents, name):
+    content = contents(name)
     assert content == content_of(draw[name](made_up()))
     assert content != content_of(draw[name](made_up(seed=1)))
 
 
-def test_pictures_say_what_they_show_and_that_it_is_simulated(tmp_path, draw):
-    save_figure(draw["forces"](made_up()), tmp_path / "a.svg")
-    words = words_of(tmp_path / "a.svg")
+def test_pictures_say_what_they_show_and_that_it_is_simulated(tmp_path, draw, contents):
+    words = words_in(contents("forces"))
     assert "bartels2026-validation, simulated: 182 forces of 1.5 N, solver newton" in words
     assert {"from the front (along −z)", "from above (along −y)", "desired force"} <= set(words)
     save_figure(draw["sphere"](made_up(simulated=False)), tmp_path / "b.svg")
@@ -65,9 +71,14 @@ def published():
     return tl.datasets.load("published/bartels2026-validation")
 
 
-def test_every_choice_is_named_and_grouped_by_what_differs(tmp_path, published):
-    save_figure(plot_what_if(Trials(tuple(made_up_trials()), {}), published), tmp_path / "a.svg")
-    words = words_of(tmp_path / "a.svg")
+@pytest.fixture(scope="module")
+def twenty(published):
+    """What is drawn of the trials of twenty rigs."""
+    return content_of(plot_what_if(Trials(tuple(made_up_trials()), {}), published))
+
+
+def test_every_choice_is_named_and_grouped_by_what_differs(twenty):
+    words = words_in(twenty)
     for choices in QUESTIONS.values():
         assert set(choices) <= set(words)
     assert {"the whole rig", "one error alone", "after calibration, held out", "published, one rig"} <= set(words)
@@ -97,9 +108,9 @@ def test_what_is_beyond_the_axis_is_told_as_a_number(tmp_path, published):
     assert "61.2 →" in words_of(tmp_path / "a.svg")
 
 
-def test_the_same_trials_make_the_same_figure_and_others_another(published):
+def test_the_same_trials_make_the_same_figure_and_others_another(published, twenty):
     def content(count):
         return content_of(plot_what_if(Trials(tuple(made_up_trials(count)), {}), published))
 
-    assert content(20) == content(20)
-    assert content(20) != content(19)
+    assert content(20) == twenty
+    assert content(19) != twenty

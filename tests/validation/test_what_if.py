@@ -92,8 +92,8 @@ def test_the_command_writes_all_questions(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("seed", "side", "solver", "protocol"),
     [
-        (0, 1.0, "newton", Protocol(hold=0.4, directions=grid18()[::5])),
-        (1, 0.5, "newton", Protocol(hold=0.4, directions=grid18()[::-7])),
+        (0, 1.0, "newton", Protocol(hold=0.4, directions=grid18()[::15])),
+        (1, 0.5, "newton", Protocol(hold=0.4, directions=grid18()[::-20])),
         (2, 2.0, "closed-form", Protocol(hold=0.6, directions=grid18()[::25])),
     ],
 )
