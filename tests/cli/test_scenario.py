@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS
@@ -50,8 +51,9 @@ def test_a_part_is_played_but_not_checked(run, tmp_path):
     assert picture.read_text().startswith("<?xml")
 
 
-def test_it_says_no_where_it_feels_otherwise(run, tmp_path):
+def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
     """A single shot where tensions change slowly: its kick is too weak."""
+    monkeypatch.setattr("tensionlab.plots.plot_scenario", lambda played, rows: Figure())
     other = {"[1.0, 1.8, 2.6, 2.8, 4.2]": "[1.0]", "slew = 300.0": "slew = 10.0"}
     other |= {"seconds = 5.0": "seconds = 1.6", "end = 5.0": "end = 1.6"}
     for name in ("recoil.toml", "recoil.rig.toml"):
