@@ -1,15 +1,16 @@
 """The benchmark's table is of the committed results, and these are of the solvers and sets that there are."""
 
-import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 import tensionlab
 from tensionlab.benchmark import results
 from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.report import summaries
-from tools.generate_benchmark_table import COMMITTED, section
+from tools.generate_benchmark_table import COMMITTED, main, section
 
 ROOT = Path(__file__).parents[2]
 
@@ -42,17 +43,14 @@ def test_other_results_make_another_table(bench_results):
     assert section(bench_results) != section(results.read(ROOT / COMMITTED))
 
 
-def test_one_command_takes_a_run_into_the_repository(tmp_path, bench_folder, bench_results):
-    package = str(Path(tensionlab.__file__).parents[1])
-    command = [sys.executable, "-m", "tools.generate_benchmark_table"]
-
-    def call(*words):
-        return subprocess.run([*command, *words], cwd=tmp_path, env={"PYTHONPATH": package, "PATH": ""},
-                              capture_output=True, text=True, check=False)  # fmt: skip
-
-    assert call(str(bench_folder)).returncode == 0
+def test_one_command_takes_a_run_into_the_repository(tmp_path, monkeypatch, capsys, bench_folder, bench_results):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["generate_benchmark_table", str(bench_folder)])
+    main()
     assert (tmp_path / COMMITTED / "manifest.json").exists()
     assert section(results.read(tmp_path / COMMITTED)) == section(bench_results)
     for words, message in (((), "name the folder of a run"), (("nowhere",), "results of `tensionlab bench`")):
-        wrong = call(*words)
-        assert (wrong.returncode, message in wrong.stderr) == (2, True)
+        monkeypatch.setattr(sys, "argv", ["generate_benchmark_table", *words])
+        with pytest.raises(SystemExit, match="2"):
+            main()
+        assert message in capsys.readouterr().err
