@@ -169,6 +169,24 @@ def test_a_loaded_brake_is_released_by_reeling_in():
     assert pulled.tension.max() < 2.0, "and it is free"
 
 
+def test_a_module_that_is_to_pull_more_than_the_release_tension_does_so_while_it_releases():
+    host = braked(1.5)
+    trace = joined(host.hold(4.0, 0.3))
+    assert trace.commanded.max() == pytest.approx(4.0)
+    assert Limit.RELEASING not in trace.limit
+
+
+def test_a_timeout_closes_no_brake_that_is_open():
+    host = Host()
+    host.set(timeout_brake=1.0)
+    host.calibrate()
+    host.arm()
+    host.hold(0.5, 0.2)
+    trace = host.module.trace(1.0)
+    assert host.state == State.TIMEOUT
+    assert not trace.pawl_down.any()
+
+
 def test_a_brake_under_more_load_than_the_motor_can_take_opens_when_the_load_is_gone():
     host = braked(50.0)
     host.hold(0.5, 1.0)

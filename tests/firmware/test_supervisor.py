@@ -3,8 +3,8 @@
 import pytest
 
 from tensionlab import _native
-from tensionlab.hardware.protocol.codes import Code, Fault, State
-from tensionlab.hardware.protocol.messages import Arm, Clear, EmergencyStop, SetTension, Stop
+from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
+from tensionlab.hardware.protocol.messages import Arm, Clear, EmergencyStop, Hello, SetTension, Stop
 from tests.support.modules import Host, host_in
 
 EVENTS = ("arm", "set_point", "stop", "estop", "clear", "expire", "fault")
@@ -175,3 +175,61 @@ def test_runaway_is_a_fault():
     let_go = (trace.state == State.FAULT).argmax()
     assert trace.length[0] - trace.length[let_go] < 0.05
     assert trace.commanded[let_go - 1] < 2.8
+
+
+# What limits the tension is told
+
+
+def test_what_keeps_the_tension_from_what_is_wanted_is_told():
+    host = host_in(State.RUNNING)
+    told = [Limit(trace.limit[-1]) for trace in (host.hold(3.0, 0.1)[-1], host.hold(0.2, 0.2)[-1])]
+    assert told == [Limit.NONE, Limit.LOWER]
+    host.pull(5.0)
+    assert set(host.module.trace(0.02).limit) == {Limit.SLEW}
+    host.say(EmergencyStop())
+    assert set(host.module.trace(0.01).limit) == {Limit.IDLE}
+
+
+def test_a_timeout_is_told_as_what_limits_the_tension_until_it_releases():
+    host = host_in(State.TIMEOUT)
+    trace = host.module.trace(2.0)
+    taut = trace.commanded > 0.499  # N, the lower limit
+    assert taut.any()
+    assert set(trace.limit[taut]) == {Limit.TIMEOUT}
+    assert set(trace.limit[~taut]) == {Limit.IDLE}
+    assert not trace.driver_on[-1]
+
+
+# What a fault leaves behind
+
+
+@pytest.mark.parametrize(("part", "known"), [("supply", True), ("encoder", False)])
+def test_a_length_stays_known_unless_turns_may_have_gone_by_uncounted(part, known):
+    host = host_in(State.RUNNING)
+    host.module.damage(part)
+    host.module.advance(0.02)
+    assert host.state == State.FAULT
+    [info] = host.say(Hello())[-1:]
+    assert info.length_known == known
+
+
+def test_what_was_wrong_with_an_idle_module_is_not_kept():
+    host = host_in(State.IDLE)
+    host.module.damage("supply")
+    host.module.advance(0.1)
+    host.module.damage("supply", broken=False)
+    host.module.advance(0.6)
+    assert host.module.faults == Fault(0)
+    host.arm()
+
+
+def test_after_a_timeout_a_module_that_is_armed_again_has_the_whole_time_anew():
+    host = host_in(State.TIMEOUT)
+    host.module.advance(2.0)
+    assert not host.module.sample.driver_on
+    assert host.code(Stop()) == Code.OK
+    host.session = 78
+    host.arm()
+    trace = host.module.trace(2.2)
+    assert trace.driver_on[trace.state == State.ARMED].all()
+    assert trace.driver_on[trace.state == State.TIMEOUT].all()
