@@ -160,7 +160,8 @@ def test_a_solver_that_raises(rehearsal):
     assert_let_go(rehearsal)
 
 
-def test_a_disk_that_is_full(rehearsal, tmp_path):
+def test_a_disk_that_is_full(rehearsal, tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.hardware.log.writer.FLUSH_S", 0.0)
     rig = rehearsal.rig
     log = RunLog(
         tmp_path / "run.mcap", rig, manifest(["test"]), "newton", RunSettings(), dict.fromkeys("abcd", "")
@@ -171,13 +172,14 @@ def test_a_disk_that_is_full(rehearsal, tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / "run.mcap").stat().st_size, before[1]))
 
     class Slow:
-        """Cycles take as long as they do, so that the log's thread comes to write."""
+        """The next cycle comes when the log's thread has written the one before, however busy the machine is."""
 
         now = rehearsal.clock.now
 
         @staticmethod
         def wait_until(when):
-            time.sleep(0.02)
+            while log._queue.qsize() and log._thread.is_alive():
+                time.sleep(1e-3)
             rehearsal.clock.wait_until(when)
 
     try:
