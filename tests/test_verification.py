@@ -307,6 +307,19 @@ def test_what_lies_outside_the_range_of_all_cables_is_proved_and_the_rest_must_b
     assert judged(flat, [1.0, 3.0], [3.0, 1.0], "tension")[0] == tl.Status.ITERATION_LIMIT
 
 
+def test_an_answer_along_a_direction_needs_no_proposal_to_be_proved():
+    problem = problems(3, 8, 12, "direction", 1.5, np.ones(3))
+    answer = tl.Newton().solve(problem)
+    tensions = answer.tensions.copy()
+    tensions[0] = 3.0  # and one that is not the best stays unproved
+    found = verify(problem, Answer(tensions, answer.iterations))
+    expected = verify(problem, Answer(tensions, answer.iterations, answer.separation))
+    assert tl.Status.NEAREST in found.status
+    assert found.status[0] == tl.Status.ITERATION_LIMIT
+    for name in ("status", "scale", "residual"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), name)
+
+
 def test_a_solver_keeps_its_own_arrays():
     problem = problems(3, 4, 2, "force", 1.0, np.ones(3))
     mine = np.full((2, 4), -1.0)

@@ -1,9 +1,10 @@
-"""What the firmware makes of its sensors: faults, and how far a step may move anything."""
+"""What the firmware makes of its sensors: faults, how far a step may move anything, how warm the winding is."""
 
 import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tensionlab.hardware.protocol.codes import Fault
@@ -13,14 +14,19 @@ USUAL = {"elapsed": 250, "angle": 10.0, "speed": 0.0, "current": 0.7, "supply": 
 RADIUS, SPEED_LIMIT, PEAK = 0.0195, 3.0, 2.2  # as a module has them at first
 
 
+def built(name, folder):
+    """Compile a program of `tests/data` with the firmware's headers."""
+    compiler = shutil.which("c++")
+    strict = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'firmware'}"]
+    source = ROOT / "tests" / "data" / f"{name}.cpp"
+    subprocess.run([compiler, *strict, str(source), "-o", str(folder / name)], check=True)
+    return str(folder / name)
+
+
 @pytest.fixture(scope="module")
 def monitor(tmp_path_factory):
     """Return a function: faults, seconds and length after each of some samples, given by what is unusual."""
-    program = tmp_path_factory.mktemp("monitor") / "monitor"
-    source = ROOT / "tests" / "data" / "monitor.cpp"
-    compiler = shutil.which("c++")
-    strict = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'firmware'}"]
-    subprocess.run([compiler, *strict, str(source), "-o", str(program)], check=True)
+    program = built("monitor", tmp_path_factory.mktemp("monitor"))
 
     def watch(*samples):
         lines = [" ".join(str((USUAL | sample)[name]) for name in USUAL) for sample in ({"elapsed": 0}, *samples)]
@@ -95,3 +101,16 @@ def test_a_step_that_comes_too_late_or_before_the_last_one_is_a_fault_and_moves_
     told = monitor({}, {"elapsed": elapsed}, {})
     assert [found for found, _, _ in told] == [Fault(0), Fault(fault), Fault(0)]
     assert told[1][1] == pytest.approx(seconds)
+
+
+def test_what_is_left_of_a_windings_budget_may_be_spent_within_a_tenth_of_its_time(tmp_path):
+    """It stands 1 A for ever, 2.2 A at most, and warms with 20 s: at 2 A its budget is spent after 5.8 s."""
+    command = [built("thermal", tmp_path), "2.0", "1200"]
+    out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    stands, spent = np.array([line.split() for line in out.splitlines()], dtype=float).T
+    warmth = 4.0 * (1.0 - (1.0 - 0.01 / 20.0) ** np.arange(1, 1201))
+    np.testing.assert_allclose(spent, np.minimum(warmth, 1.0), atol=1e-4)
+    left = np.maximum(1.0 - warmth, 0.0)
+    np.testing.assert_allclose(stands, np.minimum(np.sqrt(1.0 + 10.0 * left), PEAK), atol=1e-3)
+    assert stands[0] == pytest.approx(PEAK)
+    assert stands[-1] == 1.0

@@ -1,6 +1,7 @@
 """Groups of modules, and the file that names the modules of a rig and their links."""
 
 import threading
+from collections import Counter
 from functools import partial
 from types import SimpleNamespace
 
@@ -51,7 +52,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         load_modules(tmp_path / "none.toml")
 
 
-def test_modules_stay_armed_while_one_is_slow_to_answer_however_fast_this_machine_simulates():
+def test_modules_stay_armed_while_one_is_slow_to_answer_however_fast_this_machine_simulates(monkeypatch):
     """They release after 0.25 s of their own time without a set-point, which may be a few ms of the host's."""
     rig = tl.load_rig("datasets/rigs/bartels2026-validation.toml")
     world = World(rig)
@@ -60,9 +61,19 @@ def test_modules_stay_armed_while_one_is_slow_to_answer_however_fast_this_machin
     clients = [
         ModuleClient(module.name, link) for module, link in zip(rig.modules, [*links[:-1], slow], strict=True)
     ]
+    sent = Counter()
+    set_tension = ModuleClient.set_tension
+    monkeypatch.setattr(
+        ModuleClient,
+        "set_tension",
+        lambda client, tension: sent.update([client.name]) or set_tension(client, tension),
+    )
     begin = links[0].clock()
     ModuleGroup(clients).arm([1.0] * rig.m)
-    assert links[0].clock() - begin > 0.3
+    passed = links[0].clock() - begin
+    assert passed > 0.3
+    for client in clients:
+        assert passed / group.KEEP_ALIVE_PERIOD_S - 2 < sent[client.name] < passed / group.KEEP_ALIVE_PERIOD_S + 2
     for client in clients[:-1]:
         client.listen(0.02)
         assert client.state is State.ARMED
