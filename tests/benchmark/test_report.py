@@ -74,7 +74,7 @@ def test_the_report_says_what_how_and_where(bench_results):
         "Seed 3",
         "`tensionlab bench --out 'a folder'`",
         "best of 2",
-        "0.3 s for each set",
+        "0.05 s for each set",
         "instruction set used",
         "## Batches",
         "m = 12",
