@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import IntEnum, IntFlag
 from typing import Any
 
@@ -61,6 +63,29 @@ class WriteError(TensionlabError, OSError):
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
     """Optional library that is not installed; the message names the extra that brings it."""
+
+
+@contextmanager
+def needs(extra: str | None, what: str) -> Iterator[None]:
+    """Import optional libraries in this context; one that is missing is a `MissingDependency`.
+
+    Parameters
+    ----------
+    extra : str or None
+        The extra of this package that brings them; None if every complete installation has them.
+    what : str
+        What needs them, for the message.
+
+    Examples
+    --------
+    >>> with needs("workspace", "a store"):
+    ...     import zarr
+    """
+    try:
+        yield
+    except ModuleNotFoundError as missing:
+        wanted = f'"tensionlab[{extra}]"' if extra else "tensionlab"
+        raise MissingDependency(f"{what} needs {missing.name}: pip install {wanted}") from missing
 
 
 class Unreachable(TensionlabError):  # noqa: N818 - pinned name

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tensionlab.errors import MissingDependency
+from tensionlab.errors import needs
 from tensionlab.files import writing
 
 LIBRARIES = [
@@ -73,11 +73,9 @@ def write_parquet(
     ``json.loads(pyarrow.parquet.read_schema(path).metadata[b"tensionlab"])``. WriteError if the file cannot be
     written; what was there before stays.
     """
-    try:
+    with needs("data", "writing Parquet"):
         import pyarrow as pa
         import pyarrow.parquet as pq
-    except ImportError as error:
-        raise MissingDependency("writing Parquet needs pyarrow: pip install pyarrow") from error
     if isinstance(table, Mapping):
         written = pa.table(dict(table))
     else:
@@ -88,10 +86,8 @@ def write_parquet(
 
 def import_xarray() -> Any:
     """Return the module xarray; MissingDependency if it is not installed."""
-    try:
+    with needs("workspace", "a dataset"):
         import xarray
-    except ImportError as error:
-        raise MissingDependency('a dataset needs xarray: pip install "tensionlab[workspace]"') from error
     return xarray
 
 

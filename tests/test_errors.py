@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.errors import ModuleFault, Unreachable
+from tensionlab.errors import ModuleFault, Unreachable, needs
 from tensionlab.hardware.protocol.codes import Fault
 
 
@@ -22,3 +22,10 @@ def test_an_allocation_that_is_not_exact_reaches_another_process():
     sent = pickle.loads(pickle.dumps(raised.value))
     assert str(sent) == str(raised.value)
     np.testing.assert_array_equal(sent.allocation.tensions, result.tensions)
+
+
+@pytest.mark.parametrize(("extra", "wanted"), [("x", '"tensionlab[x]"'), (None, "tensionlab")])
+def test_a_missing_library_is_told_with_the_extra_that_brings_it(extra, wanted):
+    with pytest.raises(tl.MissingDependency) as raised, needs(extra, "a store"):
+        import no_such_library.part  # noqa: F401
+    assert str(raised.value) == f"a store needs no_such_library: pip install {wanted}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.errors import MissingDependency, UnknownSolver, needs
 from tensionlab.solvers import every_solver, make
 from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Solver
 from tensionlab.solvers.convex import PlainConvex
@@ -204,10 +204,8 @@ def _one(problem: Problem, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def load_daqp() -> Any:
     """Return DAQP's own module; MissingDependency if it is not installed."""
-    try:
+    with needs("solvers", "entry daqp"):
         import daqp
-    except ImportError as error:
-        raise MissingDependency("DAQP is not installed; pip install 'tensionlab[solvers]'") from error
     return daqp
 
 

@@ -51,6 +51,6 @@ def solvers(json: Json = False) -> None:
     for family, source in families.items():
         if source:
             console.print(Text.assemble((family, "bold"), f": {source}"))
-    console.print('\nTo install all QP backends: pip install "tensionlab[solvers]"', style="dim")
+    console.print('\nTo install all of them: pip install "tensionlab[solvers,reference]"', style="dim")
     for fault in broken.values():
         console.print(f"Left out: {fault}", style="red", soft_wrap=True)

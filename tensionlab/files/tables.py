@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeVar, get_type_hints
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import TensionlabError, needs
 from tensionlab.files import writing
 from tensionlab.files.reading import brief, parse_json, read_bytes, read_text
 
@@ -192,8 +192,9 @@ def from_mappings(rows: Sequence[Any], kind: type[Row], source: str, error: type
 
 def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> ParquetTable:
     """Return the table of a Parquet file, with its manifest."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    with needs("data", "reading Parquet"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
     data = read_bytes(path, what, error, MAX_FILE_BYTES)
     try:

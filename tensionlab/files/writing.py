@@ -16,7 +16,7 @@ from os import PathLike
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from tensionlab.errors import MissingDependency, WriteError
+from tensionlab.errors import WriteError, needs
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -174,10 +174,8 @@ def acquire_lock(path: Path, timeout: float, extra: str) -> BaseFileLock | None:
     Returns the lock, or None if another process has it for longer than the timeout, in s. The extra of this
     package that brings filelock is for messages.
     """
-    try:
+    with needs(extra, "a lock"):
         from filelock import FileLock, Timeout
-    except ImportError as missing:
-        raise MissingDependency(f'locks need filelock: pip install "tensionlab[{extra}]"') from missing
     lock = FileLock(path, thread_local=False, poll_interval=0.01)
     try:
         lock.acquire(timeout=timeout)

@@ -14,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import InputError, MissingDependency
+from tensionlab.errors import InputError, needs
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
@@ -59,14 +59,12 @@ def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[
 
     The size is in inches; ``dpi``, the dots per inch of a PNG, is for large figures; None for the style's.
     """
-    try:
+    with needs(None, "a figure"):
         from matplotlib import rc_context, style
         from matplotlib.axis import Axis
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
-    except ImportError as error:
-        raise MissingDependency("figures need matplotlib: pip install matplotlib") from error
     with style.context(STYLE):
         layout = ConstrainedLayoutEngine()
         figure = Figure(figsize=size, layout=layout, dpi=dpi)

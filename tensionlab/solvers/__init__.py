@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import is_dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast, get_args
 
 from tensionlab import variants
@@ -105,6 +106,7 @@ def _built_in() -> dict[str, bool]:
     """Return the names of the built-in solvers, and whether their libraries are installed."""
     installed = installed_backends()
     variants = {
+        "cvxpy": {"cvxpy": find_spec("cvxpy") is not None},
         "qp": {f"qp:{backend}": backend in installed for backend in BACKENDS},
         "pseudoinverse": {"pseudoinverse:reference": True, "pseudoinverse:middle": True},
         "polygon": {f"polygon:{goal}": True for goal in get_args(PolygonGoal)},
@@ -144,7 +146,8 @@ def select_solvers(
             continue
         solver = make(name)
         if not usable.get(name, True):
-            raise MissingDependency(f'{name} is not installed; pip install "tensionlab[solvers]" brings it')
+            extra = "reference" if name == "cvxpy" else "solvers"
+            raise MissingDependency(f'{name} is not installed: pip install "tensionlab[{extra}]"')
         if size is not None and (reason := refusal(solver, *size)):
             if solvers is not None:
                 raise InputError(f"solver {name} does not serve this rig: {reason}")

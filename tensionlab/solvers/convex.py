@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.errors import UnknownSolver, needs
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.programs import NO_TENSIONS, SAFETY, Reply, ScaledProblem, choose_each, finite_tensions
 
@@ -65,10 +65,8 @@ class ConvexProgram:
 
 def _require_cvxpy() -> None:
     """Say that cvxpy is not installed, where it is not, before any work."""
-    try:
+    with needs("reference", "solver cvxpy"):
         import cvxpy  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise MissingDependency("cvxpy is not installed: pip install tensionlab brings it") from error
 
 
 class CompiledPrograms:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import InputError, MissingDependency, UnknownSolver
+from tensionlab.errors import InputError, MissingDependency, UnknownSolver, needs
 from tensionlab.solvers.base import TOLERANCE, Answer, Nearest, Problem
 from tensionlab.solvers.programs import (
     NO_TENSIONS,
@@ -45,8 +45,10 @@ SPARSE = frozenset({"clarabel", "osqp", "highs"})
 
 def installed_backends() -> tuple[str, ...]:
     """Return the QP solvers that `QuadraticProgram` can use on this machine."""
-    import qpsolvers
-
+    try:
+        import qpsolvers
+    except ModuleNotFoundError:
+        return ()
     return tuple(name for name in BACKENDS if name in qpsolvers.available_solvers)
 
 
@@ -58,10 +60,10 @@ def check_known(backend: str) -> None:
 
 def check_installed(backend: str) -> None:
     """Refuse a backend that is not installed."""
+    with needs(None, f"QP backend {backend!r}"):
+        import qpsolvers  # noqa: F401
     if backend not in installed_backends():
-        raise MissingDependency(
-            f'QP backend {backend!r} is not installed; pip install "tensionlab[solvers]" brings it'
-        )
+        raise MissingDependency(f'QP backend {backend!r} is not installed: pip install "tensionlab[solvers]"')
 
 
 def raised_by(backend: str) -> tuple[type[Exception], ...]:

@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from types import TracebackType
 from typing import Any, Self
 
-from tensionlab.errors import HardwareError, MissingDependency
+from tensionlab.errors import HardwareError, needs
 from tensionlab.haptics.bridge.messages import PROTOCOL, Frame, Message, State, Welcome
 
 
@@ -35,13 +35,9 @@ class BridgeClient:
     """
 
     def __init__(self, url: str, token: str | None = None) -> None:
-        try:
+        with needs("haptics", "a client of the bridge"):
             from websockets.exceptions import WebSocketException
             from websockets.sync.client import connect
-        except ImportError as missing:
-            raise MissingDependency(
-                'a client of the bridge needs websockets; pip install "tensionlab[haptics]" brings it'
-            ) from missing
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         self._stack = ExitStack()
         try:

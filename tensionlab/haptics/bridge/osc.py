@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, Self
 from pydantic import ValidationError
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import EffectError, HardwareError, MissingDependency, ProtocolError
+from tensionlab.errors import EffectError, HardwareError, ProtocolError, needs
 from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
@@ -386,12 +386,8 @@ class OscTracker:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        try:
+        with needs("haptics", "OSC"):
             import pythonosc.osc_bundle_builder  # noqa: F401
-        except ImportError as missing:
-            raise MissingDependency(
-                'OSC needs python-osc; pip install "tensionlab[haptics]" brings it'
-            ) from missing
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
         except OSError as error:

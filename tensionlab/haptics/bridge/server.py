@@ -19,7 +19,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from pydantic import Field, TypeAdapter
 
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, MissingDependency, TensionlabError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, needs
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (
@@ -113,12 +113,8 @@ class Bridge:
         token: str | None = None,
         pages: tuple[str, ...] = (),
     ) -> None:
-        try:
+        with needs("haptics", "the bridge"):
             import websockets  # noqa: F401
-        except ImportError as missing:
-            raise MissingDependency(
-                'the bridge needs websockets; pip install "tensionlab[haptics]" brings it'
-            ) from missing
         if host not in LOOPBACK and not token:
             raise HardwareError(
                 f"the bridge would be open to others at {host}; give a token that clients must know"

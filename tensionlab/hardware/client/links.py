@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from tensionlab.errors import LinkError, MissingDependency
+from tensionlab.errors import LinkError, needs
 from tensionlab.hardware.client.locks import LinkLock
 
 READ_BYTES = 4096
@@ -29,7 +29,6 @@ URL_KINDS = """
   socket://host:port         TCP, as `tensionlab simulate` serves
   sim:                       a simulated module in this process""".lstrip("\n")
 URL_PATTERN = re.compile(r"sim:|bt://.+|/dev/.+|socket://.+:\d+/?|(?i:COM)\d+")
-NEEDS_PYSERIAL = 'links to modules need pyserial; pip install "tensionlab[hardware]" brings it'
 
 
 @dataclass(frozen=True)
@@ -66,10 +65,8 @@ class Link(Protocol):
 
 def serial_ports() -> list[SerialPort]:
     """Return the serial ports of this computer, by USB or Bluetooth, free or not."""
-    try:
+    with needs("hardware", "finding serial ports"):
         from serial.tools import list_ports
-    except ImportError as missing:
-        raise MissingDependency(NEEDS_PYSERIAL) from missing
     return [
         SerialPort(port.device, "" if port.description == "n/a" else port.description, port.hwid, port.vid)
         for port in sorted(list_ports.comports())
@@ -105,10 +102,8 @@ class SerialLink:
     lockstep = False
 
     def __init__(self, url: str, lock: LinkLock) -> None:
-        try:
+        with needs("hardware", "a link"):
             import serial
-        except ImportError as missing:
-            raise MissingDependency(NEEDS_PYSERIAL) from missing
         self.url, self._lock = url, lock
         # The errors of a port that is closed while another thread reads it are not pyserial's own.
         self._broken = (serial.SerialException, TypeError, AttributeError)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from tensionlab.errors import LogError, MissingDependency
+from tensionlab.errors import LogError, needs
 from tensionlab.files import writing
 from tensionlab.files.reading import parse_json
 
@@ -19,7 +19,6 @@ MAX_CHUNK_BYTES = 256_000_000
 """Of a chunk, unpacked: a hostile file may unpack to more than the memory. Those of a log have a megabyte."""
 PROGRESS_MESSAGES = 1000
 """Messages read between two calls of ``progress``."""
-MISSING_MCAP = 'logs of runs need mcap: pip install "tensionlab[hardware]"'
 
 
 class McapWriter:
@@ -31,10 +30,8 @@ class McapWriter:
     """
 
     def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
-        try:
+        with needs("hardware", "the log of a run"):
             from mcap.writer import Writer
-        except ImportError as error:
-            raise MissingDependency(MISSING_MCAP) from error
         if os.path.lexists(path) and not (path.is_file() and not path.stat().st_size):
             raise LogError(f"{path}: there is something already; name a new file for the log")
         self._file = writing.open_stream(path)
@@ -103,10 +100,8 @@ def read_records(path: Path, progress: Callable[[float], None] | None = None) ->
     ``progress`` is called now and then with the share of the file that has been read. A `LogError` if it can't be
     read, or is no log of a run.
     """
-    try:
+    with needs("hardware", "the log of a run"):
         from mcap.records import Attachment, Channel, Footer, Header, Message, Metadata
-    except ImportError as error:
-        raise MissingDependency(MISSING_MCAP) from error
     channels: dict[int, str] = {}
     known = complete = False
     with _open(path) as file:

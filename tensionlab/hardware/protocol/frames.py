@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from tensionlab.errors import MissingDependency, ProtocolError
+from tensionlab.errors import ProtocolError, needs
 
 MAX_PAYLOAD = 56
 """Most bytes of payload in a frame."""
@@ -31,12 +31,8 @@ OVERLONG_START = b"\1" * (MAX_PIECE + 1)
 @cache
 def _cobs() -> Any:
     """Import the codec on first use: codes and logs are read without it."""
-    try:
+    with needs("hardware", "the protocol of modules"):
         from cobs import cobs
-    except ImportError as missing:
-        raise MissingDependency(
-            'talking to modules needs the library cobs; pip install "tensionlab[hardware]" brings it'
-        ) from missing
     return cobs
 
 

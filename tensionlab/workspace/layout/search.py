@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import InputError, ShapeError
+from tensionlab.errors import InputError, ShapeError, needs
 from tensionlab.model import pose
 from tensionlab.model.files import rig_to_toml
 from tensionlab.model.module import Module, TensionLimits
@@ -163,7 +163,8 @@ def _explore(
     report: Progress,
 ) -> list[Places]:
     """Return the last generation of an evolution, the best layout first."""
-    from scipy.optimize import Bounds, OptimizeResult, differential_evolution
+    with needs(None, "the search for a layout"):
+        from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
     limits = space.tension_limits(count)
     size = count * (space.dimension + 1)
@@ -270,7 +271,8 @@ def _best_step(
     While force is missing somewhere in the target, the step that minimises the missing total; else the step that
     maximises the worst margin.
     """
-    from scipy.optimize import linprog
+    with needs(None, "the search for a layout"):
+        from scipy.optimize import linprog
 
     slope = gradient.reshape(len(margins), -1)
     lowest = margins + np.minimum(slope * low.ravel(), slope * high.ravel()).sum(axis=1)

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, SweepError
+from tensionlab.errors import SweepError, needs
 from tensionlab.files.reading import brief
 from tensionlab.workspace.sweep.plan import Task
 
@@ -59,11 +59,9 @@ def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[T
     of this machine: a task holds all that it needs. SweepError if the scheduler does not answer, has no workers,
     is lost, or lost too many workers.
     """
-    try:
+    with needs("cluster", "a cluster"):
         from distributed import Client, KilledWorker, as_completed
         from distributed.comm import CommClosedError
-    except ImportError as error:
-        raise MissingDependency('a cluster needs dask.distributed: pip install "tensionlab[cluster]"') from error
     _require_listening(address)
     try:
         client = Client(address, timeout=CLUSTER_TIMEOUT_S, set_as_default=False)

@@ -24,7 +24,7 @@ import numpy as np
 
 from tensionlab import records
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency, SweepError
+from tensionlab.errors import SweepError, needs
 from tensionlab.files import writing
 from tensionlab.workspace.sweep.dataset import attributes
 from tensionlab.workspace.sweep.plan import Plan, Task
@@ -84,10 +84,8 @@ class ZarrStore:
     """
 
     def __init__(self, path: Path, plan: Plan, empty: xarray.Dataset) -> None:
-        try:
+        with needs("workspace", "a store"):
             import zarr
-        except ImportError as error:
-            raise MissingDependency('a store needs zarr: pip install "tensionlab[workspace]"') from error
         self._path, self._chunks = path, plan.chunks
         self._lock: BaseFileLock | None = None
         if not path.exists():

@@ -217,7 +217,7 @@ def test_where_nobody_listens_no_client_waits(monkeypatch):
 
 def test_without_distributed_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(tl.MissingDependency, match=r'needs dask.distributed: pip install "tensionlab\[cluster\]"'):
+    with pytest.raises(tl.MissingDependency, match=r'needs distributed: pip install "tensionlab\[cluster\]"'):
         tl.sweep(CUBE, POSES, "capacity-margin", scheduler="tcp://127.0.0.1:9")
 
 
