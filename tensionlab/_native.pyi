@@ -7,6 +7,9 @@ MAX_COMPONENTS: int
 MAX_CABLES: int
 MAX_SEGMENTS: int
 GRAZING: float
+COMPILER: str
+INSTRUCTION_SETS: tuple[str, ...]
+INSTRUCTION_SET: str
 
 def newton(
     structure: NDArray[float64],
@@ -189,7 +192,6 @@ class Single:
     def __call__(self, structure: object, wrench: object, numbers: NDArray[float64]) -> tuple[int, int] | None: ...
 
 def all_within(numbers: NDArray[float64], limit: float) -> bool: ...
-def instruction_set() -> str: ...
 def choose_locks(
     structure: NDArray[float64],
     normal: NDArray[float64],

@@ -40,7 +40,7 @@ PASSES = 3
 
 def instruction_set() -> str:
     """Return the instruction set that the kernels use on this machine."""
-    return _native.instruction_set()
+    return _native.INSTRUCTION_SET
 
 
 def random_problems(components: int, cables: int, count: int, seed: int) -> tuple[Floats, Floats]:

@@ -106,14 +106,26 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
+        from tensionlab import _native
+
+        compiled = ", ".join(_native.INSTRUCTION_SETS)
         typer.echo(f"tensionlab {__version__}")
+        typer.echo(
+            f"kernels: {_native.COMPILER}, compiled for {compiled}; this processor uses {_native.INSTRUCTION_SET}"
+        )
         raise typer.Exit()
 
 
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and stop.")
+        bool,
+        typer.Option(
+            "--version",
+            callback=_version,
+            is_eager=True,
+            help="Show the version and how the kernels were compiled, and stop.",
+        ),
     ] = False,
 ) -> None:
     """Take the options that come before the verb."""

@@ -9,7 +9,7 @@ import pytest
 import typer
 
 import tensionlab as tl
-from tensionlab import solvers
+from tensionlab import _native, solvers
 from tensionlab.cli import VERBS, app, join_numbers
 from tensionlab.cli.common import output
 
@@ -247,7 +247,10 @@ def test_solvers_are_listed_with_policies_and_sources(run):
 
 
 def test_version(run):
-    assert run("--version")[1] == f"tensionlab {tl.__version__}\n"
+    version, kernels = run("--version")[1].splitlines()
+    assert version == f"tensionlab {tl.__version__}"
+    assert _native.COMPILER in kernels
+    assert kernels.endswith(f"uses {_native.INSTRUCTION_SET}")
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ INSTRUCTION_SETS = """
 import sys, numpy as np, tensionlab as tl
 from tensionlab import _native
 data = np.load(sys.argv[1])
-print(_native.instruction_set())
+print(_native.INSTRUCTION_SET)
 pairs = [("newton", "force"), ("newton", "tension"), ("newton", "direction"), ("dykstra", "tension")]
 answers = [tl.allocate(data["W"], data["w"], (0.5, 6.0), name, nearest=p).tensions for name, p in pairs]
 np.save(sys.argv[2], np.array(answers))

@@ -17,7 +17,7 @@ SCRIPT = """
 import sys, numpy as np, tensionlab as tl
 from tensionlab import _native
 data = np.load(sys.argv[1])
-print(_native.instruction_set())
+print(_native.INSTRUCTION_SET)
 answers = [tl.allocate(data["W"], data["w"], (data["a"], data["b"]), name).tensions for name in sys.argv[3:]]
 np.save(sys.argv[2], np.array(answers))
 """

@@ -1,9 +1,5 @@
 // The Python module tensionlab._native: arrays in, arrays out. Each function is called by the one Python module
 // that owns its subject.
-#include <nanobind/stl/string.h>
-
-#include <string>
-
 #include "bindings/bindings.hpp"
 #include "simd/batch.hpp"
 #include "simd/instruction_set.hpp"
@@ -12,7 +8,13 @@ NB_MODULE(_native, module) {
   using namespace tensionlab;
   module.attr("MAX_COMPONENTS") = kMaxComponents;
   module.attr("MAX_CABLES") = kMaxCables;
-  module.def("instruction_set", [] { return std::string(instruction_set_name()); });
+  module.attr("INSTRUCTION_SET") = kInstructionSetNames[static_cast<int>(instruction_set())];
+  nanobind::list compiled;
+  for (int set = 0; set < kInstructionSets; ++set) {
+    if (kCompiled[set]) compiled.append(kInstructionSetNames[set]);
+  }
+  module.attr("INSTRUCTION_SETS") = nanobind::tuple(compiled);
+  module.attr("COMPILER") = TENSIONLAB_COMPILER;
   bind_allocate(module);
   bind_brakes(module);
   bind_clearance(module);

@@ -16,7 +16,7 @@ constexpr int kMaxCables = 32;
 struct Rows {
   const double* data;
   std::ptrdiff_t stride;
-#if defined(__GNUC__)
+#if defined(__GNUC__) || defined(__clang__)
   __attribute__((always_inline))  // see TENSIONLAB_BUILD in simd/lanes.hpp
 #endif
   const double* operator[](std::size_t row) const {

@@ -1,71 +1,108 @@
-// Which build of a kernel this processor can run; the environment variable TENSIONLAB_ISA may ask for less.
+// Which build of a kernel is used: the best that was compiled and that this processor can run. The environment
+// variable TENSIONLAB_ISA may ask for less.
 //
 // CMake compiles a kernel's one source file for each instruction set, with TENSIONLAB_BUILD for its namespace and
-// TENSIONLAB_LANES for its width. Where there is only one build, it is the baseline.
+// TENSIONLAB_LANES for its width, and defines TENSIONLAB_BASELINE, TENSIONLAB_AVX2 and TENSIONLAB_AVX512 for the
+// builds there are. It also runs this check itself where only the processor at hand is wanted.
 #pragma once
 
 #include <cstdlib>
 #include <cstring>
+#include <stdexcept>
+
+#if (defined(__GNUC__) || defined(__clang__)) && (defined(__x86_64__) || defined(_M_X64))
+#include <cpuid.h>
+#define TENSIONLAB_HAS_CPUID
+#endif
+
+#if defined(TENSIONLAB_BASELINE)
+#define TENSIONLAB_IF_BASELINE(...) __VA_ARGS__
+#else
+#define TENSIONLAB_IF_BASELINE(...)
+#endif
+#if defined(TENSIONLAB_AVX2)
+#define TENSIONLAB_IF_AVX2(...) __VA_ARGS__
+#else
+#define TENSIONLAB_IF_AVX2(...)
+#endif
+#if defined(TENSIONLAB_AVX512)
+#define TENSIONLAB_IF_AVX512(...) __VA_ARGS__
+#else
+#define TENSIONLAB_IF_AVX512(...)
+#endif
 
 // Declares a kernel, in every build, and `name`_for_this_processor(), which picks one; nothing in the builds.
 #if defined(TENSIONLAB_LANES)
 #define TENSIONLAB_KERNEL(name, ...)
-#elif defined(TENSIONLAB_X86)
-#define TENSIONLAB_KERNEL(name, ...) \
-  namespace baseline {               \
-  void name(__VA_ARGS__);            \
-  }                                  \
-  namespace avx2 {                   \
-  void name(__VA_ARGS__);            \
-  }                                  \
-  namespace avx512 {                 \
-  void name(__VA_ARGS__);            \
-  }                                  \
-  inline auto name##_for_this_processor() { return pick_build(&baseline::name, &avx2::name, &avx512::name); }
 #else
-#define TENSIONLAB_KERNEL(name, ...) \
-  namespace baseline {               \
-  void name(__VA_ARGS__);            \
-  }                                  \
-  inline auto name##_for_this_processor() { return &baseline::name; }
+#define TENSIONLAB_KERNEL(name, ...)                                                  \
+  TENSIONLAB_IF_BASELINE(namespace baseline { void name(__VA_ARGS__); })              \
+  TENSIONLAB_IF_AVX2(namespace avx2 { void name(__VA_ARGS__); })                      \
+  TENSIONLAB_IF_AVX512(namespace avx512 { void name(__VA_ARGS__); })                  \
+  inline auto name##_for_this_processor() -> void (*)(__VA_ARGS__) {                  \
+    switch (instruction_set()) {                                                      \
+      TENSIONLAB_IF_AVX512(case InstructionSet::avx512 : return &avx512::name;)       \
+      TENSIONLAB_IF_AVX2(case InstructionSet::avx2 : return &avx2::name;)             \
+      TENSIONLAB_IF_BASELINE(case InstructionSet::baseline : return &baseline::name;) \
+      default:                                                                        \
+        return nullptr;                                                               \
+    }                                                                                 \
+  }
 #endif
 
 namespace tensionlab {
 
 enum class InstructionSet { baseline, avx2, avx512 };
+constexpr int kInstructionSets = 3;
+constexpr const char* kInstructionSetNames[kInstructionSets] = {"baseline", "avx2", "avx512"};
 
-inline InstructionSet choose_instruction_set() {
-#if defined(TENSIONLAB_X86)
-  const char* wish = std::getenv("TENSIONLAB_ISA");
-  const auto allowed = [wish](const char* name) { return wish == nullptr || std::strcmp(wish, name) == 0; };
-  if (allowed("avx512") && __builtin_cpu_supports("x86-64-v4")) return InstructionSet::avx512;
-  if (!(wish != nullptr && std::strcmp(wish, "baseline") == 0) && __builtin_cpu_supports("x86-64-v3")) {
-    return InstructionSet::avx2;
+// Whether the build was compiled.
+constexpr bool kCompiled[kInstructionSets] = {
+    TENSIONLAB_IF_BASELINE(true ||) false,
+    TENSIONLAB_IF_AVX2(true ||) false,
+    TENSIONLAB_IF_AVX512(true ||) false,
+};
+
+// The best set of which the processor has all features and whose registers the system saves (Intel, 2024,
+// Software Developer's Manual, volume 2, CPUID).
+inline InstructionSet best_of_this_processor() {
+#if defined(TENSIONLAB_HAS_CPUID)
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  const auto bits = [](unsigned word, unsigned mask) { return (word & mask) == mask; };
+  if (!__get_cpuid_count(1, 0, &a, &b, &c, &d) || !bits(c, bit_FMA | bit_OSXSAVE)) return InstructionSet::baseline;
+  unsigned saved = 0, saved_high = 0;
+  __asm__("xgetbv" : "=a"(saved), "=d"(saved_high) : "c"(0));
+  if (!__get_cpuid_count(7, 0, &a, &b, &c, &d) || !bits(b, bit_AVX2) || !bits(saved, 0x06)) {
+    return InstructionSet::baseline;
   }
-#endif
+  const bool avx512 = bits(b, bit_AVX512F | bit_AVX512DQ | bit_AVX512VL) && bits(saved, 0xe6);
+  return avx512 ? InstructionSet::avx512 : InstructionSet::avx2;
+#else
   return InstructionSet::baseline;
+#endif
+}
+
+// The best that was compiled, that the processor has and that is no more than TENSIONLAB_ISA asks for; where that
+// asks for less than was compiled, the least that was.
+inline InstructionSet choose_instruction_set() {
+  const char* wish = std::getenv("TENSIONLAB_ISA");
+  int chosen = -1;
+  for (int set = static_cast<int>(best_of_this_processor()); set >= 0; --set) {
+    if (!kCompiled[set]) continue;
+    chosen = set;
+    if (wish == nullptr || std::strcmp(wish, kInstructionSetNames[set]) == 0) break;
+  }
+  if (chosen < 0) {
+    throw std::runtime_error(
+        "tensionlab was compiled for instruction sets that this processor lacks; build it "
+        "here, or with TENSIONLAB_BUILDS=all");
+  }
+  return static_cast<InstructionSet>(chosen);
 }
 
 inline InstructionSet instruction_set() {
   static const InstructionSet chosen = choose_instruction_set();
   return chosen;
-}
-
-inline const char* instruction_set_name() {
-  constexpr const char* kNames[] = {"baseline", "avx2", "avx512"};
-  return kNames[static_cast<int>(instruction_set())];
-}
-
-template <class Function>
-Function* pick_build(Function* baseline, Function* avx2, Function* avx512) {
-  switch (instruction_set()) {
-    case InstructionSet::avx512:
-      return avx512;
-    case InstructionSet::avx2:
-      return avx2;
-    default:
-      return baseline;
-  }
 }
 
 }  // namespace tensionlab

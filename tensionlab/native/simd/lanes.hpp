@@ -2,7 +2,7 @@
 //
 // With GCC and Clang it is the compiler's own vector type, so that an expression written once becomes SIMD
 // code for whatever instruction set the file is compiled for. With one lane it is the plain number: any C++17
-// compiler can build that, and the firmware does.
+// compiler can build that (MSVC does), and so does the firmware.
 #pragma once
 
 #include <cmath>
@@ -18,16 +18,21 @@
 #define TENSIONLAB_BUILD portable
 #endif
 
+// Whether the compiler has vector types and attributes of GCC's kind; clang-cl has, though it isn't __GNUC__.
+#if defined(__GNUC__) || defined(__clang__)
+#define TENSIONLAB_GNU_LIKE
+#endif
+
 // Before a loop over wrench components: compilers leave nests of short loops as they are, and what is indexed in
 // a loop can't live in registers.
-#if defined(__GNUC__)
+#if defined(TENSIONLAB_GNU_LIKE)
 #define TENSIONLAB_UNROLL _Pragma("GCC unroll 8")
 #else
 #define TENSIONLAB_UNROLL
 #endif
 
 // Before a function that is large or seldom called: expanded in another, it leaves both too few registers.
-#if defined(__GNUC__)
+#if defined(TENSIONLAB_GNU_LIKE)
 #define TENSIONLAB_NOINLINE __attribute__((noinline))
 #else
 #define TENSIONLAB_NOINLINE
@@ -37,13 +42,17 @@ namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 template <class Real, int L>
-struct LaneType {
-  typedef Real type __attribute__((vector_size(sizeof(Real) * L)));
-};
+struct LaneType;
 template <class Real>
 struct LaneType<Real, 1> {
   using type = Real;
 };
+#if defined(TENSIONLAB_GNU_LIKE)
+template <class Real, int L>
+struct LaneType {
+  typedef Real type __attribute__((vector_size(sizeof(Real) * L)));
+};
+#endif
 template <class Real, int L>
 using Lanes = typename LaneType<Real, L>::type;
 
@@ -174,6 +183,13 @@ inline V inner(const V (&x)[N], const V (&y)[N]) {
   TENSIONLAB_UNROLL
   for (int k = 1; k < N; ++k) sum += x[k] * y[k];
   return sum;
+}
+
+// Lane l of a comparison.
+inline bool holds(bool mask, int) { return mask; }
+template <class Mask>
+inline bool holds(const Mask& mask, int l) {
+  return mask[l] != 0;
 }
 
 inline bool any(bool mask) { return mask; }

@@ -45,7 +45,7 @@ void measure_poses(const Poses& poses, std::size_t begin, std::size_t end, const
     const auto well = sets.load(pose, poses.m);
     const auto values = measure(sets, row);
     for (int l = 0; l < kLanes && next + static_cast<std::size_t>(l) < end; ++l) {
-      found[row[l]] = well[l] ? read<double>(values, l) : single(pose[l], poses, row[l], measure);
+      found[row[l]] = holds(well, l) ? read<double>(values, l) : single(pose[l], poses, row[l], measure);
     }
   }
 }
