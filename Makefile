@@ -3,6 +3,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 CXX ?= c++
 RIG := datasets/rigs/bartels2026-validation.toml
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python,$(PIP)) -c constraints.txt
+BUILD_TOOLS := scikit-build-core nanobind $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
 .PHONY: demo test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
@@ -109,12 +112,21 @@ clean:
 	@$(PYTHON) -m venv .venv || \
 	  { echo "$(PYTHON) cannot make a virtual environment. Debian and Ubuntu: apt install python3-venv."; rm -rf .venv; exit 1; }
 
-.venv/user.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
-	@echo "Installing into .venv (a minute or two the first time) ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[solvers,workspace,hardware]'
+# What builds the package stays in .venv, so that a change of one file compiles no other again.
+.venv/tools.stamp: .venv/bin/python constraints.txt
+	@echo "Fetching what builds the package ..."
+	@$(INSTALL) $(BUILD_TOOLS)
 	@touch $@
 
-.venv/dev.stamp: .venv/bin/python pyproject.toml constraints.txt CMakeLists.txt $(NATIVE)
-	@echo "Installing into .venv (a minute or two the first time) ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+.venv/user.stamp: .venv/tools.stamp pyproject.toml CMakeLists.txt $(NATIVE)
+	@echo "Compiling the kernels for this processor (a minute on two cores) ..."
+	@$(INSTALL) --no-build-isolation --no-deps -e .
+	@echo "Fetching the libraries and the solvers to compare with ..."
+	@$(INSTALL) --no-build-isolation -e '.[solvers]' cvxpy-base
+	@touch $@
+
+# Tests compare the kernels of all instruction sets.
+.venv/dev.stamp: .venv/tools.stamp pyproject.toml CMakeLists.txt $(NATIVE)
+	@echo "Compiling the kernels for all instruction sets (three minutes on two cores), and fetching what the tests need ..."
+	@TENSIONLAB_BUILDS=all $(INSTALL) --no-build-isolation -e '.[dev]'
 	@touch $@ .venv/user.stamp
