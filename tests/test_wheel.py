@@ -17,6 +17,7 @@ from packaging.requirements import Requirement
 
 import tensionlab
 from tensionlab import _native
+from tensionlab.benchmark.speed import describe_kernels
 
 ROOT = Path(__file__).parents[1]
 RIG = "bartels2026-validation"
@@ -154,7 +155,8 @@ def told(installed: Path) -> dict[str, tuple[int, str, str]]:
 
 def test_its_command_says_which_version_it_is(installed: Path) -> None:
     done = call(installed / "bin" / "tensionlab", "--version")
-    assert (done.returncode, done.stdout) == (0, f"tensionlab {tensionlab.__version__}\n"), done.stderr
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"tensionlab {tensionlab.__version__}\n{describe_kernels()}\n"
 
 
 def test_it_draws(installed: Path, told: dict[str, tuple[int, str, str]]) -> None:

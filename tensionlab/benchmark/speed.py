@@ -43,6 +43,12 @@ def instruction_set() -> str:
     return _native.INSTRUCTION_SET
 
 
+def describe_kernels() -> str:
+    """Say which compiler made the kernels, for which instruction sets, and which this processor uses."""
+    compiled = ", ".join(_native.INSTRUCTION_SETS)
+    return f"kernels: {_native.COMPILER}, compiled for {compiled}; this processor uses {_native.INSTRUCTION_SET}"
+
+
 def random_problems(components: int, cables: int, count: int, seed: int) -> tuple[Floats, Floats]:
     """Return random structure matrices (count, n, m) of unit cables, and feasible wrenches (count, n)."""
     rng = np.random.default_rng(seed)

@@ -106,13 +106,9 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from tensionlab import _native
+        from tensionlab.benchmark.speed import describe_kernels
 
-        compiled = ", ".join(_native.INSTRUCTION_SETS)
-        typer.echo(f"tensionlab {__version__}")
-        typer.echo(
-            f"kernels: {_native.COMPILER}, compiled for {compiled}; this processor uses {_native.INSTRUCTION_SET}"
-        )
+        typer.echo(f"tensionlab {__version__}\n{describe_kernels()}")
         raise typer.Exit()
 
 
