@@ -125,7 +125,7 @@ def test_every_instruction_set_gives_the_same_answers(tmp_path):
         answers[taken] = np.load(tmp_path / "answers.npy")
     assert "baseline" in answers
     for answer in answers.values():
-        np.testing.assert_allclose(answer, answers["baseline"], atol=1e-8)
+        np.testing.assert_allclose(answer, answers["baseline"], rtol=0, atol=1e-9)
 
 
 def test_the_first_solve_loads_nothing():
