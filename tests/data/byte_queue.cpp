@@ -15,7 +15,7 @@ size_t piece_after(size_t place) { return 1 + (place * 40503u >> 7) % 97; }
 }  // namespace
 
 int main() {
-  constexpr size_t kBytes = 8000000;
+  constexpr size_t kBytes = 200000;
   static ByteQueue<64> queue;
   std::thread writer([] {
     for (size_t sent = 0; sent < kBytes;) {
