@@ -1,6 +1,8 @@
-// Two threads, one queue: prints how many bytes came, and how many of them wrong.
+// Two threads, one queue: prints how many bytes were sent and came, and how many of them wrong.
 #include "byte_queue.hpp"
 
+#include <atomic>
+#include <chrono>
 #include <cstdio>
 #include <thread>
 
@@ -15,28 +17,38 @@ size_t piece_after(size_t place) { return 1 + (place * 40503u >> 7) % 97; }
 }  // namespace
 
 int main() {
-  constexpr size_t kBytes = 200000;
+  // On a busy machine each of the two waits for its turn: then as many as come in ten seconds.
+  constexpr size_t kBytes = 8000000;
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
   static ByteQueue<64> queue;
-  std::thread writer([] {
-    for (size_t sent = 0; sent < kBytes;) {
+  std::atomic<bool> ended{false};
+  size_t sent = 0;
+  std::thread writer([&] {
+    while (sent < kBytes) {
       uint8_t bytes[97];
       const size_t wanted = piece_after(sent), size = wanted < kBytes - sent ? wanted : kBytes - sent;
       for (size_t i = 0; i < size; ++i) bytes[i] = byte_at(sent + i);
       const size_t taken = queue.put(bytes, size);
-      if (taken == 0) std::this_thread::yield();
       sent += taken;
+      if (taken != 0) continue;
+      if (std::chrono::steady_clock::now() > end) break;
+      std::this_thread::yield();
     }
+    ended = true;
   });
   size_t wrong = 0, came = 0, most = 0;
-  while (came < kBytes) {
+  for (;;) {
+    const bool last = ended;
     uint8_t bytes[97];
     const size_t size = queue.take(bytes, piece_after(came + 1));
     for (size_t i = 0; i < size; ++i) wrong += bytes[i] != byte_at(came + i);
     most = size > most ? size : most;
-    if (size == 0) std::this_thread::yield();
     came += size;
+    if (size != 0) continue;
+    if (last) break;
+    std::this_thread::yield();
   }
   writer.join();
   uint8_t rest;
-  std::printf("%zu %zu %zu %zu %zu\n", came, wrong, most, queue.take(&rest, 1), queue.room());
+  std::printf("%zu %zu %zu %zu %zu %zu\n", sent, came, wrong, most, queue.take(&rest, 1), queue.room());
 }

@@ -54,8 +54,9 @@ def test_the_check_can_fail(tmp_path):
 
 
 def test_two_threads_pass_bytes_through_the_queue(build):
-    [(came, wrong, most, rest, room)] = build("byte_queue")
-    assert (came, wrong, rest, room) == (200_000, 0, 0, 64)
+    [(sent, came, wrong, most, rest, room)] = build("byte_queue")
+    assert (came, wrong, rest, room) == (sent, 0, 0, 64)
+    assert sent > 64  # once around at least
     assert 1 < most <= 64
 
 
