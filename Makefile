@@ -8,7 +8,7 @@ INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/py
 BUILD_TOOLS := scikit-build-core nanobind $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
+.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -124,6 +124,10 @@ clean:
 	@echo "Fetching the libraries and the solvers to compare with ..."
 	@$(INSTALL) --no-build-isolation -e '.[solvers]' cvxpy-base
 	@touch $@
+
+install: .venv/user.stamp
+	@echo "Fetching the libraries of all verbs ..."
+	@$(INSTALL) --no-build-isolation -e '.[solvers,data,workspace,cluster,hardware,haptics,notebooks]'
 
 # Tests compare the kernels of all instruction sets.
 .venv/dev.stamp: .venv/tools.stamp pyproject.toml CMakeLists.txt $(NATIVE)

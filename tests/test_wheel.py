@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import venv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -109,6 +109,17 @@ def required(name: str, extras: frozenset[str] = frozenset()) -> Iterator[import
                 yield importlib.metadata.distribution(needed.name)
 
 
+def environment(folder: Path, distributions: Iterable[importlib.metadata.Distribution]) -> Path:
+    """Make a virtual environment that has these distributions of this one, and return where they are."""
+    venv.create(folder, symlinks=True)
+    (site,) = folder.glob("lib/python*/site-packages")
+    for distribution in distributions:
+        tops = {file.parts[0] for file in distribution.files or [] if ".." not in file.parts}
+        for top in tops - {"__pycache__"}:
+            (site / top).symlink_to(str(distribution.locate_file(top)))
+    return site
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A virtual environment with the wheel and what it requires, no extra and nothing of the source tree.
@@ -118,13 +129,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     subprocess.run([sys.executable, "-c", BUILD, folder], cwd=ROOT, check=True, capture_output=True)
     (wheel,) = folder.glob("*.whl")
-    venv.create(folder / "venv", symlinks=True)
+    site = environment(folder / "venv", required("tensionlab"))
     python = folder / "venv" / "bin" / "python"
-    (site,) = (folder / "venv").glob("lib/python*/site-packages")
-    for distribution in required("tensionlab"):
-        tops = {file.parts[0] for file in distribution.files or [] if ".." not in file.parts}
-        for top in tops - {"__pycache__"}:
-            (site / top).symlink_to(str(distribution.locate_file(top)))
     install = ["pip", "--python", python, "install", "--quiet", "--no-deps", "--no-index", "--no-compile", wheel]
     subprocess.run([sys.executable, "-m", *install], check=True, capture_output=True)
     shutil.copy(_native.__file__, site / "tensionlab")
@@ -201,3 +207,29 @@ for module in pkgutil.walk_packages(tl.__path__, "tensionlab."):
     assert installed in Path(file).parents
     assert name == "cogiro"
     assert names == tensionlab.datasets.names()
+
+
+def test_a_control_computer_needs_numpy_and_pydantic(installed: Path) -> None:
+    """As `docs/install.md` has it: rig files, the exact solver, certificates and workspace metrics."""
+    names = ["numpy", "pydantic", "tomli-w"]
+    needed = [importlib.metadata.distribution(name) for name in names]
+    control = installed.parent / "control"
+    site = environment(control, [*needed, *(each for name in names for each in required(name))])
+    (package,) = installed.glob("lib/python*/site-packages/tensionlab")
+    (site / "tensionlab").symlink_to(package)
+    script = f"""
+import tensionlab as tl
+rig = tl.load_rig(tl.datasets.folder() / "rigs" / "{RIG}.toml")
+structure = rig.structure_matrix(rig.home)
+result = tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits)
+assert result.status == tl.Status.EXACT and abs(result.residual) < 1e-9
+assert tl.allocate(structure, [9.0, 0.0, 0.0], rig.limits).status == tl.Status.NEAREST
+assert tl.workspace.capacity_margin(structure, rig.limits) > -1
+try:
+    tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits, solver="qp")
+except tl.MissingDependency as missing:
+    print(missing)
+"""
+    done = call(control / "bin" / "python", "-c", script)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "QP backend 'clarabel' needs qpsolvers: pip install tensionlab\n"
