@@ -27,6 +27,7 @@ LIBRARIES = [
     "proxsuite",
     "highspy",
     "cvxpy",
+    "cvxpy-base",
     "matplotlib",
     "xarray",
     "zarr",

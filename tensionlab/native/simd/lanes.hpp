@@ -187,6 +187,7 @@ inline V inner(const V (&x)[N], const V (&y)[N]) {
 
 // Lane l of a comparison.
 inline bool holds(bool mask, int) { return mask; }
+inline bool holds(int mask, int) { return mask != 0; }  // of bools joined by & and |
 template <class Mask>
 inline bool holds(const Mask& mask, int l) {
   return mask[l] != 0;

@@ -15,6 +15,7 @@ inline namespace TENSIONLAB_BUILD {
 template <int R, int M>
 struct SingleWrenchSet : WrenchSet<1, kMaxComponents, R, M, Basis::full> {
   static constexpr int N = kMaxComponents;
+  static constexpr bool kMayBeFlat = true;
   int components, rank;
   double range[R][N];  // orthonormal
   double size;         // how far the set may reach from zero

@@ -45,7 +45,7 @@ struct ActiveFacet {
           active[r] = closer ? (along < V{} ? V(-normal[r]) : normal[r]) : active[r];
         }
       });
-      if constexpr (L == 1) {
+      if constexpr (Set::kMayBeFlat) {
         for (int j = 0; j < seen.count && set.flat(); ++j) {
           double left[Set::kComponents];
           if (set.off_range(seen.wrench[j], left) <= furthest_off) continue;
@@ -61,7 +61,7 @@ struct ActiveFacet {
       for (int l = 0; l < L; ++l) normals[row[l] * static_cast<std::size_t>(n) + k] = read<double>(component, l);
     }
     const V distance = square_root<double, L>(magnitude(least)), margin = least < V{} ? V(-distance) : distance;
-    if constexpr (L == 1) {
+    if constexpr (Set::kMayBeFlat) {
       if (set.flat() && -furthest_off <= margin) {
         numbers[row[0]] = number_off;
         for (int k = 0; k < n; ++k) {
@@ -122,7 +122,7 @@ struct HalfSpaces {
         add(row[l], used[l], each, read<double>(middle, l), read<double>(reach, l));
       }
     });
-    if constexpr (L == 1) add_plane(set, row[0], used[0]);
+    if constexpr (Set::kMayBeFlat) add_plane(set, row[0], used[0]);
     for (int l = 0; l < L; ++l) {
       for (std::size_t i = used[l]; i < capacity && used[l] > 0; ++i) copy(row[l], used[l] - 1, i);
     }

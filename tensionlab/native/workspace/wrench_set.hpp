@@ -31,6 +31,7 @@ template <int L, int N, int R, int M, Basis kBasis>
 struct WrenchSet {
   using V = Lanes<double, L>;
   static constexpr int kLanes = L, kComponents = N, kRank = R;
+  static constexpr bool kMayBeFlat = false;
 
   V basis[R][N];  // B
   V centre[N];
