@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import MissingDependency
+from tensionlab.errors import needs
 
 
 def model(structure: Floats, wrench: Floats, lower: Floats, upper: Floats) -> Any:
@@ -61,8 +61,6 @@ def feasibility_checker() -> Callable[[Iterable[Any]], list[bool]]:
 
 
 def _load() -> Any:
-    try:
+    with needs("solvers", "HiGHS"):
         import highspy
-    except ImportError:
-        raise MissingDependency('HiGHS is not installed: pip install "tensionlab[solvers]"') from None
     return highspy
