@@ -1,5 +1,7 @@
 import dataclasses
+import itertools
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -101,11 +103,23 @@ def test_the_numbers_of_a_row_follow_from_its_allocation(narrow):
 
 def test_times_are_those_of_calls_that_were_made(narrow):
     for row in narrow.rows:
-        assert 0 < row.call_median_s <= row.call_p99_s < 10
+        assert 0 < row.call_median_s <= row.call_p99_s
         assert row.batch_s > 0
-    rows = rows_of(narrow)
-    # In a batch the cost of a call is shared by 182 problems.
-    assert rows["newton", "force"].batch_s < rows["newton", "force"].call_median_s / 2
+
+
+def test_a_slow_moment_of_the_machine_changes_no_time(monkeypatch):
+    looks = itertools.count()
+
+    def perf_counter():
+        """A clock on which everything takes 1 ms, but for 30 ms before the fourth look at it."""
+        look = next(looks)
+        return 0.001 * look + 0.03 * (look >= 3)
+
+    monkeypatch.setattr("tensionlab.comparison.compare.time", SimpleNamespace(perf_counter=perf_counter))
+    rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
+    for row in compare(rig, solvers=["closed-form", "pseudoinverse"]).rows:
+        assert row.batch_s == pytest.approx(0.001 / 182)
+        assert row.call_median_s == pytest.approx(0.001)
 
 
 def test_position_and_magnitude_and_directions_are_used():
