@@ -142,9 +142,16 @@ class CycleTable:
 
 COLUMNS: dict[str, Column] = {each.name: each.metadata["column"] for each in fields(CycleTable)}
 """All columns, by name."""
-TYPES: dict[str, np.dtype[Any]] = {
-    name: np.dtype(get_args(get_args(hint)[1])[0]) for name, hint in get_type_hints(CycleTable).items()
-}
+
+
+def _dtype(hint: Any) -> np.dtype[Any]:
+    """Return the type of an ``NDArray``: its last argument, which is a dtype up to NumPy 2.4."""
+    inner = get_args(hint)[-1]
+    dtype: np.dtype[Any] = np.dtype((get_args(inner) or (inner,))[0])
+    return dtype
+
+
+TYPES: dict[str, np.dtype[Any]] = {name: _dtype(hint) for name, hint in get_type_hints(CycleTable).items()}
 """Of which type each is."""
 OLD_NAMES = {
     "measured": "tensions",
