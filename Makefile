@@ -9,7 +9,7 @@ INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/py
 BUILD_TOOLS := scikit-build-core nanobind setuptools $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs checksums clean
+.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -91,7 +91,7 @@ figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py
 
 # What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
-docs: .venv/dev.stamp
+generated: .venv/dev.stamp
 	@$(BIN)/python -m tools.generate_docs
 
 checksums: .venv/bin/python

@@ -1,4 +1,4 @@
-"""The guide in docs/add-a-solver.md works: its solver runs, keeps the style, and gives the right answers."""
+"""The guide in docs/how-to/add-a-solver.md works: its solver runs, keeps the style, gives the right answers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tensionlab.solvers import select_solvers
 from tests.support.distribution import install
 
 ROOT = Path(__file__).parents[1]
-GUIDE = (ROOT / "docs" / "add-a-solver.md").read_text(encoding="utf-8")
+GUIDE = (ROOT / "docs" / "how-to" / "add-a-solver.md").read_text(encoding="utf-8")
 SOLVER, TESTS = re.findall(r"^```python\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
 (PROJECT,) = re.findall(r"^```toml\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
 FILE = "tensionlab/solvers/dual_ascent.py"

@@ -210,7 +210,7 @@ for module in pkgutil.walk_packages(tl.__path__, "tensionlab."):
 
 
 def test_a_control_computer_needs_numpy_and_pydantic(installed: Path) -> None:
-    """As `docs/install.md` has it: rig files, the exact solver, certificates and workspace metrics."""
+    """As `docs/get-started/install.md` has it: rig files, the exact solver, certificates and workspace metrics."""
     names = ["numpy", "pydantic", "tomli-w"]
     needed = [importlib.metadata.distribution(name) for name in names]
     control = installed.parent / "control"

@@ -1,7 +1,7 @@
 """Table of the benchmark in the documents, from committed results, and the command that commits a run.
 
 ``python -m tools.generate_benchmark_table out/bench`` takes the results of a run into the repository;
-``make docs`` then writes the table from them.
+``make generated`` then writes the table from them.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def main() -> None:
     except (TensionlabError, OSError) as error:
         print(f"benchmark table: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    print(f"{COMMITTED}: the results of {sys.argv[1]}; now `make checksums`, `make docs` and `make figures`")
+    print(f"{COMMITTED}: the results of {sys.argv[1]}; now `make checksums`, `make generated` and `make figures`")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""BRIDGE.md from the code: ``make docs``."""
+"""BRIDGE.md from the code: ``make generated``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 HEAD = f"""# The bridge
 
 The bridge lets game engines drive a rig: `tensionlab serve RIG` opens a WebSocket. Version {PROTOCOL} of the
-messages. This page is generated from the code, by `make docs`.
+messages. This page is generated from the code, by `make generated`.
 
 - `ws://127.0.0.1:8765{COMMAND_PATH}` takes frames, 50 to 120 a second, and answers each with exactly one message:
   the state, or why the frame was refused. One client commands, by WebSocket or OSC; a second one is refused.

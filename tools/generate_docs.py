@@ -1,4 +1,4 @@
-"""Write what is generated into the Markdown files of this repository: `make docs`.
+"""Write what is generated into the Markdown files of this repository: `make generated`.
 
 A generated part stands between two lines, ``<!-- NAME: start -->`` and ``<!-- NAME: end -->``, in whichever file.
 `BLOCKS` says what makes each: the output of a command, results that are committed, or the code itself. A test
@@ -189,7 +189,7 @@ def main() -> None:
                 path.write_text(text, encoding="utf-8")
                 print(path.relative_to(ROOT))
     except (OSError, ValueError, TensionlabError) as error:
-        sys.exit(f"docs: {error}")
+        sys.exit(f"generated: {error}")
 
 
 if __name__ == "__main__":

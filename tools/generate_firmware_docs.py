@@ -1,4 +1,4 @@
-"""Tables of the firmware's documents, made from the firmware; `make docs` writes them.
+"""Tables of the firmware's documents, made from the firmware; `make generated` writes them.
 
 Run that after a change to messages, parameters, plant or supervisor. A test fails while a document says something
 else than the code.

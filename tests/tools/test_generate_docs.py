@@ -49,7 +49,7 @@ def differences(shown: str, printed: str) -> list[str]:
 
 @pytest.mark.parametrize(("path", "name", "text"), [each for each in SHOWN if each[1] not in PRINTED])
 def test_what_a_document_shows_is_made_anew(path, name, text):
-    assert docs.BLOCKS[name]() == text, f"{path}: run `make docs` and look at what changed"
+    assert docs.BLOCKS[name]() == text, f"{path}: run `make generated` and look at what changed"
 
 
 def rows(text):
@@ -61,7 +61,8 @@ def rows(text):
 def test_the_comparison_has_a_row_for_each_solver_and_policy(text):
     names = [name for name in every_solver() if name in SOLVERS or name.partition(":")[0] in SOLVERS]
     policies = [(name, make(name).policies or ("–",)) for name in names]
-    assert rows(text) == [(name, policy) for name, honoured in policies for policy in honoured], "run `make docs`"
+    expected = [(name, policy) for name, honoured in policies for policy in honoured]
+    assert rows(text) == expected, "run `make generated`"
 
 
 @pytest.mark.parametrize("text", [text for _, name, text in SHOWN if name == "compare"])
@@ -74,7 +75,7 @@ def test_the_demo_prints_what_the_documents_say(run, monkeypatch, text):
     assert (code, err) == (0, "")
     shown = [line for line in text.splitlines() if not line.startswith((*left_out, "plot: "))]
     assert len(quick) > 15
-    assert not differences("\n".join(shown), docs.without_times(printed)), "run `make docs`"
+    assert not differences("\n".join(shown), docs.without_times(printed)), "run `make generated`"
 
 
 def test_every_block_is_shown_somewhere():
