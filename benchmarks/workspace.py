@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from benchmarks import highs
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.rigs import find_rig, structures
+from tensionlab.benchmark.rigs import structures
 from tensionlab.benchmark.speed import instruction_set, using_threads
+from tensionlab.model.files import load_rig
 from tensionlab.workspace import capacity_margin, wrench_closure
 
 LOWER, UPPER = 0.5, 6.0
@@ -67,7 +68,7 @@ def margin_row(n: int, m: int, count: int, rounds: int, seed: int = 0) -> Row:
 
 def closure_row(step: float, rounds: int) -> Row:
     """Return the times of wrench closure over the published grid of IPAnema 2, for a step in m."""
-    rig = find_rig("ipanema-2")
+    rig = load_rig("ipanema-2")
     axes = [np.arange(-4.0, 4.0 + step / 2, step), np.arange(-3.0, 3.0 + step / 2, step), np.arange(2.0, 4.5)]
     W = rig.structure_matrix(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
     pulling = np.ones(rig.m), np.full(rig.m, np.inf)

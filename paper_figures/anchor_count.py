@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.rigs import find_rig
+from tensionlab.model.files import load_rig
 from tensionlab.model.layouts import LIMITS, box_corners
 from tensionlab.model.module import Module
 from tensionlab.model.rig import Rig
@@ -55,14 +55,14 @@ def sweep_room(points: int = POINTS) -> xarray.Dataset:
 
 def sweep_published(points: int = POINTS) -> list[xarray.Dataset]:
     """Sweep the same metric for published rigs, each in the box of its anchors."""
-    big = find_rig("spidar-big")
+    big = load_rig("spidar-big")
     eight = replace(
         box_corners(2 * np.abs(big.anchors[0]), (big.modules[0].lower, big.modules[0].upper)),
         name="spidar-big, 8 wires",
     )
     rigs = [
-        find_rig("bartels2026-validation"),
-        find_rig("cube-8"),
+        load_rig("bartels2026-validation"),
+        load_rig("cube-8"),
         replace(big, name="spidar-big, 4 wires"),
         eight,
     ]

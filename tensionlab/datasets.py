@@ -2,8 +2,10 @@
 
 A name is the path of a file in ``datasets/`` without its suffix, such as ``vectors/grid18``; each folder has one
 kind of data, and its ``README.md`` is their card: origin, columns, units, licence, how to regenerate. The problem
-sets, under ``problems/``, are generated. `folder` is where the files are: in a clone its ``datasets/``, in an
-installed package a copy of that.
+sets, under ``problems/``, are generated. Where only one kind will do, the name is without its folder:
+``tl.load_rig("ipanema-2")``, ``tensionlab compare ipanema-2``.
+
+`folder` is where the files are: in a clone its ``datasets/``, in an installed package a copy of that.
 """
 
 from __future__ import annotations
@@ -13,22 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from tensionlab.errors import InputError
+from tensionlab.files.named import SUFFIXES, describe_unknown, list_names
 from tensionlab.files.reading import datasets_folder as folder
 
 __all__ = ["folder", "load", "names"]
 PROBLEMS = "problems"
+KINDS = (*SUFFIXES, PROBLEMS)
 PROBLEM_COUNT = 1000
 """Problems that a problem set has."""
-SUFFIXES = {
-    "rigs": ".toml",
-    "spaces": ".toml",
-    "vectors": ".parquet",
-    "published": ".toml",
-    "recordings": ".parquet",
-    "what-if": ".parquet",
-    "benchmarks": ".parquet",
-}
-"""Of the files in each folder."""
 
 
 def names(kind: str | None = None, folder: str | Path | None = None) -> list[str]:
@@ -40,13 +34,9 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
     from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
     where = _found(folder)
-    if kind is not None and kind not in (*SUFFIXES, PROBLEMS):
-        raise InputError(f"no data sets are called {kind!r}; there are {', '.join([*SUFFIXES, PROBLEMS])}")
-    stored = [
-        f"{each}/{path.stem}"
-        for each, suffix in SUFFIXES.items()
-        for path in sorted((where / each).glob(f"*{suffix}"))
-    ]
+    if kind is not None and kind not in KINDS:
+        raise InputError(f"no data sets are called {kind!r}; there are {', '.join(KINDS)}")
+    stored = [f"{each}/{name}" for each in SUFFIXES for name in list_names(each, where)]
     every = [*stored, *(f"{PROBLEMS}/{name}" for name in PROBLEM_SETS)]
     return [name for name in every if kind is None or name.startswith(f"{kind}/")]
 
@@ -70,11 +60,7 @@ def load(name: str, folder: str | Path | None = None) -> Any:
         raise InputError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")
     known = names(folder=folder)
     if name not in known:
-        import difflib
-
-        close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-        hint = f"did you mean {close[0]!r}?" if close else "`tensionlab.datasets.names()` lists them"
-        raise InputError(f"no data set is called {name!r}; {hint}")
+        raise InputError(describe_unknown(name, known, "data set", "`tensionlab.datasets.names()` lists them"))
     kind, _, stem = name.partition("/")
     if kind == PROBLEMS:
         from tensionlab.benchmark.problem_sets import problem_set

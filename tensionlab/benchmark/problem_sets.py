@@ -13,9 +13,10 @@ from typing import Any, Literal
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.rigs import Stream, border_path, find_rig, near_singular, streams, workspace_samples
+from tensionlab.benchmark.rigs import Stream, border_path, near_singular, streams, workspace_samples
 from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
+from tensionlab.model.files import load_rig
 from tensionlab.workspace import half_spaces
 
 LOWER, UPPER = 0.5, 6.0
@@ -85,7 +86,7 @@ def _published(count: int, seed: int) -> ProblemSet:
     """Return 182 forces on both readings of the published rig; neither count nor seed changes them."""
     groups = []
     for label, name in (("side 1.0 m", "bartels2026-validation"), ("side 0.3 m", "bartels2026-validation-0.3m")):
-        rig = find_rig(name)
+        rig = load_rig(name)
         wrench = forces(MAGNITUDE_N * grid18(), rig.n, rig.dimension)
         structure = np.broadcast_to(rig.structure_matrix(rig.home), (len(wrench), rig.n, rig.m))
         groups.append(Group(label, structure, wrench, rig.limits.lower, rig.limits.upper))
@@ -139,7 +140,7 @@ def _near_singular(count: int, seed: int) -> ProblemSet:
 def _robots(count: int, seed: int) -> ProblemSet:
     """Return wrenches at random poses of the robots in the folder of rigs."""
     groups = []
-    rigs = [find_rig(name) for name in ("ipanema-1", "ipanema-2", "cogiro", "spidar-g6x4")]
+    rigs = [load_rig(name) for name in ("ipanema-1", "ipanema-2", "cogiro", "spidar-g6x4")]
     for rig, stream in zip(rigs, streams("robots", [(rig.n, rig.m) for rig in rigs], count, seed), strict=True):
         structure, wrench = workspace_samples(stream.rng, rig, stream.size)
         groups.append(Group(rig.name, structure, wrench, rig.limits.lower, rig.limits.upper))
@@ -156,7 +157,7 @@ def _trajectory(count: int, seed: int) -> ProblemSet:
         ("ipanema-1", 1.0, 20.0, False),
     )
     rounds = -(-count // (PATH_SAMPLES[1] * len(kinds)))
-    rigs = [find_rig(name) for name, *_ in kinds] * rounds
+    rigs = [load_rig(name) for name, *_ in kinds] * rounds
     groups = []
     for number, stream in enumerate(streams("trajectory", [(rig.n, rig.m) for rig in rigs], count, seed)):
         rig, (_, speed, size, turning) = rigs[number], kinds[number % len(kinds)]

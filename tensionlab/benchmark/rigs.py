@@ -9,8 +9,6 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
-from tensionlab.files.reading import datasets_folder
-from tensionlab.model.files import load_rig
 from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import capacity_margin
@@ -122,11 +120,6 @@ def _columns(directions: Floats, arms: Floats | None) -> Floats:
     """Return structure matrices (B, n, m) of cables that pull at arms r in directions u, both (B, m, 3)."""
     columns = directions if arms is None else np.concatenate([directions, np.cross(arms, directions)], axis=-1)
     return np.ascontiguousarray(np.swapaxes(columns, 1, 2))
-
-
-def find_rig(name: str) -> Rig:
-    """Load a rig that comes with the package, by its name in `datasets/rigs`."""
-    return load_rig(datasets_folder() / "rigs" / f"{name}.toml")
 
 
 def desired_wrenches(rig: Rig, force: Floats, rotation: Floats | None = None) -> Floats:

@@ -32,6 +32,9 @@ BAD_INPUT = 2
 """Exit status where input is bad, or a file or stdout cannot be written."""
 STDOUT_CLOSED = 141
 """Exit status where whoever reads stdout has gone: 128 + SIGPIPE."""
+PROGRAM = "tensionlab"
+COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
+"""Variable of the environment in which a shell asks how an unfinished command may go on."""
 NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {
@@ -65,6 +68,7 @@ VERBS = {
     "layout": ("layout", "Find out where to put the modules."),
     "log": ("log", "Show, export, draw and replay logs of runs."),
     "problems": ("bench", "List, show and export the benchmark's problem sets."),
+    "datasets": ("datasets", "List the rigs and other data sets that are known by name."),
 }
 """Module of each verb, and what ``--help`` says of it."""
 
@@ -98,7 +102,6 @@ app = typer.Typer(
     cls=Verbs,
     help="Tension allocation for modular cable systems: every solver behind one interface, each answer verified.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help, 0.2 s sooner
 )
@@ -154,6 +157,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Errors that are a defect of this program, such as a `TypeError`, are let through with their traceback.
     """
     words = sys.argv[1:] if arguments is None else arguments
+    if COMPLETION_VARIABLE in os.environ:
+        typer.main.get_command(app)(prog_name=PROGRAM)  # answers the shell, and leaves
     _open_streams()
     status = _status(join_numbers(words))
     try:
@@ -165,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _invoke(words: Sequence[str]) -> None:
     """Carry out the verb; errors are let through, which the parser's own way of running it would not do."""
-    with typer.main.get_command(app).make_context("tensionlab", list(words)) as context:
+    with typer.main.get_command(app).make_context(PROGRAM, list(words)) as context:
         context.command.invoke(context)
 
 

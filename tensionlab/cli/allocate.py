@@ -9,7 +9,7 @@ import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, Json, Nearest, RigFile, Solver
+from tensionlab.cli.common.options import At, Json, Nearest, RigArgument, Solver
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
@@ -25,7 +25,7 @@ LIMIT_TOLERANCE_N = 1e-9
 
 
 def allocate(
-    rig: RigFile,
+    rig: RigArgument,
     wrench: Annotated[
         str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).", show_default=False)
     ],

@@ -28,6 +28,7 @@ from tensionlab.solvers.base import Status
 problems = options.group("List, show and export the benchmark's problem sets.")
 Count = Annotated[int, typer.Option(min=1, help="About so many problems in the set.")]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same problems.")]
+COMPLETE_SETS = options.complete(lambda: PROBLEM_SETS)
 COLUMNS = (
     "<solver",
     "solved\n1e-6 N",
@@ -156,7 +157,9 @@ def list_sets(json: Json = False) -> None:
 
 @problems.command()
 def show(
-    name: Annotated[str, typer.Argument(metavar="SET", help="Name of a set.", show_default=False)],
+    name: Annotated[
+        str, typer.Argument(metavar="SET", help="Name of a set.", autocompletion=COMPLETE_SETS, show_default=False)
+    ],
     count: Count = 1000,
     seed: Seed = 0,
     json: Json = False,
@@ -191,7 +194,9 @@ def show(
 
 @problems.command()
 def export(
-    name: Annotated[str, typer.Option("--set", help="Name of a set.", show_default=False)],
+    name: Annotated[
+        str, typer.Option("--set", help="Name of a set.", autocompletion=COMPLETE_SETS, show_default=False)
+    ],
     out: Annotated[Path, options.writes("The Parquet file to write.", ".parquet")],
     count: Count = 1000,
     seed: Seed = 0,

@@ -11,7 +11,7 @@ import typer
 from tensionlab import records
 from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, Json, Plot, RigFile, Rows
+from tensionlab.cli.common.options import At, Json, Plot, RigArgument, Rows
 from tensionlab.comparison import compare as comparison
 from tensionlab.comparison.compare import Row, Score
 from tensionlab.model import directions as direction_sets
@@ -53,7 +53,7 @@ call: one force, verification included   batch: all forces in one call, time for
 
 
 def compare(
-    rig: RigFile,
+    rig: RigArgument,
     at: At = None,
     magnitude: Annotated[float, typer.Option(help="Size of each force in N.")] = 1.5,
     directions: Annotated[

@@ -23,7 +23,7 @@ def group() -> None:
 
 @layout.command()
 def search(
-    path: Annotated[Path, typer.Argument(metavar="SPACE", help="Space file (TOML).", show_default=False)],
+    space: Annotated[str, options.stored_argument("spaces", "SPACE")],
     out: Annotated[
         Path | None,
         options.writes(
@@ -40,7 +40,7 @@ def search(
     On walls, floors and bodies, so that they render the most force. The space file says where modules may stand,
     how many there are, where the hand will be, and what counts.
     """
-    task = load_task(path)
+    task = load_task(space)
     if seed is not None:
         task = task._replace(seed=seed)
     counts = [count + len(task.space.fixed) for count in task.space.counts]

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json, RigFile
+from tensionlab.cli.common.options import Json, RigArgument
 from tensionlab.files.tables import table_text
 from tensionlab.hardware.calibration import anchors as calibration
 from tensionlab.hardware.calibration import gain_measurement as measurement
@@ -190,7 +190,7 @@ def _print_gain(url: str, found: GainEstimate) -> None:
 
 
 @calibrate.command()
-def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
+def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> None:
     """Set the cable lengths of all modules of a rig.
 
     Hold the platform at the rig's home meanwhile. Modules forget them when they restart, and perhaps when they
@@ -219,7 +219,7 @@ def lengths(path: RigFile, modules: ModulesOfRig, json: Json = False) -> None:
 
 @calibrate.command()
 def record(
-    path: RigFile,
+    path: RigArgument,
     modules: ModulesOfRig,
     out: Annotated[Path, options.writes("Write the lengths to this file.", ".csv", metavar="CSV")],
     poses: Annotated[int, typer.Option(help="End after so many poses.", min=1)] = 30,
@@ -246,7 +246,7 @@ def record(
 
 @calibrate.command()
 def anchors(
-    path: RigFile,
+    path: RigArgument,
     measured: Annotated[
         Path,
         typer.Argument(metavar="LENGTHS", help="CSV: a column of lengths for each module.", show_default=False),

@@ -9,7 +9,7 @@ import typer
 
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json, Plot, RigFile
+from tensionlab.cli.common.options import Json, Plot, RigArgument
 from tensionlab.files import writing
 from tensionlab.model import caspr as caspr_models
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
@@ -23,7 +23,7 @@ SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", 
 
 
 @rig.command()
-def show(path: RigFile, plot: Plot = None, json: Json = False) -> None:
+def show(path: RigArgument, plot: Plot = None, json: Json = False) -> None:
     """Show anchors, cable lengths at home and limits of a rig. Body frames stay at rest."""
     loaded = load_rig(path)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
@@ -64,7 +64,7 @@ def _print(loaded: Rig, lengths: Floats) -> None:
 
 
 @rig.command()
-def check(path: RigFile, plot: Plot = None, json: Json = False) -> None:
+def check(path: RigArgument, plot: Plot = None, json: Json = False) -> None:
     """Check that a rig can work at its home.
 
     Checks rank, limits, balance and strength; exit status 1 where it cannot. Body frames stay at rest, at the
@@ -123,7 +123,7 @@ def import_(
 
 @rig.command()
 def export(
-    path: RigFile,
+    path: RigArgument,
     mjcf: Annotated[Path, options.writes("Write a MuJoCo model here.", ".xml", metavar="FILE.xml")],
 ) -> None:
     """Write a rig as a MuJoCo model.

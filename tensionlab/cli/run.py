@@ -14,7 +14,7 @@ from tensionlab.arrays import Floats
 from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, reach_modules
-from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigFile, Solver
+from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigArgument, Solver
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
@@ -36,7 +36,7 @@ REFRESH_RATE_HZ = 5.0
 
 
 def run(
-    rig: RigFile,
+    rig: RigArgument,
     modules: Modules = None,
     solver: Solver = "newton",
     nearest: Nearest = None,

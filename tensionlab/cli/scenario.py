@@ -30,7 +30,11 @@ LIST = "list"
 def scenario(
     name: Annotated[
         str,
-        typer.Argument(help="A name that `tensionlab scenario list` shows, or a file (TOML).", show_default=False),
+        typer.Argument(
+            help="Name of a scenario, as `tensionlab scenario list` lists them, or file (TOML).",
+            autocompletion=options.complete(lambda: (*SCENARIOS, LIST)),
+            show_default=False,
+        ),
     ],
     modules: Modules = None,
     solver: Solver = "newton",

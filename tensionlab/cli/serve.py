@@ -27,7 +27,7 @@ from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios import Scenario, ScenarioDemand, load_scenario
+from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand, load_scenario
 from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
 
 TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"
@@ -38,14 +38,12 @@ pressed against a wall of 300 N/m shakes, even where the module renders it."""
 
 
 def serve(
-    rig: Annotated[
-        Path | None,
-        typer.Argument(metavar="RIG", help="Rig file (TOML); the scenario's own if left out.", show_default=False),
-    ] = None,
+    rig: Annotated[str | None, options.rig_argument("; the scenario's own if left out")] = None,
     scenario: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
+            autocompletion=options.complete(lambda: SCENARIOS),
             help="Play a scenario, over and over: hand and bodies are where the client says, and its effects "
             "replace those of the scenario with the same names.",
         ),
@@ -143,13 +141,13 @@ def serve(
         raise typer.Exit(1)
 
 
-def _loaded(rig: Path | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
+def _loaded(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None]:
     """Read the rig, and the scenario if one is to be played."""
     if scenario is not None:
         played = load_scenario(scenario, rig)
         return played.rig, played
     if rig is None:
-        raise typer.BadParameter("give a rig file, or --scenario NAME, which has a rig of its own")
+        raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")
     return load_rig(rig), None
 
 

@@ -21,7 +21,7 @@ from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S, cable_lengths, simulated_module
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.scenarios import Scenario, load_scenario
+from tensionlab.scenarios import SCENARIOS, Scenario, load_scenario
 from tensionlab.scenarios.person import PersonSimulation
 from tensionlab.validation.error_model import PRESETS, RigErrors, draw_errors, require_point, true_plants, true_rig
 from tensionlab.validation.simulated_sensor import SensorServer
@@ -34,10 +34,7 @@ FarEnds = Mapping[str, Callable[[], float]]
 
 
 def simulate(
-    rig: Annotated[
-        Path | None,
-        typer.Argument(metavar="RIG", help="Rig file (TOML); a single module if left out.", show_default=False),
-    ] = None,
+    rig: Annotated[str | None, options.rig_argument("; a single module if left out")] = None,
     listen: Annotated[str, typer.Option(metavar="HOST", help="Address to listen at.")] = "127.0.0.1",
     port: Annotated[
         int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0, max=65535)
@@ -73,6 +70,7 @@ def simulate(
         str | None,
         typer.Option(
             metavar="NAME",
+            autocompletion=options.complete(lambda: SCENARIOS),
             help="Serve the modules of a scenario, whose cables its simulated person holds: a name that "
             "`tensionlab scenario list` shows, or a file. RIG replaces its rig.",
         ),

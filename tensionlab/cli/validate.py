@@ -29,12 +29,7 @@ SIMULATED = "sim:"
 
 def validate(
     rig: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="RIG",
-            help="Rig file (TOML) of a point in space; the published one if left out.",
-            show_default=False,
-        ),
+        str | None, options.rig_argument(", of a point in space; the published one if left out")
     ] = None,
     modules: Modules = None,
     sensor: Annotated[
@@ -106,7 +101,7 @@ def validate(
 
 
 def _plan(
-    rig: Path | None, modules: str | None, sensor: str, solver: str, preset: str | None, seed: int, hold: float
+    rig: str | None, modules: str | None, sensor: str, solver: str, preset: str | None, seed: int, hold: float
 ) -> ValidationPlan:
     """Return what is to be measured; refuse options that do not go together."""
     if modules is not None and sensor == SIMULATED:

@@ -39,7 +39,7 @@ class View(StrEnum):
 
 
 def workspace(
-    rigs: Annotated[list[Path], typer.Argument(metavar="RIG", help="Rig files (TOML).", show_default=False)],
+    rigs: Annotated[list[str], options.rig_argument()],
     box: Annotated[
         str | None,
         typer.Option(

@@ -11,6 +11,7 @@ import numpy as np
 
 from tensionlab.errors import RigError
 from tensionlab.files import writing
+from tensionlab.files.named import find
 from tensionlab.files.reading import parse_toml, read_text
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
 from tensionlab.model.rig import Rig
@@ -20,10 +21,22 @@ SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
 
 
 def load_rig(path: str | PathLike[str]) -> Rig:
-    """Read a rig from a TOML file. ``datasets/README.md`` shows the format, with every key.
+    """Read a rig that comes with this package, by its name, or a rig file, by its path.
 
-    RigError names the file, the module and the key, and says what is wrong and what to do.
+    A path ends in ``.toml`` or has a separator. Another text is a name: ``tl.datasets.names("rigs")`` lists them,
+    with their folder. ``datasets/README.md`` shows the format of the file, with every key.
+
+    Raises
+    ------
+    RigError
+        Naming the file, the module and the key: what is wrong and what to do. Or there is no rig of that name.
+
+    Examples
+    --------
+    >>> tl.load_rig("ipanema-2").m
+    8
     """
+    path = find(path, "rigs", RigError)
     return rig_from_toml(read_text(path, "a rig file (*.toml)", RigError), source=str(path))
 
 

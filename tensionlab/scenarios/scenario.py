@@ -14,6 +14,7 @@ import numpy as np
 from tensionlab.allocation import Nearest
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError, ScenarioError
+from tensionlab.files.named import describe_unknown, is_path
 from tensionlab.files.reading import brief, read_toml
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import TIMING, ImpactCap, Timing, Wall
@@ -202,9 +203,9 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
     Parameters
     ----------
     name : str or path
-        One of `SCENARIOS`, or a file (``.toml``).
-    rig : path, optional
-        A rig file in place of the scenario's own, which is NAME.rig.toml beside NAME.toml.
+        One of `SCENARIOS`, or the path of a file: it ends in ``.toml`` or has a separator.
+    rig : str or path, optional
+        A rig in place of the scenario's own, which is NAME.rig.toml beside NAME.toml; as `load_rig` takes it.
 
     Raises
     ------
@@ -214,9 +215,10 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         If the rig's file is.
     """
     path = Path(name)
-    if path.suffix != ".toml":
-        if str(name) not in SCENARIOS:
-            raise ScenarioError(f'no scenario "{name}"; there are {", ".join(SCENARIOS)}, or give a file (.toml)')
+    if not is_path(name, ".toml"):
+        if name not in SCENARIOS:
+            problem = describe_unknown(str(name), SCENARIOS, "scenario", f"there are {', '.join(SCENARIOS)}")
+            raise ScenarioError(f"{problem}; a path ends in .toml or has a '/'")
         path = FOLDER / f"{name}.toml"
     table = read_toml(path, "a scenario file (*.toml)", ScenarioError)
     try:

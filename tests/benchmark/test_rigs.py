@@ -6,7 +6,6 @@ import pytest
 from tensionlab.benchmark.rigs import (
     border_path,
     desired_wrenches,
-    find_rig,
     near_singular,
     rotations,
     structures,
@@ -14,6 +13,7 @@ from tensionlab.benchmark.rigs import (
     workspace_samples,
 )
 from tensionlab.errors import RigError
+from tensionlab.model.files import load_rig
 from tensionlab.workspace import capacity_margin
 
 
@@ -46,7 +46,7 @@ def test_a_quarter_turn_about_each_axis():
 
 
 def test_a_hanging_robot_holds_its_weight_at_its_centre_of_mass():
-    rig = find_rig("cogiro")  # 91.058 kg at (-0.034, -0.013, 0.264) m
+    rig = load_rig("cogiro")  # 91.058 kg at (-0.034, -0.013, 0.264) m
     weight = 91.058 * 9.81
     force = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])
     np.testing.assert_allclose(desired_wrenches(rig, force)[0], [0, 0, weight, -0.013 * weight, 0.034 * weight, 0])
@@ -59,12 +59,12 @@ def test_a_hanging_robot_holds_its_weight_at_its_centre_of_mass():
 
 def test_a_point_without_mass_is_asked_for_the_force_alone():
     force = np.array([[1.0, 2.0, 3.0]])
-    np.testing.assert_array_equal(desired_wrenches(find_rig("cube-8"), force), force)
+    np.testing.assert_array_equal(desired_wrenches(load_rig("cube-8"), force), force)
 
 
 @pytest.mark.parametrize("name", ["ipanema-1", "spidar-g6x4"])
 def test_robots_are_turned_moved_and_pushed_but_not_beyond_their_reach(name):
-    rig = find_rig(name)
+    rig = load_rig(name)
     structure, wrench = workspace_samples(np.random.default_rng(3), rig, 40)
     assert structure.shape == (40, 6, 8)
     assert np.ptp(structure, axis=0).min() > 0.0
@@ -77,7 +77,7 @@ def test_robots_are_turned_moved_and_pushed_but_not_beyond_their_reach(name):
 
 @pytest.mark.parametrize("turning", [True, False])
 def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
-    rig = find_rig("seven-modules")
+    rig = load_rig("seven-modules")
     structure, wrench, length = border_path(np.random.default_rng(0), rig, 400, 0.3, 1.5, turning)
     np.testing.assert_allclose(np.linalg.norm(wrench, axis=1), 1.5)
     assert (np.ptp(wrench, axis=0).max() > 0.1) == turning
@@ -93,7 +93,7 @@ def test_a_path_is_a_slow_loop_that_starts_inside_and_comes_back(turning):
 
 
 def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
-    rig = find_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
+    rig = load_rig("seven-modules")  # the first loop of this seed is within reach for 8 of 100 samples
     structure, wrench, _ = border_path(np.random.default_rng(49), rig, 100, 0.3, 1.5, True)
     inside = capacity_margin(structure, rig.limits, wrench[:, None]) > 0.0
     assert 0.1 <= inside.mean() <= 0.9
@@ -101,16 +101,11 @@ def test_a_path_that_hardly_enters_the_workspace_is_drawn_again():
 
 def test_a_force_that_is_never_available_has_no_border():
     with pytest.raises(RigError, match=r"cube-8.*none of 200"):
-        border_path(np.random.default_rng(0), find_rig("cube-8"), 50, 0.3, 1e3, False)
+        border_path(np.random.default_rng(0), load_rig("cube-8"), 50, 0.3, 1e3, False)
 
 
 def test_a_robot_too_weak_for_its_weight_is_named():
-    rig = find_rig("ipanema-1")
+    rig = load_rig("ipanema-1")
     heavy = dataclasses.replace(rig, platform=dataclasses.replace(rig.platform, mass=1e6))
     with pytest.raises(RigError, match=r"ipanema-1.*3 of 3 not found"):
         workspace_samples(np.random.default_rng(0), heavy, 3)
-
-
-def test_a_missing_rig_is_named_with_its_folder():
-    with pytest.raises(RigError, match=r"rigs/cube-9\.toml: no such file"):
-        find_rig("cube-9")

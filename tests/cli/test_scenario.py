@@ -71,7 +71,7 @@ def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["bw"], 'no scenario "bw"; there are materials'),
+        (["bw"], "no scenario is called 'bw'; did you mean 'bow'? there are materials"),
         (["nothing.toml"], "no such file"),
         (["bow", "--seconds", "0"], "give a finite number above 0; got 0"),
         (["bow", "--seconds", "6"], "at most 5"),

@@ -117,7 +117,7 @@ def test_a_rig_that_stands_otherwise_is_refused(tmp_path):
 
 
 def test_an_unknown_name_is_told_the_known_ones():
-    with pytest.raises(ScenarioError, match='no scenario "bw"; there are materials, collision'):
+    with pytest.raises(ScenarioError, match=r"no scenario is called 'bw'; did you mean 'bow'\? there are mat"):
         load_scenario("bw")
 
 

@@ -125,7 +125,7 @@ WRONG = [
     (("--tracker", "127.0.0.1:9000"), "give --scenario NAME"),
     (("--scenario", "bow", "--tracker", "9000"), "--tracker is HOST:PORT"),
     (("--scenario", "bow", "--tracker", "nowhere.invalid:9000"), "nowhere.invalid"),
-    (("--scenario", "lute"), 'no scenario "lute"'),
+    (("--scenario", "lute"), "no scenario is called 'lute'"),
 ]
 
 

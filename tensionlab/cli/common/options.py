@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +11,9 @@ import typer
 
 from tensionlab.errors import WriteError
 from tensionlab.files import writing
+from tensionlab.files.named import list_names
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import select_solvers
+from tensionlab.solvers import every_solver, select_solvers
 
 
 def parse_numbers(text: str) -> list[float]:
@@ -100,15 +101,41 @@ def writes(help_text: str, *suffixes: str, metavar: str = "FILE") -> Any:
     return typer.Option(metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False)
 
 
+def complete(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """Return what a shell asks for the names that begin like an unfinished word; it knows files by itself."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
+def stored_argument(kind: str, metavar: str, note: str = "") -> Any:
+    """Return an argument that is the name of a data set, of one of `SUFFIXES`, or the path of a file."""
+    what = kind.removesuffix("s")
+    return typer.Argument(
+        metavar=metavar,
+        help=f"Name of a {what}, as `tensionlab datasets {kind}` lists them, or file (TOML){note}.",
+        autocompletion=complete(lambda: list_names(kind)),
+        show_default=False,
+    )
+
+
+def rig_argument(note: str = "") -> Any:
+    """Return an argument that is a rig; the note is the end of what its help says."""
+    return stored_argument("rigs", "RIG", note)
+
+
 def group(help_text: str) -> typer.Typer:
     """Return a verb that has verbs of its own."""
     return typer.Typer(help=help_text, no_args_is_help=True, rich_markup_mode=None)
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-RigFile = Annotated[Path, typer.Argument(metavar="RIG", help="Rig file (TOML).", show_default=False)]
+RigArgument = Annotated[str, rig_argument()]
 At = Annotated[str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")]
-Solver = Annotated[str, typer.Option(help="Name of a solver, as `tensionlab solvers` lists them.")]
+Solver = Annotated[
+    str,
+    typer.Option(
+        help="Name of a solver, as `tensionlab solvers` lists them.", autocompletion=complete(every_solver)
+    ),
+]
 Nearest = Annotated[
     str | None,
     typer.Option(

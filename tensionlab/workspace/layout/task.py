@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from tensionlab.errors import InputError, RigError, ShapeError
+from tensionlab.files.named import find
 from tensionlab.files.reading import brief, read_toml
 from tensionlab.model import kinematics
 from tensionlab.model.module import MAX_LENGTH, Module
@@ -121,10 +122,12 @@ class LayoutTask(NamedTuple):
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:
-    """Return the search task of a TOML file; RigError names the file, the table and the key.
+    """Return the search task of a space that comes with this package, by name, or of a space file, by path.
 
-    ``datasets/README.md`` shows the format, with every key.
+    Names and paths are told apart as in `load_rig`. ``datasets/README.md`` shows the format of the file, with
+    every key. RigError names the file, the table and the key, or says that there is no space of that name.
     """
+    path = find(path, "spaces", RigError)
     document = read_toml(path, "a space file (*.toml)", RigError)
     try:
         table = check(SpaceFile, document)

@@ -1,0 +1,66 @@
+"""Files that come with this package, by name: a word that has no separator and no suffix of its kind of file.
+
+How a word is written makes it a name or a path, whatever lies in the current folder: ``ipanema-2`` is the rig of
+this package, ``ipanema-2.toml`` and ``./ipanema-2`` are files.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from collections.abc import Iterable
+from os import PathLike
+from pathlib import Path
+
+from tensionlab.errors import TensionlabError
+from tensionlab.files.reading import brief, datasets_folder
+
+SUFFIXES = {
+    "rigs": ".toml",
+    "spaces": ".toml",
+    "vectors": ".parquet",
+    "published": ".toml",
+    "recordings": ".parquet",
+    "what-if": ".parquet",
+    "benchmarks": ".parquet",
+}
+"""Of the files in each folder of data sets."""
+SEPARATORS = {"/", os.sep}
+
+
+def list_names(kind: str, folder: Path | None = None) -> list[str]:
+    """List the names of the files of a kind, in this package's data sets or in another folder of them."""
+    where = (folder or datasets_folder()) / kind
+    return sorted(path.name.removesuffix(SUFFIXES[kind]) for path in where.glob(f"*{SUFFIXES[kind]}"))
+
+
+def is_path(word: str | PathLike[str], suffix: str) -> bool:
+    """Whether a word is the path of a file, not a name: it has a separator or the suffix, or is no text."""
+    return not isinstance(word, str) or word.lower().endswith(suffix) or any(each in word for each in SEPARATORS)
+
+
+def find(word: str | PathLike[str], kind: str, error: type[TensionlabError]) -> Path:
+    """Return the path of a file of one of `SUFFIXES`, given by name or by path.
+
+    The error is raised, saying what there is instead, for a name that is unknown, and for a path at which there is
+    nothing if its last part is a name.
+    """
+    suffix, what = SUFFIXES[kind], kind.removesuffix("s")
+    if not is_path(word, suffix):
+        if word not in (known := list_names(kind)):
+            problem = describe_unknown(str(word), known, what, f"`tensionlab datasets {kind}` lists them")
+            raise error(f"{problem}; a path ends in {suffix} or has a '/'")
+        return datasets_folder() / kind / f"{word}{suffix}"
+    path = Path(word)
+    name = re.split(r"[/\\]", str(word))[-1].removesuffix(suffix)
+    if not os.path.exists(path) and name in list_names(kind):  # noqa: PTH110 - takes what no system does
+        raise error(f"{path}: no such file; the {what} that comes with tensionlab is called {name!r}")
+    return path
+
+
+def describe_unknown(name: str, known: Iterable[str], what: str, listing: str) -> str:
+    """Return what to say of an unknown name: which one is close, and how to list them."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"no {what} is called {brief(name)}; {hint}{listing}"
