@@ -1,4 +1,4 @@
-"""The guide in docs/how-to/add-a-solver.md works: its solver runs, keeps the style, gives the right answers."""
+"""The guide docs/how-to/add-a-solver.md works and its solver keeps the style; a release has one version."""
 
 from __future__ import annotations
 
@@ -118,3 +118,9 @@ def test_from_outside_it_is_held_against_the_contract(outside: dict[str, str]) -
     assert run.returncode == 0, run.stdout + run.stderr
     (passed,) = re.findall(r"(\d+) passed", run.stdout)
     assert int(passed) >= 10
+
+
+def test_a_release_has_one_version() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (cited,) = re.findall(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    assert tl.__version__ == project["version"] == cited
