@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 CXX ?= c++
-RIG := datasets/rigs/bartels2026-validation.toml
+RIG := bartels2026-validation
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python,$(PIP)) -c constraints.txt
 # setuptools: cobs has no wheel for some systems.

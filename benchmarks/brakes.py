@@ -7,7 +7,6 @@ when a user pushes against a wall, over all directions of the wall, and the time
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.module import TensionLimits
 from tensionlab.model.rig import Rig
 
-RIGS = Path("datasets/rigs")
 BRAKE = 186.0
 """What a brake holds, in N: the published one."""
 
@@ -60,7 +58,7 @@ def main() -> None:
     """Print the figures."""
     print("mean unresisted force: motors alone, best single brake alone, lock set and motors")
     for name in ("bartels2026-validation", "cube-8"):
-        rig = load_rig(RIGS / f"{name}.toml")
+        rig = load_rig(name)
         for force in (10.0, 50.0):
             motors, single, both, held, near = unresisted(rig, force)
             print(

@@ -35,7 +35,7 @@ from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 
-RIG = "datasets/rigs/bartels2026-validation.toml"
+RIG = "bartels2026-validation"
 ROUNDS = 4
 """Of a calm phase, JSON, OSC and floods."""
 CALM_S, FLOOD_S = 6.0, 3.0

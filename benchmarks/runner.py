@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -23,8 +22,8 @@ from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 
-FOUR = Path("datasets/rigs/bartels2026-validation.toml")
-SEVEN = Path("datasets/rigs/seven-modules.toml")
+FOUR = "bartels2026-validation"
+SEVEN = "seven-modules"
 
 
 @dataclass
@@ -78,9 +77,9 @@ def main() -> None:
     over_tcp("100 Hz, 7 modules over TCP", SEVEN, seven, 100.0, seconds)
 
 
-def over_tcp(what: str, path: Path, rig: Rig, rate: float, seconds: float) -> None:
+def over_tcp(what: str, name: str, rig: Rig, rate: float, seconds: float) -> None:
     """Time a run against modules in another process."""
-    with simulated(path) as (links, _):
+    with simulated(name) as (links, _):
         group = connect(rig, links)
         try:
             report(what, *bench(rig, group, rate, seconds))

@@ -28,7 +28,7 @@ from tensionlab.hardware.simulation.world import World, position
 from tensionlab.model.files import load_rig
 from tensionlab.records import manifest
 
-RIG = Path("datasets/rigs/seven-modules.toml")
+RIG = "seven-modules"
 LINK = Conditions(latency=0.030, jitter=0.010, drop=0.01, corrupt=0.001)
 """Of each module: shares of the bytes."""
 ORBIT_M, ORBIT_S = 0.05, 10.0
@@ -75,7 +75,7 @@ def soak(seconds: float, log: Path, seed: int = 0) -> Findings:
 def kills(count: int, folder: Path, seed: int = 0) -> list[str]:
     """Kill hosts at random moments; return those of their logs that do not open, or lack more than a second."""
     draw, wrong = random.Random(seed), []
-    rig = Path("datasets/rigs/bartels2026-validation.toml")
+    rig = "bartels2026-validation"
     with simulated(rig) as (links, _):
         (folder / "killed.toml").write_text(modules_to_toml(links), encoding="utf-8")
         for index in range(count):

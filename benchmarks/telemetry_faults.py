@@ -15,7 +15,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 
 import numpy as np
 
@@ -203,7 +202,7 @@ class Outcome:
 def play(case: Case, seconds: float = 4.0) -> Outcome:
     """Play a run, in which the hand moves, and see what it says of its modules."""
     draw = np.random.default_rng(case.seed)
-    rig = load_rig(Path("datasets/rigs") / f"{RIGS[case.seed % len(RIGS)]}.toml")
+    rig = load_rig(RIGS[case.seed % len(RIGS)])
     world = World(rig, _hand(rig, draw), seed=case.seed)
     victim = int(draw.integers(rig.m))
     begin = 0.0 if case.kind == "late from the start" else float(draw.uniform(0.8, 1.5))
