@@ -9,7 +9,7 @@ INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/py
 BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme setuptools $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures generated checksums clean
+.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -90,6 +90,16 @@ what-if: .venv/dev.stamp
 figures: .venv/dev.stamp
 	@$(BIN)/python paper_figures/make.py
 
+# The site: out/site/index.html. Notebooks are run again where they have changed; a warning is an error.
+docs: .venv/docs.stamp
+	@rm -rf docs/reference/generated
+	@$(BIN)/sphinx-build --jobs 2 --keep-going --fail-on-warning --quiet -c docs -d build/site/doctrees . out/site
+	@echo "out/site/index.html"
+
+# The same in a browser: every page, link and anchor, the search, equations and pictures; screenshots in out/site-check.
+docs-check: docs
+	@$(BIN)/python -m tools.site.check out/site
+
 # What stands between marks in Markdown files: the output of commands, and tables from committed results and code.
 generated: .venv/dev.stamp
 	@$(BIN)/python -m tools.generate_docs
@@ -101,8 +111,13 @@ checksums: .venv/bin/python
 firmware-check: .venv/dev.stamp
 	@$(BIN)/python firmware/check.py
 
+.venv/docs.stamp: .venv/user.stamp
+	@echo "Fetching what builds the site ..."
+	@$(INSTALL) --no-build-isolation -e '.[docs]'
+	@touch $@
+
 clean:
-	rm -rf .venv build out
+	rm -rf .venv build out docs/reference/generated
 
 .venv/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "No Python: '$(PYTHON)' was not found."; exit 1; }

@@ -19,10 +19,11 @@ import numpy as np
 
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
+from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.validation.data_tables import Trial
 from tools.generate_benchmark_table import section
 from tools.generate_bridge_docs import document as bridge
-from tools.generate_firmware_docs import sections
+from tools.generate_firmware_docs import sections, table
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = (".", "datasets", "docs", "examples", "firmware", "paper_figures")
@@ -84,8 +85,8 @@ def what_if() -> str:
         ("a linear map", *_pair(parts["linear map"])),
     ]  # fmt: skip
     head = [("", "mean angle error", "mean length of the error vector"), ("---", "---", "---")]
-    table = "\n".join("| " + " | ".join(row) + " |" for row in (*head, *rows))
-    return f"Medians of {', '.join(map(str, sorted(sizes)))} simulated rigs:\n\n{table}"
+    shown = "\n".join("| " + " | ".join(row) + " |" for row in (*head, *rows))
+    return f"Medians of {', '.join(map(str, sorted(sizes)))} simulated rigs:\n\n{shown}"
 
 
 def _median(trials: Sequence[Trial], name: str) -> float:
@@ -110,6 +111,12 @@ def _span(values: Sequence[float], digits: int) -> str:
     return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
+def log_columns() -> str:
+    """Return the table of what a log has of each cycle."""
+    rows = [(f"`{name}`", each.unit, " x ".join(each.dims), each.meaning) for name, each in COLUMNS.items()]
+    return table(("Column", "Unit", "Further axes", "What it is"), rows)
+
+
 def _benchmark() -> str:
     return section(datasets.load("benchmarks/results"))
 
@@ -127,6 +134,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "compare": compared,
     "what-if": what_if,
     "bench": _benchmark,
+    "log-columns": log_columns,
     **{name: _table(name) for name in _firmware()},
 }
 """What makes each block, by its name."""

@@ -81,7 +81,7 @@ class Dykstra:
     Parameters
     ----------
     tolerance : float
-        A problem is done when ``|W z - w|`` is at most this times max(1, |w|) or, if the wrench is infeasible,
+        A problem is done when ``|W z - w|`` is at most this times ``max(1, |w|)`` or, if the wrench is infeasible,
         when the duality gap proves z to be within it of the least distance. Never when x stops moving: it stalls.
     iteration_limit : int
         Iterations after which the last z is returned, whatever it is worth.

@@ -10,7 +10,8 @@ from typer.main import get_command
 from tensionlab.cli import app
 
 ROOT = Path(__file__).parents[2]
-FILES = [path for path in sorted(ROOT.rglob("*.md")) if not {".venv", "build", "out"} & set(path.parts)]
+MADE = {".venv", "build", "out", "generated"}
+FILES = [path for path in sorted(ROOT.rglob("*.md")) if not MADE & set(path.parts)]
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 CALL = re.compile(r"^(?:\.venv/bin/)?tensionlab (.+)$|`(?:\.venv/bin/)?tensionlab ([^`]+)`", re.MULTILINE)
 
