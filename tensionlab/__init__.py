@@ -1,5 +1,8 @@
 """Tension allocation for modular cable systems: every solver behind one interface, every answer proved."""
 
+import importlib
+from typing import TYPE_CHECKING
+
 from tensionlab import datasets, workspace
 from tensionlab.allocation import Allocation, Allocator, allocate
 from tensionlab.errors import (
@@ -28,6 +31,9 @@ from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
 from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
 from tensionlab.solvers.quadratic import QuadraticProgram
 from tensionlab.workspace.sweep import sweep
+
+if TYPE_CHECKING:
+    from tensionlab import plots
 
 __version__ = "0.1.0"
 
@@ -72,8 +78,22 @@ __all__ = [
     "box_corners",
     "datasets",
     "load_rig",
+    "plots",
     "ring_plus_top",
     "save_rig",
     "sweep",
     "workspace",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> object:
+        """Import the plots where they are first used: they know all results, and take longer than all the rest."""
+        if name == "plots":
+            return importlib.import_module("tensionlab.plots")
+        raise AttributeError(f"module 'tensionlab' has no attribute {name!r}")

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab import display, records
 from tensionlab.arrays import (
     Floats,
     Integers,
@@ -42,6 +43,13 @@ from tensionlab.solvers.base import (
     resolve_policy,
 )
 from tensionlab.verification import verify
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
+
+    from tensionlab.model.rig import Rig
 
 __all__ = [
     "POLICIES",
@@ -104,16 +112,72 @@ class Allocation:
         """Return how many answers have each status."""
         return {status: int(np.count_nonzero(self.status == status)) for status in Status}
 
+    def __repr__(self) -> str:
+        return f"<{self}>" if self.status.ndim else f"<Allocation {self}>"
+
     def __str__(self) -> str:
         counts = ", ".join(f"{count} {status.name}" for status, count in self.counts().items() if count)
         if self.status.ndim:
             largest = f"; largest residual {np.nanmax(self.residual):.3g}" if self.status.size else ""
             return f"Allocation of {self.status.size} wrenches: {counts or 'none'}{largest}"
-        with np.printoptions(precision=6, suppress=True):
+        with np.printoptions(precision=6, suppress=True, linewidth=1000):
+            wrench = self.wrench.round(6) + 0.0  # not -0
             return (
-                f"{Status(int(self.status)).name}: tensions {self.tensions} N render the wrench {self.wrench}, "
+                f"{Status(int(self.status)).name}: tensions {self.tensions} N render the wrench {wrench}, "
                 f"residual {self.residual:.3g}"
             )
+
+    def _repr_html_(self) -> str:
+        if not self.status.ndim:
+            note = f"renders {display.vector(self.wrench)}, with an error of {display.short(float(self.residual))}"
+            tensions = [[str(cable), tension] for cable, tension in enumerate(self.tensions)]
+            mark = display.status_mark(int(self.status))
+            return display.table(mark, ["<cable", "tension N"], tensions, [note, *self.failures.values()])
+        rows = []
+        for status, count in self.counts().items():
+            if count:
+                part = self.status == status
+                most = [float(np.max(each[part])) for each in (self.residual, self.iterations)]
+                rows.append([status, count, f"{100 * count / part.size:.3g} %", most[0], round(most[1])])
+        shape = " x ".join(map(str, self.status.shape))
+        title = f"{shape} wrenches, {self.tensions.shape[-1]} cables"
+        return display.table(title, ["<status", "wrenches", "share", "error\nmax", "iterations\nmax"], rows)
+
+    def plot(self, rig: Rig) -> Figure:
+        """Draw the tensions of each cable between its limits: `tensionlab.plots.plot_allocation`."""
+        return display.figure("allocation", self, rig)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each wrench, indexed by the leading axes.
+
+        Columns are ``status`` by name, ``residual``, ``scale`` and ``iterations``, and by number ``tension_0`` and
+        so on, in N, and ``wrench_0``, in N and N·m. MissingDependency if pandas is not installed.
+        """
+        columns: dict[str, Any] = {"status": np.array([status.name for status in Status])[self.status.ravel()]}
+        columns |= {name: np.ravel(getattr(self, name)) for name in ("residual", "scale", "iterations")}
+        for name, table in (("tension", self.tensions), ("wrench", self.wrench)):
+            columns |= {f"{name}_{i}": each.ravel() for i, each in enumerate(np.moveaxis(table, -1, 0))}
+        frame = records.data_frame(columns)
+        if self.status.ndim > 1:
+            axes = np.indices(self.status.shape).reshape(self.status.ndim, -1)
+            frame = frame.set_index([*axes]).rename_axis([f"axis_{i}" for i in range(len(axes))])
+        return frame
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the arrays with names of their dimensions, and units.
+
+        The dimensions are ``axis_0`` and so on, ``cable`` and ``component``. MissingDependency if xarray is not
+        installed.
+        """
+        leading = [f"axis_{i}" for i in range(self.status.ndim)]
+        last = {"tensions": ["cable"], "wrench": ["component"], "separation": ["component"]}
+        units = {"tensions": "N", "wrench": "N and N m", "residual": "N"}
+        names = ("tensions", "wrench", "residual", "status", "scale", "iterations", "separation")
+        found: xarray.Dataset = records.import_xarray().Dataset({
+            name: ([*leading, *last.get(name, [])], getattr(self, name), {"units": units.get(name, "1")})
+            for name in names
+        })  # fmt: skip
+        return found
 
     def raise_for_status(self) -> Allocation:
         """Return the allocation if every status is EXACT; `Unreachable`, which carries it, if any is not."""
@@ -183,6 +247,11 @@ class Allocator:
         self.reference = self._resolve(reference)
         self.weights = _weights(wrench_weights)
         self._prepared: dict[tuple[int, ...], _Prepared] = {}
+
+    def __repr__(self) -> str:
+        policy = f", nearest in {self.nearest}" if self.nearest else ""
+        limits = f"limits {display.extent(self.lower, self.upper)} N"
+        return f"<Allocator {self.solver}{policy}, {limits}, reference {display.extent(self.reference)} N>"
 
     def _resolve(self, reference: ArrayLike | None) -> Floats:
         if reference is None:

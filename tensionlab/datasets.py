@@ -96,3 +96,7 @@ def _read(kind: str, path: Path) -> Any:
     else:
         from tensionlab.benchmark.results import read
     return read(path)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

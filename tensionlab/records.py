@@ -9,10 +9,13 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import needs
 from tensionlab.files import writing
+
+if TYPE_CHECKING:
+    import pandas
 
 LIBRARIES = [
     "tensionlab",
@@ -83,6 +86,13 @@ def write_parquet(
         written = pa.Table.from_pylist([dict(row) for row in table])
     with writing.replacing(path) as file:
         pq.write_table(written.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), file)
+
+
+def data_frame(table: Sequence[Mapping[str, Any]] | Mapping[str, Any], index: Any = None) -> pandas.DataFrame:
+    """Return a table, as in `write_parquet`, with pandas; MissingDependency if that is not installed."""
+    with needs("data", "a data frame"):
+        import pandas
+    return pandas.DataFrame(table, index)
 
 
 def import_xarray() -> Any:

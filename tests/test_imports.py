@@ -14,13 +14,14 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
 # Rooms that each room may enter, besides itself and those of everybody.
-EVERYBODY = {"errors", "arrays", "files", "records", "variants", "__version__"}
+EVERYBODY = {"errors", "arrays", "files", "records", "variants", "display", "__version__"}
 CORE = {"model", "allocation", "demand", "_native"}
 ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
 ALLOWED = {
     "errors": set(),
     "arrays": {"_native"},
     "files": set(),
+    "display": set(),
     "records": set(),
     "variants": set(),
     "model": set(),
@@ -39,7 +40,7 @@ ALLOWED = {
     "datasets": {"model", "workspace", "benchmark", "validation"},
     "plots": ABOVE | {"comparison", "benchmark", "validation"},
     "cli": ABOVE | {"comparison", "benchmark", "validation", "plots"},
-    "__init__": ABOVE,
+    "__init__": ABOVE | {"plots"},
     "__main__": {"cli"},
 }
 # Folders of a room that may not enter these of its others.
@@ -61,6 +62,7 @@ DOORS = {
     "mcap": {"hardware/log/mcap_file.py"},
     "zstandard": {"hardware/log/mcap_file.py"},
     "xarray": {"records.py"},
+    "pandas": {"records.py"},
     "zarr": {"workspace/sweep/store.py"},
     "distributed": {"workspace/sweep/executors.py"},
     "matplotlib": {"plots"},
@@ -90,6 +92,7 @@ EAGER = {"numpy", "pydantic", "pydantic_core", "typer"}
 HEAVY = (
     "cvxpy",
     "matplotlib",
+    "pandas",
     "xarray",
     "zarr",
     "distributed",

@@ -86,11 +86,8 @@ def test_runs(path: Path, shell: InteractiveShell) -> None:
             assert not captured.stderr, f"cell {cell.id} complains: {captured.stderr}"
 
 
-@pytest.mark.realtime  # a kernel in a process of its own
-def test_one_runs_in_a_kernel_of_its_own(folder: Path, tmp_path: Path) -> None:
-    notebook = load(NOTEBOOKS[0])
-
-    # No kernel directories: the kernel is this very interpreter, whatever is installed for the user.
+def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
+    """Run a notebook in a kernel of its own: this very interpreter, whatever is installed for the user."""
     kernel = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
     client = NotebookClient(notebook, km=kernel, timeout=60, resources={"metadata": {"path": str(folder)}})
     package = str(Path(tensionlab.__file__).parents[1])
@@ -102,6 +99,28 @@ def test_one_runs_in_a_kernel_of_its_own(folder: Path, tmp_path: Path) -> None:
     }
     client.execute(env=env, cleanup_kc=True)
 
+
+@pytest.mark.realtime  # a kernel in a process of its own
+def test_one_runs_in_a_kernel_of_its_own(folder: Path, tmp_path: Path) -> None:
+    notebook = load(NOTEBOOKS[0])
+    execute(notebook, folder, tmp_path)
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
             assert output.get("name") != "stderr", f"cell {cell.id} complains: {output.text}"
+
+
+@pytest.mark.realtime
+def test_figures_and_tables_show_once_in_a_kernel_with_or_without_pyplot(folder: Path, tmp_path: Path) -> None:
+    sources = [
+        "import tensionlab as tl; rig = tl.load_rig('../datasets/rigs/tetra-4.toml'); rig.plot()",
+        "rig",
+        "%matplotlib inline\nimport matplotlib.pyplot as plt; rig.plot()",
+        "figure = plt.figure(); tl.plots.plot_rig(rig, ax=figure.add_subplot(projection='3d'))",
+    ]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(each) for each in sources])  # type: ignore[no-untyped-call]
+    execute(notebook, folder, tmp_path)
+    bare, table, inline, panel = ([output.data for output in cell.outputs] for cell in notebook.cells)
+    assert [set(each) for each in bare] == [set(each) for each in inline] == [{"text/plain", "image/png"}]
+    assert bare[0]["image/png"] == inline[0]["image/png"]
+    assert [set(each) for each in table] == [{"text/plain", "text/html"}]
+    assert [set(each) for each in panel] == [{"text/plain", "image/png"}]

@@ -24,7 +24,7 @@ from tensionlab.benchmark.report import (
     summary_table,
 )
 from tensionlab.benchmark.results import Results
-from tensionlab.benchmark.statistics import duration
+from tensionlab.display import duration
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.files import writing
 

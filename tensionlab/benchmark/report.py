@@ -11,7 +11,8 @@ import numpy as np
 
 from tensionlab.benchmark.results import Results, Row
 from tensionlab.benchmark.speed import PASSES
-from tensionlab.benchmark.statistics import duration, maximum
+from tensionlab.benchmark.statistics import maximum
+from tensionlab.display import duration
 
 Of = TypeVar("Of")
 

@@ -1,8 +1,6 @@
-"""Statistics of many times and answers, and times as text."""
+"""Statistics of many times and answers."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,12 +63,3 @@ def profile(seconds: Floats, solved: NDArray[np.bool_], tried: NDArray[np.bool_]
     somebody = np.isfinite(best)
     ratios = np.divide(times, best[:, None], out=np.full(times.shape, np.inf), where=np.isfinite(times))
     return [np.sort(ratios[somebody & tried[:, c], c]) for c in range(times.shape[1])]
-
-
-def duration(seconds: float) -> str:
-    """Return a time with at most three digits and the unit that suits it; a dash for NaN."""
-    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
-        if seconds >= 0.9995 * size:
-            value = seconds / size
-            return f"{value:.0f} {unit}" if value >= 99.5 else f"{value:.2g} {unit}"
-    return "–" if math.isnan(seconds) else f"{seconds / 1e-9:.0f} ns"

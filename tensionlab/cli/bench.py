@@ -18,9 +18,9 @@ from tensionlab.benchmark import report
 from tensionlab.benchmark import run as benchmark
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
 from tensionlab.benchmark.results import Results, read
-from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
+from tensionlab.display import duration
 from tensionlab.errors import InputError, WriteError
 from tensionlab.files.writing import make_folder, write_text
 from tensionlab.solvers.base import Status

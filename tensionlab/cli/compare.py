@@ -3,44 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Annotated
 
 import typer
 
 from tensionlab import records
-from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigArgument, Rows
 from tensionlab.comparison import compare as comparison
-from tensionlab.comparison.compare import Row, Score
+from tensionlab.comparison.compare import COLUMNS, STATUSES, Column, RowType
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.files import load_rig
-
-RowType = TypeVar("RowType", bound="Score")
-Column = tuple[str, Callable[[RowType], str], bool]
-"""Heading, as in `output.table`; the text of a row; and whether a narrow terminal shows the column, too."""
-
-STATUSES: list[Column[Score]] = [
-    ("<solver", lambda row: row.solver, True),
-    ("<nearest", lambda row: row.nearest or "–", True),
-    ("exact", lambda row: str(row.exact), True),
-    ("near", lambda row: str(row.nearest_count), True),
-    ("limit", lambda row: str(row.iteration_limit), True),
-    ("fail", lambda row: str(row.failed), False),
-]
-"""The columns that each table of solvers begins with."""
-COLUMNS: list[Column[Row]] = [
-    ("error\nmean N", lambda row: output.short(row.residual_mean), False),
-    ("error\nmax N", lambda row: output.short(row.residual_max), True),
-    ("angle\nmean °", lambda row: output.short(row.angle_mean_deg), False),
-    ("angle\nmax °", lambda row: output.short(row.angle_max_deg), True),
-    ("mean t²\nN²", lambda row: output.short(row.tension_sq_mean), False),
-    ("gap\nmax N", lambda row: output.short(row.gap_max), False),
-    ("call\nmedian", lambda row: duration(row.call_median_s), True),
-    ("call\np99", lambda row: duration(row.call_p99_s), False),
-    ("batch\neach", lambda row: duration(row.batch_s), True),
-]
 
 STATUS_LEGEND = """\
 exact: limits kept, wrench rendered   near: certified infeasible, the policy's best substitute found
@@ -118,9 +92,7 @@ def compare(
                 manifest=manifest,
             )
             return
-        title = f"{loaded.name}, {loaded.m} modules: {len(result.wrenches)} forces of {magnitude:g} N"
-        where = f"at {output.vector(result.position)} m"
-        print_scores(f"{title} {where}", result.rows, COLUMNS, result.missing, LEGEND)
+        print_scores(result.title, result.rows, COLUMNS, result.missing, LEGEND)
 
 
 def print_scores(

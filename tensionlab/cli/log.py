@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from tensionlab import records
-from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Rows
-from tensionlab.cli.compare import STATUS_LEGEND, Column, print_scores
+from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.comparison import replay as replays
-from tensionlab.comparison.replay import ReplayRow
+from tensionlab.comparison.replay import COLUMNS
+from tensionlab.display import duration
 from tensionlab.hardware.log import reader
 
 log = options.group("Show, export, draw and replay logs of runs.")
@@ -24,19 +24,6 @@ MAX_EVENTS = 12
 MODULE_HEADINGS = ("<module", "commanded N\nmin", "\nmean", "\nmax", "telemetry age\nmedian", "\n99 %", "\nmax",
                    "<limited by")  # fmt: skip
 
-COLUMNS: list[Column[ReplayRow]] = [
-    ("fall-\nback", lambda row: str(row.fallback_used), False),
-    ("error\nmean N", lambda row: output.short(row.residual_mean), False),
-    ("error\nmax N", lambda row: output.short(row.residual_max), True),
-    ("angle\nmax °", lambda row: output.short(row.angle_max_deg), True),
-    ("size\nmax N", lambda row: output.short(row.magnitude_max), False),
-    ("mean t²\nN²", lambda row: output.short(row.tension_sq_mean), True),
-    ("t max\nN", lambda row: output.short(row.tension_max), False),
-    ("jump\nmax N", lambda row: output.short(row.jump_max), True),
-    ("iter\nmean", lambda row: output.short(row.iterations_mean), False),
-    ("iter\nmax", lambda row: output.short(row.iterations_max), False),
-]
-"""Of `replay`, those after the statuses."""
 LEGEND = f"""\
 {STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
 error: desired minus rendered   angle, size: between the two forces, and of one without the other

@@ -11,11 +11,11 @@ import numpy as np
 import typer
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.statistics import duration
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigArgument, Solver
 from tensionlab.demand import Demand, DemandSource, Pose
+from tensionlab.display import duration
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats, Integers, angles
+from tensionlab.display import duration, short
 from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import make, select_solvers
 from tensionlab.solvers.base import POLICIES, Nearest, Status
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 MAX_TIMED_CALLS = 200
 """Vectors that are timed one by one, evenly spread over the set."""
@@ -67,6 +73,47 @@ class Row(Score):
     batch_s: float
 
 
+RowType = TypeVar("RowType", bound=Score)
+Column = tuple[str, Callable[[RowType], str], bool]
+"""Heading, as in `display.table`; the text of a row; and whether a narrow terminal shows the column, too."""
+
+STATUSES: list[Column[Score]] = [
+    ("<solver", lambda row: row.solver, True),
+    ("<nearest", lambda row: row.nearest or "–", True),
+    ("exact", lambda row: str(row.exact), True),
+    ("near", lambda row: str(row.nearest_count), True),
+    ("limit", lambda row: str(row.iteration_limit), True),
+    ("fail", lambda row: str(row.failed), False),
+]
+"""The columns that each table of solvers begins with."""
+COLUMNS: list[Column[Row]] = [
+    ("error\nmean N", lambda row: short(row.residual_mean), False),
+    ("error\nmax N", lambda row: short(row.residual_max), True),
+    ("angle\nmean °", lambda row: short(row.angle_mean_deg), False),
+    ("angle\nmax °", lambda row: short(row.angle_max_deg), True),
+    ("mean t²\nN²", lambda row: short(row.tension_sq_mean), False),
+    ("gap\nmax N", lambda row: short(row.gap_max), False),
+    ("call\nmedian", lambda row: duration(row.call_median_s), True),
+    ("call\np99", lambda row: duration(row.call_p99_s), False),
+    ("batch\neach", lambda row: duration(row.batch_s), True),
+]
+
+
+def scores_table(
+    title: str, rows: Sequence[RowType], columns: Sequence[Column[RowType]], missing: Mapping[str, str]
+) -> str:
+    """Return a table of solvers in HTML: their statuses, and then these columns."""
+    headings = ["<solver", "<nearest", *(display.status_mark(status).text for status in Status)]
+    shown = [*STATUSES, *columns]
+    notes = [f"left out: {name}, {reason}" for name, reason in missing.items()]
+    return display.table(
+        title,
+        [*headings, *(heading for heading, *_ in columns)],
+        ([text(row) for _, text, _ in shown] for row in rows),
+        notes,
+    )
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Rows of every solver with each of its policies on one rig, with body frames at rest.
@@ -82,6 +129,26 @@ class Comparison:
     rows: tuple[Row, ...]
     allocations: tuple[Allocation, ...]
     missing: dict[str, str]
+
+    @property
+    def title(self) -> str:
+        """Rig, and number and size of the forces."""
+        size = f"{np.linalg.norm(self.wrenches[0]):g} N at {display.vector(self.position)} m"
+        return f"{self.rig.name}, {self.rig.m} modules: {len(self.wrenches)} forces of {size}"
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {len({row.solver for row in self.rows})} solvers on {self.title}>"
+
+    def _repr_html_(self) -> str:
+        return scores_table(self.title, self.rows, COLUMNS, self.missing)
+
+    def plot(self) -> Figure:
+        """Draw statuses, errors and times of the solvers: `tensionlab.plots.plot_comparison`."""
+        return display.figure("comparison", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each solver and policy, as in `Row`; MissingDependency if pandas is not installed."""
+        return records.data_frame([vars(row) for row in self.rows])
 
 
 def compare(

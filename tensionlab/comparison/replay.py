@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tensionlab import records
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.comparison.compare import Score, finite, score
+from tensionlab.comparison.compare import Column, Score, finite, score, scores_table
+from tensionlab.display import short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import make, select_solvers
 from tensionlab.solvers.base import Nearest
+
+if TYPE_CHECKING:
+    import pandas
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,21 @@ class ReplayRow(Score):
     iterations_max: float
 
 
+COLUMNS: list[Column[ReplayRow]] = [
+    ("fall-\nback", lambda row: str(row.fallback_used), False),
+    ("error\nmean N", lambda row: short(row.residual_mean), False),
+    ("error\nmax N", lambda row: short(row.residual_max), True),
+    ("angle\nmax °", lambda row: short(row.angle_max_deg), True),
+    ("size\nmax N", lambda row: short(row.magnitude_max), False),
+    ("mean t²\nN²", lambda row: short(row.tension_sq_mean), True),
+    ("t max\nN", lambda row: short(row.tension_max), False),
+    ("jump\nmax N", lambda row: short(row.jump_max), True),
+    ("iter\nmean", lambda row: short(row.iterations_mean), False),
+    ("iter\nmax", lambda row: short(row.iterations_max), False),
+]
+"""Of a replay, those after the statuses."""
+
+
 @dataclass(frozen=True)
 class Replay:
     """Rows of solvers on the demands of a run: its own first, as it was, then each solver with its own policy.
@@ -43,6 +64,17 @@ class Replay:
     cycles: int
     rows: tuple[ReplayRow, ...]
     missing: dict[str, str]
+
+    def __repr__(self) -> str:
+        return f"<Replay of {self.cycles} cycles by {len(self.rows) - 1} solvers>"
+
+    def _repr_html_(self) -> str:
+        own = replace(self.rows[0], solver=f"the run: {self.rows[0].solver}")
+        return scores_table(f"{self.cycles} cycles of a run", [own, *self.rows[1:]], COLUMNS, self.missing)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each solver, as in `ReplayRow`; MissingDependency if pandas is not installed."""
+        return records.data_frame([vars(row) for row in self.rows])
 
 
 def replay(

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab import display
 from tensionlab.arrays import Floats, as_floats, frozen, tension_limits
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
@@ -115,6 +116,10 @@ class Module:
                 raise RigError(f'{here}: key "{key}" is {value}; give a finite number above zero, or leave it out')
             if value is not None and value > limit:
                 raise RigError(f'{here}: key "{key}" is {value:g}; give {limit:g} or less')
+
+    def __repr__(self) -> str:
+        anchor = f"{display.vector(self.anchor)} m" + (f" on {self.frame}" if self.frame != WORLD else "")
+        return f"<Module {self.name}: {anchor}, {display.extent(self.lower, self.upper)} N>"
 
     def check_kind(self, kind: str) -> None:
         """Refuse coordinates that do not suit a kind of rig."""
@@ -245,6 +250,12 @@ class TensionLimits:
         lower, upper = tension_limits((lower, upper))
         object.__setattr__(self, "lower", lower)
         object.__setattr__(self, "upper", upper)
+
+    def __repr__(self) -> str:
+        if np.ptp(self.lower) == np.ptp(self.upper) == 0.0:
+            return f"<TensionLimits of {self.lower.size} cables: {self.lower[0]:.4g} to {self.upper[0]:.4g} N>"
+        ends = f"lower {display.vector(self.lower)} N, upper {display.vector(self.upper)} N"
+        return f"<TensionLimits of {self.lower.size} cables: {ends}>"
 
     def only(self, part: NDArray[np.bool_]) -> TensionLimits:
         """Return limits that leave all cables without tension, but those of ``part``, (m,) bool."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab import display, records
 from tensionlab.arrays import Floats, common_axes, frozen
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
@@ -27,6 +28,10 @@ from tensionlab.model.module import (
     vector,
 )
 from tensionlab.model.pose import Frames
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 
 class Cables(NamedTuple):
@@ -101,6 +106,47 @@ class Rig:
         return same(self, other)
 
     __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+    def __repr__(self) -> str:
+        names = ", ".join(module.name for module in self.modules[:4]) + ", …" * (self.m > 4)
+        limits = display.extent(self.limits.lower, self.limits.upper)
+        return f"<Rig {self.name}: {self.kind}, {self.m} modules ({names}), {limits} N>"
+
+    def _repr_html_(self) -> str:
+        columns: dict[str, list[Any]] = {
+            "<module": [module.name for module in self.modules],
+            "anchor m": [*self.anchors],
+            "attachment m": [*self.attachments] if self._kind.turns else [],
+            "<frame": [module.frame for module in self.modules] if self.frames else [],
+            "lower N": [module.lower for module in self.modules],
+            "upper N": [module.upper for module in self.modules],
+            "brake N": [module.brake for module in self.modules],
+            "N/A": [module.newton_per_ampere for module in self.modules],
+            "spool radius m": [module.spool_radius for module in self.modules],
+        }
+        shown = {head: each for head, each in columns.items() if any(value is not None for value in each)}
+        held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
+        title = f"{self.name}: {self.kind}, {self.m} modules{held}, home {display.vector(self.home)} m"
+        notes = [self.description] if self.description else []
+        return display.table(title, [*shown], zip(*shown.values(), strict=True), notes)
+
+    def plot(self) -> Figure:
+        """Draw where the modules stand and how the cables run: `tensionlab.plots.plot_rig`."""
+        return display.figure("rig", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each module, by name, with its limits in N and coordinates in m.
+
+        MissingDependency if pandas is not installed.
+        """
+        table: dict[str, Any] = {
+            f"{name}_{axis}": values[:, i]
+            for name, values in (("anchor", self.anchors), ("attachment", self.attachments))
+            for i, axis in enumerate("xyz"[: self.dimension])
+        }
+        keys = ("frame", "lower", "upper", "brake", "newton_per_ampere", "spool_radius")
+        table |= {key: [getattr(module, key) for module in self.modules] for key in keys}
+        return records.data_frame(table, [module.name for module in self.modules])
 
     @property
     def _kind(self) -> Kind:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
 from tensionlab.benchmark.entries import WRAPPERS
 from tensionlab.benchmark.report import newton as force
 from tensionlab.benchmark.statistics import jumps, maximum, profile, quantile
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
-from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, label_points, new_figure
+from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,11 +51,16 @@ class Dot(NamedTuple):
     error: float
 
 
-def plot_summary(results: Results) -> Figure:
+@overload
+def plot_summary(results: Results, *, ax: None = None) -> Figure: ...
+@overload
+def plot_summary(results: Results, *, ax: Axes) -> None: ...
+def plot_summary(results: Results, *, ax: Axes | None = None) -> Figure | None:
     """Draw the time and the worst error of each entry in the feasible sets.
 
     Needs no evidence for single problems. Across: the median call, as the geometric mean over the sets. Up: the
     largest error of all, of the wrench or the limits. Those that did not answer all problems are at the top.
+    With ``ax``, a panel of another figure is drawn into.
     """
     sets = [name for name, about in results.sets.items() if about["reachable"] == "all"]
     rows: dict[str, dict[str, Row]] = {}
@@ -71,14 +77,21 @@ def plot_summary(results: Results) -> Figure:
         first = next(iter(each.values()))
         name = short_name(label).partition(",")[0]
         dots.append(Dot(name, kind(first), time, error if answered else np.inf))
-    with new_figure(SIZE) as figure:
-        draw_dots(figure, dots, "typical time of a call (µs)", "max error of all answers (N)")
-    return figure
+    return _plot_dots(dots, "typical time of a call (µs)", "max error of all answers (N)", ax)
 
 
-def draw_dots(figure: Any, dots: Sequence[Dot], across: str, up: str) -> None:
+def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure | None:
     """Draw entries as dots with names; a line leads from a baseline's default settings to its tight ones."""
-    axes = figure.add_subplot()
+    with one_panel(ax, SIZE) as (figure, axes):
+        points = _draw_dots(axes, dots)
+        axes.set(xlabel=across, ylabel=up)
+        add_kind_legend(figure, [dot.kind for dot in dots], ax=ax)
+        label_points(figure, axes, points)
+    return figure if ax is None else None
+
+
+def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, float]]]:
+    """Draw entries as dots, with the scales; return where those of each entry are."""
     points: dict[str, list[tuple[float, float]]] = {}
     for name, look, time, error in dots:
         place = (1e6 * time, NO_ANSWER_N if not error <= NO_ANSWER_N else max(error, MIN_ERROR_N))
@@ -90,7 +103,7 @@ def draw_dots(figure: Any, dots: Sequence[Dot], across: str, up: str) -> None:
     axes.axhline(EXACT_N, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
     axes.annotate("exact from here on down", (0, EXACT_N), xycoords=("axes fraction", "data"), xytext=(3, -3),
                   textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
-    axes.set(xscale="log", yscale="log", xlabel=across, ylim=(MIN_ERROR_N, 10 * NO_ANSWER_N), ylabel=up)
+    axes.set(xscale="log", yscale="log", ylim=(MIN_ERROR_N, 10 * NO_ANSWER_N))
     ticks = 10.0 ** np.arange(-15, 1, 3)
     powers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
     axes.set_yticks([*ticks, NO_ANSWER_N], [*powers, "over $10^3$,\nor none"], parse_math=True)
@@ -101,14 +114,13 @@ def draw_dots(figure: Any, dots: Sequence[Dot], across: str, up: str) -> None:
     ticks = np.outer(10.0 ** np.arange(-1, 7), [1, 2, 5]).ravel()
     ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    add_kind_legend(figure, [dot.kind for dot in dots])
-    label_points(figure, axes, points)
+    return points
 
 
-def add_kind_legend(figure: Any, kinds: Sequence[str], marked: bool = True) -> None:
-    """Put a legend of the kinds of entries below the panels."""
+def add_kind_legend(figure: Any, kinds: Sequence[str], marked: bool = True, ax: Axes | None = None) -> None:
+    """Put a legend of the kinds of entries below the panels, or into a panel of another figure."""
     shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
-    add_legend(figure, len(shown), [
+    panel_legend(figure, ax, len(shown), [
         (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
         for name, colour, marker in shown
     ])  # fmt: skip
@@ -157,28 +169,36 @@ def plot_profile(results: Results) -> Figure:
     return figure
 
 
-def plot_accuracy(results: Results) -> Figure:
+@overload
+def plot_accuracy(results: Results, *, ax: None = None) -> Figure: ...
+@overload
+def plot_accuracy(results: Results, *, ax: Axes) -> None: ...
+def plot_accuracy(results: Results, *, ax: Axes | None = None) -> Figure | None:
     """Draw the time and the accuracy of each entry, over all feasible sets.
 
     Across: the median call. Up: the error that 99 % of its answers do not exceed, of the wrench and the limits.
-    A line leads from a baseline's default settings to its tight ones.
+    A line leads from a baseline's default settings to its tight ones. With ``ax``, a panel of another figure is
+    drawn into.
     """
     dots = []
     for line in _pooled(results).values():
         error = quantile(np.where(np.isfinite(line.seconds), line.error, np.nan), 0.99)
         time = quantile(line.seconds, 0.5)
         dots.append(Dot(line.name, line.kind, time, error if line.missing <= 0.01 else np.inf))
-    words = "median time of a call (µs)", "error that 99 % of the answers do not exceed (N)"
-    with new_figure(SIZE) as figure:
-        draw_dots(figure, dots, *words)
-    return figure
+    return _plot_dots(dots, "median time of a call (µs)", "error that 99 % of the answers do not exceed (N)", ax)
 
 
-def plot_worst(results: Results) -> Figure:
-    """Draw the median, the 99.9 % quantile and the worst time of each entry, over all feasible sets."""
+@overload
+def plot_worst(results: Results, *, ax: None = None) -> Figure: ...
+@overload
+def plot_worst(results: Results, *, ax: Axes) -> None: ...
+def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
+    """Draw the median, the 99.9 % quantile and the worst time of each entry, over all feasible sets.
+
+    With ``ax``, a panel of another figure is drawn into.
+    """
     lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
-    with new_figure((7.5, 1.3 + 0.22 * len(lines))) as figure:
-        axes = figure.add_subplot()
+    with one_panel(ax, (7.5, 1.3 + 0.22 * len(lines))) as (figure, axes):
         for place, line in enumerate(lines):
             median, slow = (1e6 * quantile(line.seconds, share) for share in (0.5, 0.999))
             worst = 1e6 * float(np.nanmax(line.seconds))
@@ -195,8 +215,8 @@ def plot_worst(results: Results) -> Figure:
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.grid(axis="x")
-        add_kind_legend(figure, [line.kind for line in lines])
-    return figure
+        add_kind_legend(figure, [line.kind for line in lines], ax=ax)
+    return figure if ax is None else None
 
 
 def plot_continuity(results: Results) -> Figure:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, add_legend, new_figure
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, STATUS_LOOK
+from tensionlab.plots.style import HALO, add_legend, new_figure
 from tensionlab.solvers.base import TOLERANCE
 
 if TYPE_CHECKING:

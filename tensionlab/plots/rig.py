@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from tensionlab.plots.style import BLUE, GREY, HALO, ORANGE, RED, add_legend, new_figure
+from tensionlab.display import BLUE, GREY, ORANGE, RED
+from tensionlab.plots.style import HALO, add_legend, new_figure, one_panel, panel_legend
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from tensionlab.arrays import Floats
@@ -20,16 +22,19 @@ MAP_ROWS, MAP_COLUMNS = 61, 121
 """Of the grid of normals of a brake map."""
 
 
-def plot_rig(rig: Rig) -> Figure:
+@overload
+def plot_rig(rig: Rig, *, ax: None = None) -> Figure: ...
+@overload
+def plot_rig(rig: Rig, *, ax: Axes) -> None: ...
+def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     """Draw where a rig's modules stand and how its cables run at home, to scale.
 
     The rig's vertical axis is upright. Body frames are drawn at the origin of the world, a planar rig in its
-    plane.
+    plane. With ``ax``, a panel of another figure is drawn into, which for a rig in space has the projection "3d".
     """
     spatial = rig.dimension == 3
     ends = rig.home + rig.attachments
-    with new_figure((7.5, 7.0)) as figure:
-        axes: Any = figure.add_subplot(projection="3d" if spatial else None)
+    with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([rig.anchors, ends])
         low, high = everything.min(axis=0), everything.max(axis=0)
         # Room for the names between the anchors and the axes.
@@ -61,14 +66,17 @@ def plot_rig(rig: Rig) -> Figure:
         axes.plot(*rig.anchors[on_body].T, linestyle="", marker="s", markersize=6, color=ORANGE)
         axes.plot(*([part] for part in rig.home), linestyle="", marker="o", markersize=6, color=RED)
         _label_anchors(axes, rig)
-        figure.suptitle(rig.name, fontweight="bold")
-        add_legend(figure, 4, [
+        if ax is None:
+            figure.suptitle(rig.name, fontweight="bold")
+        else:
+            axes.set_title(rig.name)
+        panel_legend(figure, ax, 4, [
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),
             *([("module on a body", {"color": ORANGE, "marker": "s", "ls": ""})] if on_body.any() else []),
             ("cable", {"color": GREY, "linewidth": 1.1}),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ])  # fmt: skip
-    return figure
+    return figure if ax is None else None
 
 
 def _label_anchors(axes: Any, rig: Rig) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, STATUS_LOOK
 from tensionlab.hardware.protocol.codes import LATCHED_STATES, Limit
-from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, STATUS_LOOK, legend_beside, new_figure
+from tensionlab.plots.style import HALO, legend_beside, new_figure
 from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:

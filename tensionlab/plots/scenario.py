@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots import scene, style
 from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import TILE_M, Moment
-from tensionlab.plots.style import BLUE, COARSE_SHADE, GREEN, GREY, ORANGE, RED
+from tensionlab.plots.style import COARSE_SHADE
 from tensionlab.scenarios.checks import ForceRecord, rendered_force
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.plots.style import BLUE, GREEN, ORANGE, RED
+from tensionlab.display import BLUE, GREEN, ORANGE, RED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

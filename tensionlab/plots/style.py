@@ -1,10 +1,11 @@
-"""What all figures share: style, colours, legends, an axis with two scales, names of points, and files.
+"""What all figures share: style, legends, an axis with two scales, names of points, and files.
 
 Files are byte-stable: the same result makes the same file, without dates in it.
 """
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BytesIO
@@ -18,19 +19,14 @@ from tensionlab.errors import InputError, needs
 from tensionlab.files import writing
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
     from matplotlib.lines import Line2D
 
 STYLE = Path(__file__).parents[1] / "tensionlab.mplstyle"
-BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
-STATUS_LOOK = [
-    ("exact", "#5A5A5A"),
-    ("certified infeasible", "#BBBBBB"),
-    ("unproven (iteration limit)", RED),
-    ("failed", "#000000"),
-]
-"""Word and colour of each `Status`, in its order."""
+SCREEN_DPI = 100
+"""Of pages in a browser: a figure is as many of their pixels wide. Its PNG has more, for fine screens."""
 METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
@@ -54,33 +50,79 @@ DIRECTIONS = 16
 
 
 @contextmanager
+def styled() -> Iterator[None]:
+    """Draw in the style of tensionlab while the block lasts, as its own figures are.
+
+    Examples
+    --------
+    >>> with styled():
+    ...     figure, axes = plt.subplots()
+    """
+    with needs(None, "a figure"):
+        from matplotlib import style
+    with style.context(STYLE):
+        yield
+
+
+@contextmanager
 def new_figure(size: tuple[float, float], dpi: float | None = None) -> Iterator[Figure]:
     """Make a figure in the style of tensionlab, complete when the block ends; a notebook shows it.
 
     The size is in inches; ``dpi``, the dots per inch of a PNG, is for large figures; None for the style's.
     """
-    with needs(None, "a figure"):
-        from matplotlib import rc_context, style
-        from matplotlib.axis import Axis
+    with styled():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
-    with style.context(STYLE):
+
         layout = ConstrainedLayoutEngine()
         figure = Figure(figsize=size, layout=layout, dpi=dpi)
         FigureCanvasAgg(figure)
-        with rc_context({"text.parse_math": False}):  # dollar signs in names are no mathematics
+        with _plain_text(figure):
             yield figure
-        for axis in figure.findobj(Axis):  # but powers along logarithmic axes are
-            if axis.get_scale() != "linear":
-                for label in (*axis.get_majorticklabels(), *axis.get_minorticklabels()):
-                    label.set_parse_math(True)
         # The layout's solver leaves different last digits from run to run; the file must not.
         layout.execute(figure)
         figure.set_layout_engine(None)
         for axes in figure.axes:
             axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-    vars(figure)["_repr_png_"] = lambda: _png(figure)
+    # In the class this would also change the figures of others.
+    vars(figure)["_ipython_display_"] = lambda: _display(figure)
+
+
+@contextmanager
+def one_panel(
+    ax: Axes | None, size: tuple[float, float], projection: str | None = None
+) -> Iterator[tuple[Figure, Any]]:
+    """Make a figure with one panel, or draw into a panel of somebody else's; yield figure and panel.
+
+    Raises
+    ------
+    InputError
+        If the panel is not of that projection.
+    """
+    if ax is None:
+        with new_figure(size) as figure:
+            yield figure, figure.add_subplot(projection=projection)
+        return
+    if ax.name != (projection or "rectilinear"):
+        raise InputError(f'ax has the projection "{ax.name}"; give one with "{projection or "rectilinear"}"')
+    with styled(), _plain_text(ax):
+        yield ax.get_figure(root=True), ax  # type: ignore[misc]  # panels have a figure
+
+
+@contextmanager
+def _plain_text(artist: Artist) -> Iterator[None]:
+    """Take dollar signs in names for no mathematics; but powers along logarithmic axes are."""
+    from matplotlib import rc_context
+    from matplotlib.axis import Axis
+
+    with rc_context({"text.parse_math": False}):
+        yield
+    axis: Any
+    for axis in artist.findobj(Axis):
+        if axis.get_scale() != "linear":
+            for label in (*axis.get_majorticklabels(), *axis.get_minorticklabels()):
+                label.set_parse_math(True)
 
 
 def save_figure(figure: Figure, path: str | Path) -> None:
@@ -98,16 +140,24 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         _write(figure, file, suffix)
 
 
-def _png(figure: Figure) -> bytes:
+def _display(figure: Figure) -> None:
+    """Show a figure in a notebook: the PNG of `save_figure`, at the figure's size, so that it is crisp.
+
+    IPython calls this before anything else, so it is the same whether pyplot is in use, which knows other figures.
+    """
+    from IPython.display import display
+
     buffer = BytesIO()
     _write(figure, buffer, ".png")
-    return buffer.getvalue()
+    png = {"image/png": b64encode(buffer.getvalue()).decode(), "text/plain": repr(figure)}
+    width = round(figure.get_figwidth() * SCREEN_DPI)
+    display(png, raw=True, metadata={"image/png": {"width": width}})  # type: ignore[no-untyped-call]
 
 
 def _write(figure: Figure, file: IO[bytes], suffix: str) -> None:
-    from matplotlib import rcParams, style
+    from matplotlib import rcParams
 
-    with style.context(STYLE):
+    with styled():
         dpi: Any = "figure" if figure.dpi != rcParams["figure.dpi"] else None
         figure.savefig(file, format=suffix[1:], metadata=METADATA[suffix], dpi=dpi)
 
@@ -122,6 +172,14 @@ def lines_of(entries: list[tuple[str, dict[str, Any]]]) -> list[Line2D]:
 def add_legend(figure: FigureBase, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
     """Put a legend below the panels."""
     figure.legend(handles=lines_of(entries), loc="outside lower center", ncols=columns)
+
+
+def panel_legend(figure: Figure, ax: Axes | None, columns: int, entries: list[tuple[str, dict[str, Any]]]) -> None:
+    """Put a legend below the panel, or where there is room in one of somebody else's."""
+    if ax is None:
+        add_legend(figure, columns, entries)
+    else:
+        ax.legend(handles=lines_of(entries))
 
 
 def legend_beside(axes: Axes, entries: list[tuple[str, dict[str, Any]]]) -> None:

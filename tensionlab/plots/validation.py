@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab.plots.style import BLUE, GREEN, GREY, HALO, ORANGE, RED, add_legend, new_figure
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.plots.style import HALO, add_legend, new_figure
 from tensionlab.validation.statistics import deviations
 
 if TYPE_CHECKING:

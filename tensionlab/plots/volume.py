@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from itertools import permutations, product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREY, ORANGE
 from tensionlab.errors import InputError
-from tensionlab.plots.style import BLUE, GREY, ORANGE, add_legend, new_figure
-from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, share_above
+from tensionlab.plots.style import add_legend, new_figure, one_panel
+from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, require_one, share_above
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -55,23 +57,42 @@ def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: fl
     return np.concatenate(found)
 
 
-def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None) -> Figure:
+@overload
+def plot_volume(
+    swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: None = None
+) -> Figure: ...
+@overload
+def plot_volume(swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes) -> None: ...
+def plot_volume(
+    swept: xarray.Dataset, level: float = 0.0, metric: str | None = None, *, ax: Axes | None = None
+) -> Figure | None:
     """Draw, for each rig, the volume in which a metric is above a level.
 
-    Parameters and errors as in `plot_slices`; also a `InputError` for a sweep that is not over a grid in space.
+    Parameters and errors as in `plot_slices`, the panel with the projection "3d"; also an `InputError` for a sweep
+    that is not over a grid in space.
     """
     field = read_field(swept, metric)
+    if ax is not None:
+        require_one(field)
+        with one_panel(ax, (0.0, 0.0), "3d") as (_, axes):
+            draw_volume(axes, field, 0, level)
+            axes.set_title(_volume_title(field, 0, level))
+        return None
     columns = min(3, len(field.names))
     rows = -(-len(field.names) // columns)
     with new_figure((4.6 * columns, 0.8 + 4.2 * rows)) as figure:
-        for number, name in enumerate(field.names):
-            axes: Any = figure.add_subplot(rows, columns, number + 1, projection="3d")
+        for number in range(len(field.names)):
+            axes = figure.add_subplot(rows, columns, number + 1, projection="3d")
             draw_volume(axes, field, number, level)
-            part = share_above(field.values[number], np.array([level]))[0]
-            axes.set_title(f"{name}: {100 * part:.0f} % of the box", fontsize="medium")
+            axes.set_title(_volume_title(field, number, level), fontsize="medium")
         figure.suptitle(f"{field.label} above {level:g}", fontsize="medium")
         add_legend(figure, 2, SLICE_LEGEND[:2])
     return figure
+
+
+def _volume_title(field: Field, number: int, level: float) -> str:
+    part = share_above(field.values[number], np.array([level]))[0]
+    return f"{field.names[number]}: {100 * part:.0f} % of the box"
 
 
 def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:

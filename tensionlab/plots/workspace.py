@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
-from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, add_legend, new_figure
+from tensionlab.plots.style import add_legend, new_figure, one_panel
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -31,7 +33,11 @@ SLICE_LEGEND: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
-def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
+@overload
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
+@overload
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
+def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
     """Draw a metric over a slice of space for each rig, with the rig in it.
 
     In space the slice is the one that the grid is, where one axis has one point only; else the upright one through
@@ -43,13 +49,20 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None) -> Figure:
         From `tensionlab.sweep` over a grid.
     metric : str or None
         Name of the variable; None for the first.
+    ax : Axes or None
+        Panel of another figure to draw one rig into.
 
     Raises
     ------
     InputError
-        If there is no such variable or no grid.
+        If there is no such variable or no grid; several rigs for one panel.
     """
     field = read_field(swept, metric)
+    if ax is not None:
+        require_one(field)
+        with one_panel(ax, (0.0, 0.0)) as (figure, axes):
+            figure.colorbar(draw_slice(axes, field, 0, shade_levels([field])), ax=axes, label=field.label)
+        return None
     columns = min(COLUMNS, len(field.names))
     rows = -(-len(field.names) // columns)
     levels = shade_levels([field])
@@ -128,17 +141,21 @@ def shade_levels(fields: list[Field]) -> Floats:
     return np.asarray([1e-9 * top, *steps[steps > 1e-6 * top]])
 
 
-def plot_shares(swept: xarray.Dataset, metric: str | None = None) -> Figure:
+@overload
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: None = None) -> Figure: ...
+@overload
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes) -> None: ...
+def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | None = None) -> Figure | None:
     """Draw, for each rig, in which share of the volume a metric is at least so large.
 
-    Parameters and errors as in `plot_slices`. A pose without a value counts as one where nothing can be done.
+    Parameters and errors as in `plot_slices`, but any number of rigs is one panel. A pose without a value counts
+    as one where nothing can be done.
     """
     field = read_field(swept, metric)
-    with new_figure((7.5, 5.0)) as figure:
-        axes: Any = figure.add_subplot()
+    with one_panel(ax, (7.5, 5.0)) as (figure, axes):
         draw_shares(axes, field)
         axes.legend(title="rig", loc="upper right")
-    return figure
+    return figure if ax is None else None
 
 
 def draw_shares(axes: Any, field: Field) -> None:
@@ -158,6 +175,14 @@ def share_above(values: Floats, levels: Floats) -> Floats:
     """Return the share of all poses with a value of at least each level, and above zero."""
     known = np.sort(np.where(np.isfinite(values) & (values > 0), values, -np.inf).ravel())
     return np.asarray(1.0 - np.searchsorted(known, np.maximum(levels, 1e-300), side="left") / known.size)
+
+
+def require_one(field: Field) -> None:
+    """Refuse several rigs where one panel is to be drawn."""
+    if len(field.names) > 1:
+        raise InputError(
+            f"ax is one panel, and the sweep has {len(field.names)} rigs; choose one, by swept.sel(...)"
+        )
 
 
 def _middle(field: Field) -> dict[str, int]:
@@ -233,8 +258,8 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
 
 def _names(swept: xarray.Dataset, dims: list[str]) -> list[str]:
     """Return the name of each configuration: its rig, or the parameters that tell it from the others."""
-    if dims == ["rig"]:
-        return [str(name) for name in swept["rig"].to_numpy()]
+    if dims in (["rig"], []):
+        return [str(name) for name in np.atleast_1d(swept["rig"].to_numpy())]
     several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
     labels = {dim: swept[dim].to_numpy() for dim in dims}
     index = np.ndindex(*(swept.sizes[dim] for dim in dims))

@@ -97,3 +97,7 @@ __all__ = [
     "vertices",
     "wrench_closure",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -6,7 +6,7 @@ import pytest
 
 from tensionlab.benchmark.report import FIGURES, newton, percent, report, summaries, table, times
 from tensionlab.benchmark.results import Results, Row
-from tensionlab.benchmark.statistics import duration
+from tensionlab.display import duration
 
 
 def row(problem_set="a", solver="newton", setting="proved", nearest="force", **values):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from tensionlab.benchmark.statistics import (
-    duration,
     jumps,
     maximum,
     profile,
@@ -46,18 +45,3 @@ def test_a_performance_profile_by_hand():
     np.testing.assert_array_equal(a, [1.0, 4.0, INF])
     np.testing.assert_array_equal(b, [1.0, 1.0, 2.0])
     np.testing.assert_array_equal(c, [2.0, 2.0])
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [
-        (2.5, "2.5 s"),
-        (0.0123, "12 ms"),
-        (9.996e-4, "1 ms"),
-        (1.5e-6, "1.5 µs"),
-        (3.2e-7, "320 ns"),
-        (1.2e-4, "120 µs"),
-    ],
-)
-def test_times_have_the_unit_that_suits_them(seconds, text):
-    assert duration(seconds) == text

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import typer
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, WriteError
 from tensionlab.files import writing
 from tensionlab.model.rig import Rig
@@ -26,6 +26,8 @@ PIPE_WIDTH = 120
 """Columns of a table where stdout is no terminal."""
 INTERRUPTED = 130
 """Exit status after Ctrl-C: 128 + SIGINT, as a shell has it."""
+short, vector = display.short, display.vector
+"""Numbers, as notebooks show them too."""
 
 
 def print_error(text: str) -> None:
@@ -85,25 +87,6 @@ class ResultWriter:
             self._lines.append(text)
             self._failed[-1] = WriteError(f"{self._failed[-1]}; it is printed on stdout instead")
         return False
-
-
-def short(value: float) -> str:
-    """Return a number with two significant digits in at most six characters; a dash for NaN."""
-    if math.isnan(value):
-        return "–"
-    size = abs(value)
-    if size == 0:
-        return "0"
-    if size < 5e-4:
-        return f"{value:.0e}".replace("e-0", "e-")
-    if size >= 99.5:
-        return f"{value:.0f}"
-    return f"{value:.{1 if size >= 9.95 else 2 if size >= 0.0995 else 3}f}"
-
-
-def vector(values: Any) -> str:
-    """Return components in brackets, without trailing zeros."""
-    return "(" + ", ".join(f"{float(value):.4g}" for value in values) + ")"
 
 
 def components(rig: Rig) -> list[str]:

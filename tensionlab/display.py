@@ -1,0 +1,163 @@
+"""How results show themselves: words and colours of statuses, numbers as text, tables in HTML, and figures.
+
+Notebooks call ``_repr_html_`` of a result, people call ``plot``. Figures are drawn by `tensionlab.plots`, which
+knows the results; they know only the name of its function, and nothing is imported before something is drawn.
+"""
+
+from __future__ import annotations
+
+import html
+import importlib
+import math
+from collections.abc import Iterable, Sequence
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
+"""Of figures and marks: Okabe and Ito 2008, "Color universal design"."""
+STATUS_LOOK = [
+    ("exact", "#5A5A5A"),
+    ("certified infeasible", "#BBBBBB"),
+    ("unproven (iteration limit)", RED),
+    ("failed", "#000000"),
+]
+"""Word and colour of each `Status`, in its order."""
+STATUS_MARKS = "●○▲✗"
+"""Shape of each `Status`, for those who do not see the colours."""
+MAX_ROWS = 40
+"""Rows of a table; of more, those in the middle are left out."""
+MAX_COMPONENTS = 8
+"""Components of a vector; of more, those in the middle are left out."""
+
+
+class Mark(NamedTuple):
+    """Word with a coloured shape before it."""
+
+    shape: str
+    colour: str
+    word: str
+
+    @property
+    def text(self) -> str:
+        """Both without the colour."""
+        return f"{self.shape} {self.word}"
+
+
+def status_mark(status: int) -> Mark:
+    """Return the mark of a `Status`."""
+    word, colour = STATUS_LOOK[status]
+    return Mark(STATUS_MARKS[status], colour, word)
+
+
+def met_mark(met: bool, words: tuple[str, str] = ("yes", "no")) -> Mark:
+    """Return the mark of what is as it should be, or is not."""
+    return Mark("✓", GREEN, words[0]) if met else Mark("✗", RED, words[1])
+
+
+def short(value: float) -> str:
+    """Return a number with two significant digits in at most six characters; a dash for NaN."""
+    if math.isnan(value):
+        return "–"
+    size = abs(value)
+    if size == 0:
+        return "0"
+    if size < 5e-4:
+        return f"{value:.0e}".replace("e-0", "e-")
+    if size >= 99.5:
+        return f"{value:.0f}"
+    return f"{value:.{1 if size >= 9.95 else 2 if size >= 0.0995 else 3}f}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time with at most three digits and the unit that suits it; a dash for NaN."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= 0.9995 * size:
+            value = seconds / size
+            return f"{value:.0f} {unit}" if value >= 99.5 else f"{value:.2g} {unit}"
+    return "–" if math.isnan(seconds) else f"{seconds / 1e-9:.0f} ns"
+
+
+def vector(values: Any) -> str:
+    """Return components in brackets, without trailing zeros or rounding errors; a long one without its middle."""
+    known = np.asarray(values, dtype=np.float64)
+    small = 1e-12 * np.abs(known).max(initial=0.0)
+    words = [f"{0.0 if abs(value) <= small else value:.4g}" for value in known.tolist()]
+    if len(words) > MAX_COMPONENTS:
+        words[MAX_COMPONENTS // 2 : -2] = ["…"]
+    return f"({', '.join(words)})"
+
+
+def extent(*arrays: Any) -> str:
+    """Return the range of all finite numbers, such as "0.5" or "0.5 to 6"; a dash if there is none."""
+    known = np.concatenate([np.ravel(values) for values in arrays])
+    known = known[np.isfinite(known)]
+    ends = dict.fromkeys(f"{end:.4g}" for end in (known.min(), known.max())) if known.size else ["–"]
+    return " to ".join(ends)
+
+
+def table(
+    title: str | Mark, headings: Sequence[str], rows: Iterable[Sequence[Any]], notes: Sequence[str] = ()
+) -> str:
+    """Return a table in HTML, for notebooks, with its title above and notes below.
+
+    Columns are for numbers, to the right; those whose heading begins with ``<`` are for text, to the left, as in
+    the tables on terminals. Numbers have two digits, or are whole; a `Status`, a `Mark` and a truth value have a
+    shape and a colour; vectors are in brackets; None is a dash.
+    """
+    sides = ["left" if heading.startswith("<") else "right" for heading in headings]
+    lines = [[_cell(value) for value in row] for row in rows]
+    if len(lines) > MAX_ROWS:
+        left = len(lines) - MAX_ROWS
+        lines[MAX_ROWS // 2 : -MAX_ROWS // 2] = [[f"… {left:,} more", *[""] * (len(headings) - 1)]]
+    head = (_escape(heading.removeprefix("<")).replace("\n", "<br>") for heading in headings)
+    above = f'<div style="font-weight:bold;margin-bottom:2px">{_cell(title)}</div>' if title else ""
+    below = "".join(f'<div style="font-size:90%;opacity:0.75">{_escape(note)}</div>' for note in notes)
+    body = _row("th", head, sides) if headings else ""
+    body += "".join(_row("td", line, sides) for line in lines)
+    style = "border-collapse:collapse;font-variant-numeric:tabular-nums;margin:0 0 4px 0"
+    return f'<div>{above}<table style="{style}">{body}</table>{below}</div>'
+
+
+def _row(tag: str, cells: Iterable[str], sides: Sequence[str]) -> str:
+    look = "padding:2px 12px 2px 0;vertical-align:" + (
+        "bottom;border-bottom:1px solid #999" if tag == "th" else "top"
+    )
+    numbers = ";white-space:nowrap" if tag == "td" else ""
+    found = "".join(
+        f'<{tag} style="text-align:{side};{look}{numbers if side == "right" else ""}">{cell}</{tag}>'
+        for cell, side in zip(cells, sides, strict=True)
+    )
+    return f"<tr>{found}</tr>"
+
+
+def _cell(value: Any) -> str:
+    """Return what a table shows for a value, in HTML."""
+    if isinstance(value, IntEnum):
+        value = status_mark(value)
+    if isinstance(value, (bool, np.bool_)):
+        value = met_mark(bool(value))
+    if isinstance(value, Mark):
+        look = f"color:{value.colour};text-shadow:0 0 1px #999"  # black has an edge on a dark page, too
+        return f'<span style="{look}">{value.shape}</span> {_escape(value.word)}'
+    if value is None:
+        return "–"
+    if isinstance(value, (int, np.integer)):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return short(value)
+    return _escape(vector(value) if getattr(value, "ndim", 0) else str(value))
+
+
+def _escape(text: str) -> str:
+    return html.escape(text, quote=False)
+
+
+def figure(name: str, *results: Any, **options: Any) -> Figure:
+    """Return the figure that ``tensionlab.plots.plot_NAME`` draws; MissingDependency without Matplotlib."""
+    drawn: Figure = getattr(importlib.import_module("tensionlab.plots"), f"plot_{name}")(*results, **options)
+    return drawn

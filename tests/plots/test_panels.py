@@ -1,0 +1,104 @@
+"""Figures of one panel draw into a panel of somebody else's, and leave its style as it is; notebooks show them."""
+
+from base64 import b64decode
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab import plots
+from tensionlab.errors import InputError
+from tests.support.runs import four
+
+AXIS = np.linspace(-0.4, 0.4, 5)
+RIGS = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return tl.sweep(RIGS, tl.workspace.Grid(AXIS, AXIS, AXIS), "capacity-margin", progress=False)
+
+
+@pytest.fixture
+def panel():
+    """A panel of a figure of pyplot in the style of the user, which no drawing may change."""
+    made = []
+
+    def make(projection=None):
+        made.append(plt.figure())
+        return made[-1].add_subplot(1, 2, 2, projection=projection)
+
+    with mpl.rc_context({"font.size": 20.0, "axes.spines.top": True}):
+        before = dict(mpl.rcParams)
+        yield make
+        assert dict(mpl.rcParams) == before
+    for figure in made:
+        plt.close(figure)
+
+
+def drawn(axes):
+    return len(axes.get_children())
+
+
+def test_results_of_a_benchmark(bench_results, panel):
+    for draw in (plots.plot_summary, plots.plot_accuracy, plots.plot_worst):
+        ax = panel()
+        empty = drawn(ax)
+        assert draw(bench_results, ax=ax) is None
+        assert drawn(ax) > empty + 10
+        assert ax.get_legend() is not None
+        assert ax.get_xscale() == "log"
+        assert ax.figure.axes == [ax]
+        assert not any(label.get_text().startswith("\\$") for label in ax.get_yticklabels())
+
+
+def test_rigs_and_sweeps(swept, panel):
+    ax = panel("3d")
+    assert plots.plot_rig(RIGS[0], ax=ax) is None
+    assert ax.get_title() == "box-corners"
+    one = swept.isel(rig=1)
+    ax = panel()
+    assert plots.plot_slices(one, ax=ax) is None
+    assert ax.get_title(loc="left") == "alternate-corners"
+    assert len(ax.figure.axes) == 2  # with the colour bar
+    ax = panel()
+    plots.plot_shares(swept, ax=ax)
+    assert len(ax.get_lines()) == 2
+    ax = panel("3d")
+    plots.plot_volume(one, level=0.5, ax=ax)
+    assert "alternate-corners" in ax.get_title()
+    rig = four()
+    ax = panel()
+    plots.plot_allocation(tl.allocate(rig.structure_matrix(rig.home), np.zeros(3), rig.limits), rig, ax=ax)
+    assert ax.get_xlabel() == "tension (N)"
+    assert ax.get_legend().get_texts()[0].get_fontsize() == 8.5  # in the style of tensionlab
+
+
+def test_what_does_not_fit_is_refused(swept, panel):
+    with pytest.raises(InputError, match='ax has the projection "rectilinear"; give one with "3d"'):
+        plots.plot_rig(RIGS[0], ax=panel())
+    for draw, projection in ((plots.plot_slices, None), (plots.plot_volume, "3d")):
+        with pytest.raises(InputError, match="ax is one panel, and the sweep has 2 rigs"):
+            draw(swept, ax=panel(projection))
+
+
+def test_own_figures_can_have_the_style(panel):
+    with plots.styled():
+        ax = panel()
+    assert not ax.spines["top"].get_visible()
+    assert panel().spines["top"].get_visible()
+
+
+def test_a_notebook_shows_the_file_that_is_saved_at_its_size(tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr("IPython.display.display", lambda data, **about: shown.append((data, about)))
+    figure = four().plot()
+    plots.save_figure(figure, tmp_path / "rig.png")
+    figure._ipython_display_()
+    ((data, about),) = shown
+    assert set(data) == {"text/plain", "image/png"}
+    assert b64decode(data["image/png"]) == (tmp_path / "rig.png").read_bytes()
+    assert about["metadata"] == {"image/png": {"width": 750}}
+    assert not plt.get_fignums()

@@ -1,0 +1,147 @@
+"""How results show themselves: in one line, in HTML, as tables of pandas and xarray; and names to complete."""
+
+import re
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab import display
+from tensionlab.comparison.compare import compare
+from tensionlab.errors import MissingDependency
+from tests.support.runs import four
+
+STRUCTURE = np.array([[1.0, -1.0]])
+LIMITS = (0.5, 6.0)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (2.5, "2.5 s"),
+        (0.0123, "12 ms"),
+        (9.996e-4, "1 ms"),
+        (1.5e-6, "1.5 µs"),
+        (3.2e-7, "320 ns"),
+        (1.2e-4, "120 µs"),
+    ],
+)
+def test_times_have_the_unit_that_suits_them(seconds, text):
+    assert display.duration(seconds) == text
+
+
+def test_a_vector_shows_no_rounding_errors_and_a_long_one_its_ends():
+    assert display.vector([1.0, -4e-17, 0.25]) == "(1, 0, 0.25)"
+    assert display.vector(np.arange(20.0)) == "(0, 1, 2, 3, …, 18, 19)"
+    assert display.vector([]) == "()"
+
+
+def words(html):
+    """Return the cells of a table in HTML, row by row."""
+    rows = re.findall(r"<tr>(.*?)</tr>", html)
+    cells = [re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row) for row in rows]
+    return [[re.sub("<br>", " ", re.sub("</?span.*?>", "", cell)) for cell in row] for row in cells]
+
+
+def test_every_status_has_a_shape_of_its_own_and_the_colour_of_the_figures():
+    assert len(set(display.STATUS_MARKS)) == len(display.STATUS_LOOK) == len(tl.Status)
+    html = display.table("", ["<status"], [[status] for status in tl.Status])
+    for (word, colour), shape in zip(display.STATUS_LOOK, display.STATUS_MARKS, strict=True):
+        assert [f"{shape} {word}"] in words(html)
+        assert colour in html
+
+
+def test_what_cells_say():
+    cells = [["<script>", 12345], [None, 0.123456], [True, np.array([1.0, 2.0])]]
+    html = display.table("a < b", ["<text", "n"], cells)
+    assert "a &lt; b" in html
+    assert words(html)[1:] == [["&lt;script&gt;", "12,345"], ["–", "0.12"], ["✓ yes", "(1, 2)"]]
+
+
+def test_a_long_table_leaves_out_its_middle():
+    rows = words(display.table("", ["n"], [[i] for i in range(1000)]))
+    assert len(rows) == 1 + display.MAX_ROWS + 1
+    assert rows[1 + display.MAX_ROWS // 2] == ["… 960 more"]
+    assert (rows[1], rows[-1]) == (["0"], ["999"])
+
+
+def test_an_allocation_in_one_line_and_in_a_table():
+    one = tl.allocate(STRUCTURE, [1.0], LIMITS)
+    assert repr(one) == f"<Allocation {one}>"
+    assert words(one._repr_html_()) == [["cable", "tension N"], ["0", "1.50"], ["1", "0.50"]]
+    both = tl.allocate(STRUCTURE, [[1.0], [20.0]], LIMITS)
+    assert repr(both) == "<Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5>"
+    assert words(both._repr_html_())[1:] == [
+        ["● exact", "1", "50 %", "0", "3"],
+        ["○ certified infeasible", "1", "50 %", "14.5", "3"],
+    ]
+    assert words(tl.allocate(np.ones((0, 1, 2)), [1.0], LIMITS)._repr_html_())[1:] == []
+
+
+def test_every_repr_is_one_line():
+    rig = four()
+    ipanema = tl.load_rig("datasets/rigs/ipanema-2.toml")
+    wide = tl.allocate(ipanema.structure_matrix(ipanema.home), np.zeros(6), ipanema.limits)
+    mixed = tl.TensionLimits([0.0, 1.0], [5.0, 6.0])
+    for each, beginning in (
+        (rig, "<Rig bartels2026-validation: point, 4 modules (floor-1, floor-2, floor-3, top), 0.5 to 6 N>"),
+        (rig.modules[0], "<Module floor-1: (0.5774, 0, 0) m, 0.5 to 6 N>"),
+        (rig.limits, "<TensionLimits of 4 cables: 0.5 to 6 N>"),
+        (mixed, "<TensionLimits of 2 cables: lower (0, 1) N, upper (5, 6) N>"),
+        (tl.Allocator(mixed, "dykstra"), "<Allocator Dykstra("),
+        (wide, "<Allocation EXACT: tensions ["),
+    ):
+        assert repr(each).startswith(beginning)
+        assert "\n" not in repr(each)
+
+
+def test_a_rig_lists_its_modules():
+    table = words(four()._repr_html_())
+    assert table[0] == ["module", "anchor m", "lower N", "upper N", "brake N", "N/A", "spool radius m"]
+    assert table[4][:3] == ["top", "(0, 2.3, 0)", "0.50"]
+    assert "attachment m" in words(tl.load_rig("datasets/rigs/ipanema-2.toml")._repr_html_())[0]
+    frame = four().to_pandas()
+    assert frame.loc["top", "anchor_y"] == 2.3
+    assert (frame["upper"] == 6.0).all()
+
+
+def test_allocations_become_tables_of_pandas_and_xarray():
+    rig = four()
+    wrenches = np.random.default_rng(0).normal(size=(2, 3, 3))
+    found = tl.allocate(rig.structure_matrix(rig.home), wrenches, rig.limits)
+    frame = found.to_pandas()
+    assert frame.index.names == ["axis_0", "axis_1"]
+    assert frame.loc[(1, 2), "tension_3"] == found.tensions[1, 2, 3]
+    assert frame.loc[(0, 1), "status"] == tl.Status(found.status[0, 1]).name
+    data = found.to_xarray()
+    assert data["tensions"].dims == ("axis_0", "axis_1", "cable")
+    assert data["tensions"].attrs["units"] == "N"
+    np.testing.assert_array_equal(data["wrench"], found.wrench)
+    assert len(tl.allocate(STRUCTURE, [1.0], LIMITS).to_pandas()) == 1
+
+
+def test_without_pandas_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
+    with pytest.raises(MissingDependency, match=r"a data frame needs pandas: pip install \"tensionlab\[data\]\""):
+        four().to_pandas()
+
+
+def test_a_comparison_shows_itself():
+    found = compare(four(), solvers=["newton", "least-sum"], directions=np.eye(3))
+    assert repr(found).startswith(
+        "<Comparison of 2 solvers on bartels2026-validation, 4 modules: 3 forces of 1.5 N"
+    )
+    table = words(found._repr_html_())
+    assert table[0][2:6] == ["● exact", "○ certified infeasible", "▲ unproven (iteration limit)", "✗ failed"]
+    assert [row[:3] for row in table[1:]] == [
+        ["newton", each, "3"] for each in ("force", "tension", "direction")
+    ] + [["least-sum", "–", "3"]]
+    assert list(found.to_pandas()["solver"]) == ["newton"] * 3 + ["least-sum"]
+
+
+def test_completion_offers_public_names_only():
+    for module in (tl, tl.workspace, tl.datasets, tl.plots):
+        assert dir(module) == sorted(module.__all__)
+        assert all(hasattr(module, name) for name in dir(module))
+    with pytest.raises(AttributeError, match="no attribute 'plot'"):
+        tl.plot  # noqa: B018
