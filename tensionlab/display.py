@@ -79,7 +79,7 @@ def duration(seconds: float) -> str:
         if seconds >= 0.9995 * size:
             value = seconds / size
             return f"{value:.0f} {unit}" if value >= 99.5 else f"{value:.2g} {unit}"
-    return "–" if math.isnan(seconds) else f"{seconds / 1e-9:.0f} ns"
+    return "–" if math.isnan(seconds) else f"{round(seconds / 1e-9)} ns"  # round: no minus zero
 
 
 def vector(values: Any) -> str:

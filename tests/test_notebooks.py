@@ -37,10 +37,9 @@ def load(path: Path) -> Any:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """What a notebook sees of the repository, somewhere else: it may write beside itself."""
+    """An empty folder: notebooks need nothing of the repository, and may write beside themselves."""
     folder = tmp_path / "notebooks"
     folder.mkdir()
-    (tmp_path / "datasets").symlink_to(ROOT / "datasets")
     return folder
 
 

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import venv
+import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -59,6 +60,7 @@ WORK = [
     "rig check RIG",
     "rig show RIG --plot rig.png",
     "rig export RIG --mjcf rig.xml",
+    "datasets",
     "solvers",
     "problems list",
     "problems show robots --count 4",
@@ -89,6 +91,19 @@ REFUSED = {
     "allocate RIG --wrench 0 0 1.5 --solver qp:daqp": "solvers",
 }
 """What needs one, and which."""
+EXTRAS = frozenset({"solvers", "data", "workspace", "cluster", "hardware", "haptics"})
+COMPLETE = [
+    "scenario bow --seconds 0.5 --log run.mcap --plot bow.png",
+    "log info run.mcap",
+    "validate RIG --out validation --preset ideal --hold 0.31",
+    "bench --set published --solvers newton,daqp --count 1 --out bench",
+    "workspace RIG --step 0.5 --out sweep.zarr",
+    "serve RIG --seconds 0.1 --port 0 --osc 0",
+    "compare RIG --directions fibonacci:2 --solvers newton,qp:daqp --out compare.parquet",
+]
+"""What works with all extras but that of the reference ..."""
+SUFFIXES = {".mcap", ".parquet", ".png", ".zarr"}
+"""... and what it writes."""
 
 
 def required(name: str, extras: frozenset[str] = frozenset()) -> Iterator[importlib.metadata.Distribution]:
@@ -106,7 +121,8 @@ def required(name: str, extras: frozenset[str] = frozenset()) -> Iterator[import
             if key not in seen:
                 seen.add(key)
                 waiting.append(key)
-                yield importlib.metadata.distribution(needed.name)
+                if needed.name != name:  # whose extras name others of its own
+                    yield importlib.metadata.distribution(needed.name)
 
 
 def environment(folder: Path, distributions: Iterable[importlib.metadata.Distribution]) -> Path:
@@ -115,26 +131,41 @@ def environment(folder: Path, distributions: Iterable[importlib.metadata.Distrib
     (site,) = folder.glob("lib/python*/site-packages")
     for distribution in distributions:
         tops = {file.parts[0] for file in distribution.files or [] if ".." not in file.parts}
-        for top in tops - {"__pycache__"}:
+        for top in tops - {"__pycache__"} - {path.name for path in site.iterdir()}:
             (site / top).symlink_to(str(distribution.locate_file(top)))
     return site
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, without the kernels."""
+    folder = tmp_path_factory.mktemp("wheel")
+    subprocess.run([sys.executable, "-c", BUILD, folder], cwd=ROOT, check=True, capture_output=True)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path) -> Path:
     """A virtual environment with the wheel and what it requires, no extra and nothing of the source tree.
 
     The C++ is not compiled again: the wheel has this interpreter's, as CMake would have installed it.
     """
-    folder = tmp_path_factory.mktemp("wheel")
-    subprocess.run([sys.executable, "-c", BUILD, folder], cwd=ROOT, check=True, capture_output=True)
-    (wheel,) = folder.glob("*.whl")
+    folder = wheel.parent
     site = environment(folder / "venv", required("tensionlab"))
     python = folder / "venv" / "bin" / "python"
     install = ["pip", "--python", python, "install", "--quiet", "--no-deps", "--no-index", "--no-compile", wheel]
     subprocess.run([sys.executable, "-m", *install], check=True, capture_output=True)
     shutil.copy(_native.__file__, site / "tensionlab")
     return folder / "venv"
+
+
+def verbs(program: Path, commands: list[str]) -> dict[str, tuple[int, str, str]]:
+    """Return exit status, stdout and stderr of each command, in the folder that the environment is in."""
+    words = [command.replace("RIG", RIG).split() for command in commands]
+    done = call(program, "-c", VERBS, json.dumps(words))
+    assert done.returncode == 0, done.stderr
+    return {command: tuple(said) for command, said in zip(commands, json.loads(done.stdout), strict=True)}
 
 
 def call(program: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
@@ -146,17 +177,12 @@ def call(program: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def told(installed: Path) -> dict[str, tuple[int, str, str]]:
-    """Exit status, stdout and stderr of each command in the environment."""
-    (data,) = installed.glob("lib/python*/site-packages/tensionlab/datasets")
+    """What each command says in the environment."""
     work = installed.parent
     (work / "space.toml").write_text(SPACE)
     (work / "modules.toml").write_text('[modules]\nbow-hand = "sim:"\n')
     (work / "run.mcap").write_bytes(b"")
-    commands = [*WORK, *REFUSED]
-    words = [command.replace("RIG", str(data / "rigs" / f"{RIG}.toml")).split() for command in commands]
-    done = call(installed / "bin" / "python", "-c", VERBS, json.dumps(words))
-    assert done.returncode == 0, done.stderr
-    return {command: tuple(said) for command, said in zip(commands, json.loads(done.stdout), strict=True)}
+    return verbs(installed / "bin" / "python", [*WORK, *REFUSED])
 
 
 def test_its_command_says_which_version_it_is(installed: Path) -> None:
@@ -184,6 +210,45 @@ def test_what_needs_an_extra_names_it(told: dict[str, tuple[int, str, str]], com
     last = err.strip().splitlines()[-1]
     assert f'pip install "tensionlab[{REFUSED[command]}]"' in last
     assert (code, len(last) <= 300, "Traceback" in err) == (2, True, False)
+
+
+@pytest.mark.slow
+def test_with_the_extras_all_verbs_work_in_another_folder(installed: Path, tmp_path: Path) -> None:
+    site = environment(tmp_path / "venv", required("tensionlab", EXTRAS))
+    for part in installed.glob("lib/python*/site-packages/tensionlab*"):
+        (site / part.name).symlink_to(part)
+    done = verbs(tmp_path / "venv" / "bin" / "python", COMPLETE)
+    assert {command: (code, err) for command, (code, _, err) in done.items() if code} == {}
+    assert all(out for _, out, _ in done.values())
+    files = [
+        word
+        for command in COMPLETE
+        for word in command.split()
+        if Path(word).suffix in {".mcap", ".png", ".zarr", ".parquet"}
+    ]
+    files += ["validation/report.md", "bench/report.md"]
+    assert [name for name in files if not (tmp_path / name).exists()] == []
+
+
+def test_it_has_the_package_with_its_data_and_nothing_else(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    package = [path.relative_to(ROOT) for path in (ROOT / "tensionlab").rglob("*") if path.is_file()]
+    package = [path for path in package if "__pycache__" not in path.parts and path.suffix != ".so"]
+    data = [path.relative_to(ROOT) for path in (ROOT / "datasets").rglob("*") if path.is_file()]
+    expected = {path.as_posix() for path in package if path.parts[1] != "native"}
+    expected |= {f"tensionlab/{path.as_posix()}" for path in data if path.suffix not in {".py", ".pyc"}}
+    assert {name for name in names if ".dist-info/" not in name} == expected
+    assert {"tensionlab/py.typed", "tensionlab/_native.pyi"} <= expected
+    assert len([name for name in names if name.endswith(".dist-info/licenses/LICENSE")]) == 1
+
+
+def test_what_is_compiled_in_keeps_its_licence() -> None:
+    """As CMake installs it, in a wheel as in a clone."""
+    files = importlib.metadata.files("tensionlab") or []
+    licences = {file.parent.name: file.read_text() for file in files if file.name == "LICENSE"}
+    assert "Wenzel Jakob" in licences["nanobind"]
+    assert licences["robin_map"].startswith("MIT License\n\nCopyright (c) 2017 Thibaut Goetghebuer-Planchon")
 
 
 def test_every_module_and_every_data_set_is_there_under_its_name(installed: Path) -> None:
@@ -219,7 +284,7 @@ def test_a_control_computer_needs_numpy_and_pydantic(installed: Path) -> None:
     (site / "tensionlab").symlink_to(package)
     script = f"""
 import tensionlab as tl
-rig = tl.load_rig(tl.datasets.folder() / "rigs" / "{RIG}.toml")
+rig = tl.load_rig("{RIG}")
 structure = rig.structure_matrix(rig.home)
 result = tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits)
 assert result.status == tl.Status.EXACT and abs(result.residual) < 1e-9
