@@ -38,6 +38,7 @@ check: .venv/dev.stamp
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
+	@$(BIN)/mypy --platform win32 --cache-dir .mypy_cache/win32 -p tensionlab
 	@$(BIN)/clang-format --dry-run --Werror $(NATIVE)
 
 format: .venv/dev.stamp

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from tensionlab.errors import needs
 from tensionlab.files import writing
+from tensionlab.operating_system import processor_name
 
 if TYPE_CHECKING:
     import pandas
@@ -61,7 +62,7 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": seed,
         "git_commit": _git_commit(),
-        "processor": _processor(),
+        "processor": processor_name(),
         "platform": platform.platform(),
         "python": platform.python_version(),
         "versions": versions,
@@ -110,14 +111,3 @@ def _git_commit() -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip()
-
-
-def _processor() -> str:
-    """Model name of the processor where the system tells it, else its architecture."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass  # not Linux
-    return platform.processor() or platform.machine()

@@ -11,14 +11,17 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.windows import LACKING, NOT_THERE
+
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
 # Rooms that each room may enter, besides itself and those of everybody.
-EVERYBODY = {"errors", "arrays", "files", "records", "variants", "display", "__version__"}
+EVERYBODY = {"errors", "operating_system", "arrays", "files", "records", "variants", "display", "__version__"}
 CORE = {"model", "allocation", "demand", "_native"}
 ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
 ALLOWED = {
     "errors": set(),
+    "operating_system": set(),
     "arrays": {"_native"},
     "files": set(),
     "display": set(),
@@ -86,6 +89,11 @@ NATIVE = {
     "hardware/runner/watchdog.py",
     "hardware/simulation/simulated_module.py",
 }
+# What the other files leave to operating_system.py: what some systems lack, and asking which one this is. Steps of
+# time.monotonic are 16 ms on Windows before Python 3.13; time.perf_counter is the same clock elsewhere.
+SYSTEM_MODULES = {*NOT_THERE, "msvcrt", "winreg", "ctypes", "posix", "nt"}
+SYSTEM_NAMES = {f"{module.__name__}.{name}" for module, names in LACKING.items() for name in names}
+SYSTEM_NAMES |= {"sys.platform", "os.name", "platform.system", "os.kill", "time.monotonic", "signal.SIGBREAK"}
 # Third parties that a file may import as it is imported itself. Optional libraries, and those that are slow to
 # import, are imported where they are used: no room and no verb needs an extra until it does what the extra is for.
 EAGER = {"numpy", "pydantic", "pydantic_core", "typer"}
@@ -176,6 +184,34 @@ def test_third_parties_have_one_door(name: str) -> None:
         assert doors is None or {name, room(name)} & doors, f"{name} imports {module}"
         if module.startswith("tensionlab._native"):
             assert name in NATIVE, f"{name} imports {module}"
+
+
+def system_parts(tree: ast.Module) -> set[str]:
+    """What a file uses that differs between systems."""
+    used = {ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)} | set(imported(tree))
+    modules = {name for name in used if name.partition(".")[0] in SYSTEM_MODULES}
+    # Whether a module has something is asked for no other reason.
+    asked = {
+        ast.unparse(node)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func) in ("hasattr", "getattr")
+        and ast.unparse(node.args[0]) in ("os", "select", "signal", "time")
+    }
+    return modules | used & SYSTEM_NAMES | asked
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_differs_between_systems_is_in_one_file(name: str) -> None:
+    found = system_parts(ast.parse((PACKAGE / name).read_text()))
+    assert not found or name == "operating_system.py", f"{name} uses {found}"
+
+
+def test_the_rules_see_what_differs() -> None:
+    text = "import tty\nfrom os import nice\nos.name\nhasattr(os, 'nice')\ntime.monotonic()\nselect.poll()\n"
+    expected = {"tty", "os.nice", "os.name", "hasattr(os, 'nice')", "time.monotonic", "select.poll"}
+    assert system_parts(ast.parse(text)) == expected
+    assert "sys.platform" in system_parts(ast.parse((PACKAGE / "operating_system.py").read_text()))
 
 
 @pytest.mark.parametrize("name", NAMES)

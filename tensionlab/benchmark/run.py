@@ -28,6 +28,7 @@ from tensionlab.benchmark.evaluation import Effort, evaluate_set
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, require_known
 from tensionlab.errors import InputError, TensionlabError, WriteError
 from tensionlab.files import writing
+from tensionlab.operating_system import OWN_GROUP
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -114,7 +115,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     kept = folder
     # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD, process_group=0
+        command, stdout=subprocess.PIPE, text=True, env=os.environ | ONE_THREAD, **OWN_GROUP
     ) as process:
         assert process.stdout
         try:

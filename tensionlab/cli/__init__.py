@@ -24,6 +24,7 @@ from typer.core import TyperGroup
 from tensionlab import __version__
 from tensionlab.cli.common.output import INTERRUPTED, clip, print_error
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
+from tensionlab.operating_system import reader_has_gone
 
 if TYPE_CHECKING:
     from typing import TextIO
@@ -224,7 +225,7 @@ def _without_stdout(error: OSError) -> int:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
-    if isinstance(error, BrokenPipeError):
+    if reader_has_gone(error):
         return STDOUT_CLOSED
     print_error(f"stdout cannot be written ({error.strerror or error})")
     return BAD_INPUT

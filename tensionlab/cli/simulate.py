@@ -114,7 +114,7 @@ def simulate(
     armed, and goes back to the start when all have been stopped; `tensionlab scenario NAME --modules FILE --osc
     PORT` plays with it.
 
-    Prints a modules file, and an empty line after it: names, and links that pyserial opens. A module takes one
+    Prints a modules file, and an empty line after it: names and links, for --modules. A module takes one
     client at a time, and refuses others.
     """
     if not 0.0 < speed <= MAX_SPEED:

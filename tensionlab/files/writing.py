@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from tensionlab.errors import WriteError, needs
+from tensionlab.operating_system import patiently
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -100,7 +101,7 @@ def replacing(path: str | PathLike[str]) -> Iterator[IO[bytes]]:
             os.fsync(file.fileno())
         if place.exists():
             new.chmod(stat.S_IMODE(place.stat().st_mode))
-        new.replace(place)
+        patiently(lambda: new.replace(place))
     except BaseException as error:
         with suppress(OSError):
             new.unlink()

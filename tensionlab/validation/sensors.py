@@ -186,10 +186,10 @@ def connect_sensor(url: str) -> TextSensor:
                 raise LinkError(f"{url}: the force sensor has hung up")
 
     sensor = TextSensor(url, receive, connection.close)
-    end = time.monotonic() + TIMEOUT_S
+    end = time.perf_counter() + TIMEOUT_S
     try:
         while not len(sensor.take()):
-            if time.monotonic() > end:
+            if time.perf_counter() > end:
                 raise LinkError(f"{url}: the force sensor shows nothing; does it send by itself?")
             time.sleep(POLL_S)
     except HardwareError:

@@ -9,8 +9,9 @@ import pytest
 import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.hardware.client.links import OPENERS
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL, LinkLock
+from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.protocol.codes import State
+from tensionlab.operating_system import ESTOP_SIGNAL
 from tests.support.reachable import ReachableRig
 
 PATH = "datasets/rigs/bartels2026-validation.toml"

@@ -35,8 +35,8 @@ class ServedTime(SimulatedTime):
     server: serve.Server
 
     def sleep(self, seconds: float) -> None:
-        end = self.monotonic() + seconds
-        while (left := end - self.monotonic()) > 0.0:
+        end = self.perf_counter() + seconds
+        while (left := end - self.perf_counter()) > 0.0:
             self.step(left)
 
     def step(self, longest: float) -> None:
@@ -64,7 +64,7 @@ class ServedLink:
         return content
 
     def clock(self) -> float:
-        return self._time.monotonic()
+        return self._time.perf_counter()
 
     def close(self) -> None:
         self._end.close()
@@ -113,7 +113,7 @@ class Simulation:
         with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
             patch.setattr(importlib.import_module("tensionlab.cli.simulate"), "ExitStack", KeptOpen)
             patch.setattr(serve, "TcpPort", self._open)
-            patch.setattr(serve, "Server", partial(serve.Server, clock=self.time.monotonic))
+            patch.setattr(serve, "Server", partial(serve.Server, clock=self.time.perf_counter))
             patch.setattr(serve, "serve", lambda server, stopped: servers.append(server))
             with pytest.raises(SystemExit) as left:
                 main(["simulate", *map(str, words)])

@@ -38,7 +38,7 @@ class ServedPerson:
 
     def now(self) -> float:
         """Return the time."""
-        return self.simulation.time.monotonic()
+        return self.simulation.time.perf_counter()
 
     def wait_until(self, when: float) -> None:
         """Let time pass until then."""

@@ -12,7 +12,7 @@ class SimulatedTime:
         self._now = START_S
         self.watchers = []
 
-    def monotonic(self):
+    def perf_counter(self):
         return self._now
 
     def process_time(self):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from tensionlab.hardware.client.links import Link, SerialLink
+from tensionlab.hardware.client.links import Link, connect
 from tensionlab.hardware.protocol.frames import Decoder
 from tensionlab.hardware.protocol.messages import Acknowledge, Message, Ping, Pong, read
 
@@ -64,7 +64,7 @@ class Client:
 @contextmanager
 def connected(where: str | Link) -> Iterator[Client]:
     """A client at a URL or a link, which is closed at the end."""
-    client = Client(SerialLink(where, NoLock()) if isinstance(where, str) else where)
+    client = Client(connect(where, NoLock()) if isinstance(where, str) else where)
     try:
         yield client
     finally:

@@ -22,6 +22,7 @@ from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
+from tensionlab.operating_system import INTERRUPT_SIGNALS
 from tensionlab.records import manifest
 
 Answer = TypeVar("Answer")
@@ -88,14 +89,13 @@ def exit_if_failed(failed: Mapping[str, HardwareError]) -> None:
 
 @contextmanager
 def until_interrupted() -> Iterator[Callable[[], bool]]:
-    """Let Ctrl-C, and SIGTERM, end the work in good order; yield whether one has come."""
+    """Let Ctrl-C and its like end the work in good order; yield whether one has come."""
     came: list[int] = []
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda number, _: came.append(number)) for number in numbers]
+    before = [signal.signal(number, lambda number, _: came.append(number)) for number in INTERRUPT_SIGNALS]
     try:
         yield lambda: bool(came)
     finally:
-        for number, handler in zip(numbers, before, strict=True):
+        for number, handler in zip(INTERRUPT_SIGNALS, before, strict=True):
             signal.signal(number, handler)
 
 

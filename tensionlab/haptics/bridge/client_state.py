@@ -80,7 +80,7 @@ class ClientState:
     """
 
     rig: Rig
-    clock: Callable[[], float] = time.monotonic
+    clock: Callable[[], float] = time.perf_counter
     command: Command = field(default_factory=Command)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _commander: Commander | None = None

@@ -170,7 +170,7 @@ class IgnoredSummary:
         Time in s.
     """
 
-    def __init__(self, report: Callable[[str], None], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, report: Callable[[str], None], clock: Callable[[], float] = time.perf_counter) -> None:
         self._report, self._clock = report, clock
         self._known: set[str] = set()
         self._more: Counter[str] = Counter()

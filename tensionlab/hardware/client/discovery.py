@@ -54,8 +54,7 @@ def ports(*, everything: bool = False) -> dict[str, str]:
 
 def looks_like_ours(port: SerialPort) -> bool:
     """Return whether a module may be at a port: by USB through one of the usual chips, or by Bluetooth."""
-    bluetooth = "/dev/rfcomm" in port.url or port.hardware.startswith("BTHENUM")
-    return port.vendor in USB_VENDORS or bluetooth or NAME_PREFIX in f"{port.url} {port.about}"
+    return port.vendor in USB_VENDORS or port.bluetooth or NAME_PREFIX in f"{port.url} {port.about}"
 
 
 def paired() -> dict[str, str]:

@@ -7,7 +7,7 @@ A modules file is written by `tensionlab simulate` or by hand::
     floor-2 = "/dev/rfcomm0"                      # Bluetooth, bound on Linux
     top     = "/dev/cu.tensionlab-1a2b3c4d"       # Bluetooth on macOS; "COM5" on Windows
 
-Names are those of the rig's modules; the links are what pyserial's ``serial_for_url`` opens.
+Names are those of the rig's modules; the links are as `tensionlab.hardware.client.links.URL_KINDS` has them.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class ModuleGroup:
             with suppress(HardwareError):
                 client.close()
 
-        with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # pyserial takes 0.3 s for each
+        with ThreadPoolExecutor(len(self.clients) or 1) as threads:  # each waits for its reader
             list(threads.map(close, self.clients))
 
     def _release(self, command: Message) -> dict[str, HardwareError]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.errors import LinkTimeout
+from tensionlab.hardware.client.links import serial_ports
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.messages import Ping, Pong
 
@@ -20,7 +21,7 @@ MAX_LOSS = 1e-6
 """Largest probability that all of them are lost."""
 MAX_RATE_HZ, MAX_BLUETOOTH_RATE_HZ = 1000.0, 100.0
 BLUETOOTH_PREFIXES = ("bt://", "/dev/rfcomm", "/dev/cu.tensionlab-", "/dev/tty.tensionlab-")
-"""Start of the URL of a link by Bluetooth; URLs on Windows do not tell."""
+"""Start of the URL of a link by Bluetooth; that of a COM port does not tell, but its description does."""
 
 
 @dataclass(frozen=True)
@@ -93,5 +94,7 @@ def safe_rates(trips: RoundTrips, ttl: float, *, bluetooth: bool) -> tuple[float
 
 
 def is_bluetooth(url: str) -> bool:
-    """Return whether a link is by Bluetooth, as far as its URL tells."""
+    """Return whether a link is by Bluetooth, as far as its URL or the system tells."""
+    if url.upper().startswith("COM"):
+        return any(port.bluetooth for port in serial_ports() if port.url.upper() == url.upper())
     return url.startswith(BLUETOOTH_PREFIXES)

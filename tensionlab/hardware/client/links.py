@@ -5,16 +5,18 @@ Each link has its own clock. That of a simulated module advances only while some
 
 from __future__ import annotations
 
+import io
 import re
 import select
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from tensionlab.errors import LinkError, needs
-from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.hardware.client.locks import LinkLock, tcp_address
 
 READ_BYTES = 4096
 """Most bytes read at a time."""
@@ -42,6 +44,11 @@ class SerialPort:
     about: str
     hardware: str
     vendor: int | None
+
+    @property
+    def bluetooth(self) -> bool:
+        """Whether it is one by Bluetooth, as far as the system tells."""
+        return "/dev/rfcomm" in self.url or self.hardware.startswith("BTHENUM")
 
 
 class Link(Protocol):
@@ -87,31 +94,37 @@ def open_link(url: str) -> Link:
     require_known(url)
     if url in OPENERS:
         return OPENERS[url]()
-    kind = BluetoothLink if url.startswith("bt://") else SerialLink
     lock = LinkLock(url)
     try:
-        return kind(url, lock)
+        return connect(url, lock)
     except BaseException:
         lock.release()
         raise
 
 
+def connect(url: str, lock: LinkLock) -> Link:
+    """Connect to a port or a socket, which is locked; errors as those of `open_link`."""
+    if url.startswith("socket://"):
+        return SocketLink(url, lock, _connect_tcp(url))
+    if url.startswith("bt://"):
+        return SocketLink(url, lock, _connect_bluetooth(url))
+    return SerialLink(url, lock)
+
+
 class SerialLink:
-    """Link over a serial port or TCP, through pyserial; closing it releases the lock."""
+    """Link over a serial port, through pyserial; closing it releases the lock."""
 
     lockstep = False
 
     def __init__(self, url: str, lock: LinkLock) -> None:
-        with needs("hardware", "a link"):
+        with needs("hardware", "a serial port"):
             import serial
         self.url, self._lock = url, lock
         # The errors of a port that is closed while another thread reads it are not pyserial's own.
-        self._broken = (serial.SerialException, TypeError, AttributeError)
+        self._broken = (serial.SerialException, TypeError, AttributeError, OSError, ValueError)
         try:
-            # Only system ports can be opened exclusively; a TCP port refuses by itself.
-            taken = {} if url.startswith("socket://") else {"exclusive": True}
             self._port: Any = serial.serial_for_url(
-                url, BAUD_RATE, timeout=0, write_timeout=0, do_not_open=True, **taken
+                url, BAUD_RATE, timeout=0, write_timeout=0, do_not_open=True, exclusive=True
             )
             self._port.dtr = self._port.rts = False  # they reset most boards
             self._port.open()
@@ -119,77 +132,64 @@ class SerialLink:
             raise LinkError(
                 f"{url} cannot be opened: {error}; is it there, and is no other program using it?"
             ) from None
+        try:
+            self._file: int | None = self._port.fileno()
+        except io.UnsupportedOperation:  # which every port has on Windows
+            self._file = None
 
     def send(self, content: bytes) -> None:
         """Send bytes without waiting."""
         try:
             taken = self._port.write(content)
-        except (*self._broken, OSError) as error:
+        except self._broken as error:
             raise LinkError(f"{self.url} broke: {error}") from None
-        if taken != len(content):
-            raise LinkError(f"{self.url} takes no more bytes; does the module still read?")
+        _require_all(self.url, taken, content)
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
         try:
-            self._wait(timeout)
+            if self._file is None:
+                return self._read(timeout)
+            select.select([self._file], [], [], timeout)  # pyserial's own waiting configures the port each time
             return bytes(self._port.read(READ_BYTES))
-        except (*self._broken, OSError, ValueError) as error:
+        except self._broken as error:
             raise LinkError(f"{self.url} broke: {error}") from None
 
-    def _wait(self, timeout: float) -> None:
-        """Wait until there is something to read: pyserial's own waiting configures the port anew each time."""
-        if hasattr(self._port, "fileno"):
-            select.select([self._port.fileno()], [], [], timeout)
-            return
-        end = time.monotonic() + timeout
-        while not self._port.in_waiting and time.monotonic() < end:  # Windows cannot wait for a port's file
-            time.sleep(1e-3)
+    def _read(self, timeout: float) -> bytes:
+        """Wait for bytes in pyserial, where there is no file to wait for."""
+        if self._port.timeout != timeout:  # the port is configured anew; but readers wait for the same each time
+            self._port.timeout = timeout
+        first = self._port.read(1)
+        return bytes(first + self._port.read(min(self._port.in_waiting, READ_BYTES - 1)) if first else b"")
 
     def clock(self) -> float:
         """Return the time, in s."""
-        return time.monotonic()
+        return time.perf_counter()
 
     def close(self) -> None:
         """Close the port."""
-        inner = getattr(self._port, "_socket", None)
         self._port.close()
-        if inner is not None:
-            inner.close()  # which pyserial forgets if the far end has gone
         self._lock.release()
 
 
-class BluetoothLink:
-    """Link over Bluetooth Classic, an RFCOMM socket; closing it releases the lock."""
+class SocketLink:
+    """Link over a connected socket, TCP or Bluetooth; closing it releases the lock."""
 
     lockstep = False
 
-    def __init__(self, url: str, lock: LinkLock) -> None:
-        self.url, self._lock = url, lock
-        match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
-        if match is None:
-            raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")
-        family, protocol = getattr(socket, "AF_BLUETOOTH", None), getattr(socket, "BTPROTO_RFCOMM", None)
-        if family is None or protocol is None:
-            raise LinkError(
-                f"{url}: this Python was built without Bluetooth sockets. On Linux, bind the module to a port "
-                f"(sudo rfcomm bind 0 {match[1]} {match[2] or 1}) and use /dev/rfcomm0; on macOS, pair it and use "
-                "/dev/cu.tensionlab-…; on Windows, pair it and use its COM port"
-            )
-        self._socket = socket.socket(family, socket.SOCK_STREAM, protocol)
-        self._socket.settimeout(CONNECT_TIMEOUT_S)
-        try:
-            self._socket.connect((match[1], int(match[2] or 1)))
-        except OSError as error:
-            self._socket.close()
-            raise LinkError(f"{url} cannot be reached: {error}; is the module on, paired, and in range?") from None
+    def __init__(self, url: str, lock: LinkLock, connected: socket.socket) -> None:
+        self.url, self._lock, self._socket = url, lock, connected
+        connected.setblocking(False)
 
     def send(self, content: bytes) -> None:
-        """Send bytes."""
+        """Send bytes without waiting."""
         try:
-            self._socket.sendall(content)
+            taken = self._socket.send(content)
+        except BlockingIOError:
+            taken = 0
         except OSError as error:
-            raise LinkError(f"{self.url} broke: {error}") from None
+            raise LinkError(f"{self.url} broke: {error.strerror or error}") from None
+        _require_all(self.url, taken, content)
 
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
@@ -197,17 +197,61 @@ class BluetoothLink:
             if not select.select([self._socket], [], [], timeout)[0]:
                 return b""
             content = self._socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return b""
         except (OSError, ValueError) as error:  # a socket closed while it is waited for is a ValueError
-            raise LinkError(f"{self.url} broke: {error}") from None
+            raise LinkError(f"{self.url} broke: {getattr(error, 'strerror', None) or error}") from None
         if not content:
-            raise LinkError(f"{self.url} was closed by the module")
+            raise LinkError(f"{self.url} was closed by the module: has it another client, or ended?")
         return content
 
     def clock(self) -> float:
         """Return the time, in s."""
-        return time.monotonic()
+        return time.perf_counter()
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket; the module hears of it at once, even while another thread waits for bytes."""
+        with suppress(OSError):  # of one that is closed, or whose far end has gone
+            self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._lock.release()
+
+
+def _require_all(url: str, taken: int, content: bytes) -> None:
+    """Raise a `LinkError` if a link took less than the whole: what follows would be out of step."""
+    if taken != len(content):
+        raise LinkError(f"{url} takes no more bytes; does the module still read?")
+
+
+def _connect_tcp(url: str) -> socket.socket:
+    """Connect to host and port; small messages are sent at once."""
+    try:
+        connected = socket.create_connection(tcp_address(url), CONNECT_TIMEOUT_S)
+    except (OSError, UnicodeError) as error:  # the latter of a name that cannot be one
+        why = getattr(error, "strerror", None) or error
+        raise LinkError(f"{url} cannot be opened: {why}; is it served there, and in reach?") from None
+    with suppress(OSError):  # of a connection that has ended again: reading says so
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connected
+
+
+def _connect_bluetooth(url: str) -> socket.socket:
+    """Connect to address and channel by Bluetooth Classic (RFCOMM)."""
+    match = re.fullmatch(r"bt://((?:[0-9A-Fa-f]{2}:){5}[0-9A-Fa-f]{2})(?:/(\d+))?", url)
+    if match is None:
+        raise LinkError(f"{url}: give an address and a channel, such as bt://AA:BB:CC:DD:EE:FF/1")
+    family, protocol = getattr(socket, "AF_BLUETOOTH", None), getattr(socket, "BTPROTO_RFCOMM", None)
+    if family is None or protocol is None:
+        raise LinkError(
+            f"{url}: this Python was built without Bluetooth sockets. On Linux, bind the module to a port "
+            f"(sudo rfcomm bind 0 {match[1]} {match[2] or 1}) and use /dev/rfcomm0; on macOS, pair it and use "
+            "/dev/cu.tensionlab-…; on Windows, pair it and use its COM port"
+        )
+    connected = socket.socket(family, socket.SOCK_STREAM, protocol)
+    connected.settimeout(CONNECT_TIMEOUT_S)
+    try:
+        connected.connect((match[1], int(match[2] or 1)))
+    except OSError as error:
+        connected.close()
+        raise LinkError(f"{url} cannot be reached: {error}; is the module on, paired, and in range?") from None
+    return connected

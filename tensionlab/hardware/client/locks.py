@@ -6,12 +6,10 @@ that ends, however it ends, so nothing has to be cleared up after one that was k
 
 from __future__ import annotations
 
-import getpass
 import hashlib
 import ipaddress
 import json
 import os
-import signal
 import socket
 import sys
 import tempfile
@@ -23,13 +21,11 @@ from urllib.parse import urlsplit
 
 from tensionlab.errors import LinkError
 from tensionlab.files.writing import acquire_lock
+from tensionlab.operating_system import is_private, patiently, user
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
 
-ESTOP_SIGNAL: signal.Signals = getattr(signal, "SIGUSR1", signal.SIGTERM)
-"""Signal that makes a process stop its modules at once. It ends a process without a handler, and so its links:
-then the modules release their cables by themselves."""
 LOCK_TIMEOUT_S = 0.3
 MAX_PROGRAM_CHARACTERS = 100
 """Of a command line in messages."""
@@ -61,12 +57,13 @@ class LinkLock:
         content = {"pid": os.getpid(), "program": _program(), "url": url}
         new = path.with_suffix(".new")
         new.write_text(json.dumps(content), encoding="utf-8")
-        new.replace(self._note)
+        patiently(lambda: new.replace(self._note))
 
     def release(self) -> None:
         """Release the lock; a released one may be released again."""
         if self._lock is not None:
-            self._note.unlink(missing_ok=True)
+            with suppress(OSError):  # of a free link, a note names nobody
+                patiently(lambda: self._note.unlink(missing_ok=True))
             self._lock.release()
         self._lock = None
 
@@ -96,8 +93,8 @@ def locked_links() -> dict[str, Holder]:
 def normalised(url: str) -> str:
     """Return one URL for all those that reach the same module."""
     if url.startswith("socket://"):
-        parts = urlsplit(url)
-        return f"socket://{_address(parts.hostname or '')}:{parts.port}"
+        host, port = tcp_address(url)
+        return f"socket://{_address(host)}:{port}"
     if url.startswith("bt://"):
         address, _, channel = url.removeprefix("bt://").partition("/")
         return f"bt://{address.upper()}/{channel or 1}"
@@ -106,9 +103,18 @@ def normalised(url: str) -> str:
     return url.upper()
 
 
+def tcp_address(url: str) -> tuple[str, int]:
+    """Return host and port of a URL such as ``socket://[::1]:4001``; a `LinkError` if it has none."""
+    with suppress(ValueError):
+        parts = urlsplit(url)
+        if parts.hostname and parts.port:
+            return parts.hostname, parts.port
+    raise LinkError(f"{url}: give a host and a port from 1 to 65535, such as socket://127.0.0.1:4001")
+
+
 def _address(host: str) -> str:
     """Return the address of a host, or its name if it is not known."""
-    with suppress(OSError):
+    with suppress(OSError, UnicodeError):
         host = str(socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)[0][4][0])
     with suppress(ValueError):
         if ipaddress.ip_address(host) == ipaddress.ip_address("::1"):
@@ -131,14 +137,13 @@ def _path(url: str) -> Path:
 
 def _folder() -> Path:
     """Return the folder of this user's locks, made if it is missing; nobody else may write into it."""
-    user = os.getuid() if hasattr(os, "getuid") else getpass.getuser()
-    folder = Path(tempfile.gettempdir()) / f"tensionlab-{user}"
+    folder = Path(tempfile.gettempdir()) / f"tensionlab-{user()}"
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
+        private = is_private(folder)
     except OSError as error:
         raise LinkError(f"{folder}: no folder for locks of modules: {error.strerror}; make it possible") from None
-    if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o077):
+    if not private:
         raise LinkError(f"{folder}: must be yours and closed to others (mode 0700); remove it, or correct that")
     return folder
 

@@ -220,7 +220,7 @@ class RunLog:
         due = math.inf  # when what was written must be flushed
         while True:
             try:
-                item = self._queue.get(timeout=None if due == math.inf else max(due - time.monotonic(), 0.0))
+                item = self._queue.get(timeout=None if due == math.inf else max(due - time.perf_counter(), 0.0))
             except Empty:
                 self._file.flush()
                 due = math.inf
@@ -228,8 +228,8 @@ class RunLog:
             if item is None:
                 return
             self._write_one(*item)
-            due = min(due, time.monotonic() + FLUSH_S)
-            if time.monotonic() >= due:
+            due = min(due, time.perf_counter() + FLUSH_S)
+            if time.perf_counter() >= due:
                 self._file.flush()
                 due = math.inf
             if 0 < self._queue.qsize() < MAX_YIELDING:

@@ -18,7 +18,6 @@ from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client.group import ModuleGroup
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.runner import guard
 from tensionlab.hardware.runner.module_monitor import ModuleMonitor
@@ -34,8 +33,9 @@ from tensionlab.hardware.runner.state_estimation import (
     velocity,
 )
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED, Cycle, Statistics
-from tensionlab.hardware.runner.watchdog import ENDING, Hung, Interrupted, Interrupts, Watchdog
+from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
+from tensionlab.operating_system import ESTOP_SIGNAL
 
 if TYPE_CHECKING:
     from tensionlab.hardware.log.writer import RunLog
@@ -156,7 +156,7 @@ class Runner:
         if seconds is not None and not 0.0 < seconds < math.inf:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
         interrupts = Interrupts()
-        with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
+        with interrupts.caught(STOPPING_SIGNALS):
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
             sys.setswitchinterval(THREAD_SWITCH_S)

@@ -105,11 +105,11 @@ class RealClock:
 
     def now(self) -> float:
         """Return the time."""
-        return time.monotonic()
+        return time.perf_counter()
 
     def wait_until(self, when: float) -> None:
         """Sleep until that time."""
-        left = max(when - time.monotonic(), 0.0)
+        left = max(when - time.perf_counter(), 0.0)
         ends = [client.link.clock() + left for client in self._simulated]
         if left > 0.0:
             time.sleep(left)
@@ -137,14 +137,14 @@ class WorldClock:
     def __init__(self, world: World, *, paced: bool = False) -> None:
         self._world = world
         self._paced = self.real_time = paced
-        self._start = time.monotonic() - world.time
+        self._start = time.perf_counter() - world.time
         self._worked = time.process_time()
 
     def now(self) -> float:
         """Return the time."""
         if not self._paced:
             return self._world.time
-        now = time.monotonic() - self._start
+        now = time.perf_counter() - self._start
         behind = max(MAX_BEHIND_S, time.process_time() - self._worked)
         lost = max(now - self._world.time - behind, 0.0)
         self._start += lost

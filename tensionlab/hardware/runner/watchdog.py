@@ -7,7 +7,6 @@ no thread of Python gets a turn any more, a native one ends the process: modules
 
 from __future__ import annotations
 
-import _thread
 import signal
 import sys
 import threading
@@ -19,7 +18,7 @@ from typing import NamedTuple, Self
 
 from tensionlab import _native
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL
+from tensionlab.operating_system import ENDING_SIGNALS, ESTOP_SIGNAL, interrupt_main_thread
 
 TICK_S = 0.02
 """Period of the checks. Ticks are counted, and not time: a process that got no time at all has missed none."""
@@ -112,10 +111,8 @@ class Watchdog:
         return f", in {code.co_name} ({Path(code.co_filename).name}:{frame.f_lineno})"
 
 
-ENDING = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
-)
-"""Signals that end a program."""
+STOPPING_SIGNALS = (*ENDING_SIGNALS, ESTOP_SIGNAL)
+"""Signals that end a run, after its modules are stopped."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -144,7 +141,7 @@ class Interrupts:
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = {number: signal.signal(number, self._take) for number in numbers}
+        before = {number: signal.signal(number, self._take) for number in set(numbers)}
         self._catching = True
         try:
             yield
@@ -159,15 +156,9 @@ class Interrupts:
 
     def throw(self, hung: Hung) -> None:
         """Raise an error in the main thread, from another thread, even while it waits for the system."""
-        if not self._catching:
-            return
-        self._hung = hung
-        if hasattr(signal, "pthread_kill"):
-            main = threading.main_thread().ident
-            assert main is not None
-            signal.pthread_kill(main, signal.SIGTERM)
-        else:
-            _thread.interrupt_main(signal.SIGTERM)
+        if self._catching:
+            self._hung = hung
+            interrupt_main_thread()
 
     def _take(self, number: int, frame: FrameType | None) -> None:
         if not self._deaf:
@@ -182,7 +173,7 @@ def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iter
     `tensionlab estop` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
     """
     interrupts = Interrupts()
-    with interrupts.caught((*ENDING, ESTOP_SIGNAL)):
+    with interrupts.caught(STOPPING_SIGNALS):
         try:
             yield
         except BaseException as error:

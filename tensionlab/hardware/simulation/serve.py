@@ -10,7 +10,6 @@ import random
 import re
 import select
 import socket
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
@@ -22,13 +21,14 @@ from tensionlab.errors import HardwareError, InputError
 from tensionlab.files import writing
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
+from tensionlab.operating_system import open_pseudo_terminal, poll_pseudo_terminal
 
 READ_BYTES = 65536
 """Most bytes read at a time."""
 
 
 class Port(Protocol):
-    """Port for one client at a time; `url` is what pyserial's ``serial_for_url`` opens."""
+    """Port for one client at a time; `url` is that of the link to it."""
 
     url: str
 
@@ -113,7 +113,7 @@ class TcpPort:
 
     def _accept(self) -> None:
         if self._newcomer is None:
-            with suppress(BlockingIOError):
+            with suppress(BlockingIOError, ConnectionError):  # nobody, or somebody who has gone again
                 self._newcomer, _ = self._listener.accept()
                 self._newcomer.setblocking(False)
                 self._newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -128,20 +128,12 @@ class PtyPort:
     """Pseudo-terminal, as a serial port would be; `url` is its path. Whoever opens it is the client."""
 
     def __init__(self) -> None:
-        if sys.platform == "win32":
-            raise HardwareError("Windows has no pseudo-terminals; serve over TCP instead")
-        import tty
-
-        self._master, slave = os.openpty()
-        tty.setraw(slave)
-        self.url = os.ttyname(slave)
-        os.close(slave)
-        os.set_blocking(self._master, False)
+        self._terminal, self.url = open_pseudo_terminal()
         self._open = False
 
     def files(self) -> list[int]:
         """Return the file descriptors to wait for; none while it is not open: it would always be ready."""
-        return [self._master] if self._open else []
+        return [self._terminal] if self._open else []
 
     def connected(self) -> bool:
         """Return whether it is open."""
@@ -149,24 +141,22 @@ class PtyPort:
 
     def receive(self) -> bytes | None:
         """Return the bytes since the last call; None if the client has gone since then."""
-        poll = select.poll()
-        poll.register(self._master, select.POLLIN)
-        events = dict(poll.poll(0)).get(self._master, 0)
-        was_open, self._open = self._open, not events & select.POLLHUP
-        if events & select.POLLIN:
+        was_open = self._open
+        readable, self._open = poll_pseudo_terminal(self._terminal)
+        if readable:
             self._open = True  # until all of it is read
-            return os.read(self._master, READ_BYTES)
+            return os.read(self._terminal, READ_BYTES)
         return None if was_open and not self._open else b""
 
     def send(self, content: bytes) -> None:
         """Send what the client has room for; as over Bluetooth, the rest is lost."""
         if self._open:
             with suppress(OSError):  # full, or about to be found gone
-                os.write(self._master, content)
+                os.write(self._terminal, content)
 
     def close(self) -> None:
         """Close the terminal."""
-        os.close(self._master)
+        os.close(self._terminal)
 
 
 RECORD_PERIOD_S = 5e-3
@@ -328,7 +318,7 @@ class Server:
         speed: float = 1.0,
         watchers: Sequence[Watcher] = (),
         longest: float = math.inf,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._modules, self._speed, self._watchers, self._longest = modules, speed, watchers, longest
         self._clock = clock

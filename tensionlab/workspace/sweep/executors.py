@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError, needs
 from tensionlab.files.reading import brief
+from tensionlab.operating_system import processors
 from tensionlab.workspace.sweep.plan import Task
 
 CHUNKS_PER_WORKER = 2
@@ -35,7 +36,7 @@ def evaluate_on_threads(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
     setting = os.environ.get("TENSIONLAB_NUM_THREADS", "")
-    workers = int(setting) if setting.isdecimal() and int(setting) else _processors()
+    workers = int(setting) if setting.isdecimal() and int(setting) else processors()
     waiting = iter(tasks)
     running: dict[Future[Floats], Task] = {}
     with ThreadPoolExecutor(workers) as pool:
@@ -112,11 +113,6 @@ def _no_answer(address: str, error: Exception) -> SweepError:
     )
 
 
-def _processors() -> int:
-    """Return how many processors this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @contextlib.contextmanager
 def progress_bar(total: int, done: int, shown: bool) -> Iterator[Callable[[int], None]]:
     """Show a bar on stderr while the work lasts, if that is a terminal; it vanishes when done.
@@ -135,12 +131,12 @@ def progress_bar(total: int, done: int, shown: bool) -> Iterator[Callable[[int],
     progress = Progress(*columns, console=Console(file=sys.stderr), transient=True)
     shown = shown and progress.console.is_terminal
     task = progress.add_task("", total=total, completed=done, speed="")
-    start, new = time.monotonic(), 0
+    start, new = time.perf_counter(), 0
 
     def advance(count: int) -> None:
         nonlocal new
         new += count
-        elapsed = time.monotonic() - start
+        elapsed = time.perf_counter() - start
         left = timedelta(seconds=round((total - done - new) * elapsed / new))
         progress.update(task, completed=done + new, speed=f"{new / elapsed:,.0f}/s, {left} left")
         if shown and elapsed > BAR_DELAY_S and not progress.live.is_started:

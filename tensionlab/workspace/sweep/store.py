@@ -26,6 +26,7 @@ from tensionlab import records
 from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError, needs
 from tensionlab.files import writing
+from tensionlab.operating_system import patiently
 from tensionlab.workspace.sweep.dataset import attributes
 from tensionlab.workspace.sweep.plan import Plan, Task
 
@@ -198,14 +199,14 @@ def _create(path: Path, plan: Plan, empty: xarray.Dataset) -> None:
         zarr.consolidate_metadata(new.as_posix())
         Ledger(new).begin(json.loads(empty.attrs["sweep"]))
         try:
-            new.rename(path)
+            patiently(lambda: new.rename(path))
         except OSError:
             if not path.exists():  # else another sweep was quicker, and this one looks whether it is the same
                 raise
         finally:
-            shutil.rmtree(making, ignore_errors=True)
             if lock is not None:
-                lock.release()
+                lock.release()  # first: Windows removes no file that is open
+            shutil.rmtree(making, ignore_errors=True)
     except OSError as error:
         raise SweepError(f"{path}: cannot be made ({error.strerror}); give another place") from None
 
@@ -214,8 +215,8 @@ def _clear(path: Path) -> None:
     """Delete what killed processes left of this store: what has a lock that nobody holds."""
     for left in path.absolute().parent.glob(f".{glob.escape(path.name)}.*.new"):
         if (left / LOCK).exists() and (lock := writing.acquire_lock(left / LOCK, 0.0, "workspace")) is not None:
-            shutil.rmtree(left, ignore_errors=True)
             lock.release()
+            shutil.rmtree(left, ignore_errors=True)
 
 
 class Ledger:
@@ -271,7 +272,7 @@ class Ledger:
                 ledger.write(_line({"complete": len(self._chunks)}))
             ledger.flush()
             os.fsync(ledger.fileno())
-        new.replace(self._store / LEDGER)
+        patiently(lambda: new.replace(self._store / LEDGER))
 
     def verify(self) -> Set[int]:
         """Return the numbers of the chunks that are finished, whose files are all there, and unchanged.

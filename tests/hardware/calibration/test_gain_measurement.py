@@ -17,11 +17,11 @@ from tensionlab.hardware.calibration.gain_measurement import (
     load_staircase,
     weigh,
 )
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, State
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, HangingMass, SimulatedModule
+from tensionlab.operating_system import ESTOP_SIGNAL
 from tests.support.examples import many
 
 SPOOL = 0.0195

@@ -11,11 +11,11 @@ from tensionlab.errors import CalibrationError, HardwareError, LinkError
 from tensionlab.files.tables import write_table
 from tensionlab.hardware.calibration.anchors import calibrate_anchors
 from tensionlab.hardware.calibration.lengths import columns, load_lengths, record_lengths, zero_lengths
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.files import load_rig
+from tensionlab.operating_system import ESTOP_SIGNAL
 
 RIGS = Path(__file__).parents[3] / "datasets" / "rigs"
 RIG, PLANAR = load_rig(RIGS / "bartels2026-validation.toml"), load_rig(RIGS / "kntu-planar.toml")

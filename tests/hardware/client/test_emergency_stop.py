@@ -16,13 +16,15 @@ from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.protocol.messages import EmergencyStop
 from tensionlab.hardware.simulation.links import SimulatedLink
+from tensionlab.operating_system import ESTOP_SIGNAL
 from tests.support.reachable import ReachableRig
 from tests.support.scripts import running
 from tests.support.simulated_time import START_S, SimulatedTime
 
 HOST = """
 import signal, sys
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL, LinkLock
+from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.operating_system import ESTOP_SIGNAL
 locks = [LinkLock(url) for url in sys.argv[2:]]
 def stop(number, frame):
     for lock in locks:
@@ -104,23 +106,23 @@ class OtherProcess:
         self.signals.append((pid, number))
         if self._ends is not None:
             raise self._ends
-        self._due = self.time.monotonic() + self._seconds
+        self._due = self.time.perf_counter() + self._seconds
         self._look()
 
     def _look(self):
-        if self._due is not None and self.time.monotonic() >= self._due:
+        if self._due is not None and self.time.perf_counter() >= self._due:
             for lock in self._locks:
                 lock.release()
 
     @property
     def passed(self):
-        return self.time.monotonic() - START_S
+        return self.time.perf_counter() - START_S
 
 
 def test_a_process_is_signalled_once_for_all_that_it_has(rig, monkeypatch):
     other = OtherProcess(monkeypatch, list(rig.urls.values())[:3])
     outcomes = emergency_stop(rig.urls)
-    assert other.signals == [(other.PID, locks.ESTOP_SIGNAL)]
+    assert other.signals == [(other.PID, ESTOP_SIGNAL)]
     assert [each.holder and each.holder.pid for each in outcomes.values()] == [other.PID] * 3 + [None]
     assert {each.error for each in outcomes.values()} == {""}
     assert states(rig) == [State.ESTOP] * 4

@@ -4,7 +4,9 @@ import math
 
 import pytest
 
+from tensionlab.hardware.client import latency
 from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.links import SerialPort
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.simulation.links import Conditions, FaultyLink, SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
@@ -73,3 +75,10 @@ def test_the_rule_of_the_safe_rate(trip, lost, ttl, bluetooth, expected):
 def test_what_is_bluetooth():
     assert all(map(is_bluetooth, ["bt://AA:BB:CC:DD:EE:FF/1", "/dev/rfcomm0", "/dev/cu.tensionlab-1a2b3c4d"]))
     assert not any(map(is_bluetooth, ["COM5", "/dev/ttyUSB0", "socket://127.0.0.1:1", "sim:"]))
+
+
+def test_what_is_bluetooth_on_windows(monkeypatch):
+    hardware = {"COM3": "USB VID:PID=10C4:EA60 SER=1", "COM5": r"BTHENUM\{00001101-0000-1000-8000-00805F9B34FB}"}
+    ports = [SerialPort(url, "", text, None) for url, text in hardware.items()]
+    monkeypatch.setattr(latency, "serial_ports", lambda: ports)
+    assert [is_bluetooth(url) for url in ("com5", "COM5", "COM3", "COM4")] == [True, True, False, False]

@@ -169,7 +169,7 @@ def test_a_cycle_waits_no_longer_because_more_follow(tmp_path, monkeypatch):
         kept[0] = len(begins)
 
     log = open_log(tmp_path / "run.mcap")
-    simulated = SimpleNamespace(monotonic=lambda: now[0], sleep=lambda seconds: None, time_ns=time.time_ns)
+    simulated = SimpleNamespace(perf_counter=lambda: now[0], sleep=lambda seconds: None, time_ns=time.time_ns)
     monkeypatch.setattr(writer, "time", simulated)
     monkeypatch.setattr(McapWriter, "message", watched_message)
     monkeypatch.setattr(McapWriter, "flush", watched_flush)

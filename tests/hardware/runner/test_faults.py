@@ -14,11 +14,11 @@ import pytest
 import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, LogError, ModuleFault
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.protocol.codes import Code, Fault, Limit, State
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.simulation.world import simulated_module
+from tensionlab.operating_system import ESTOP_SIGNAL
 from tensionlab.records import manifest
 from tensionlab.solvers.base import Status
 from tests.support.rehearsal import GENTLE, Rehearsal

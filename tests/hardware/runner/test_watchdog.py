@@ -7,11 +7,10 @@ from functools import partial
 import pytest
 
 from tensionlab.errors import HardwareError
-from tensionlab.hardware.client.locks import ESTOP_SIGNAL
 from tensionlab.hardware.runner.watchdog import (
-    ENDING,
     GRACE_S,
     NATIVE_GRACE_S,
+    STOPPING_SIGNALS,
     TICK_S,
     Hung,
     Interrupted,
@@ -19,6 +18,7 @@ from tensionlab.hardware.runner.watchdog import (
     Watchdog,
     stopping,
 )
+from tensionlab.operating_system import ESTOP_SIGNAL
 
 
 class Ticks:
@@ -141,7 +141,7 @@ def test_a_thread_that_has_ended_is_nowhere():
 # Signals
 
 
-@pytest.mark.parametrize("number", [*ENDING, ESTOP_SIGNAL])
+@pytest.mark.parametrize("number", STOPPING_SIGNALS)
 def test_the_first_signal_interrupts_those_after_it_do_not_and_handlers_are_put_back(number):
     before = signal.getsignal(number)
     interrupts = Interrupts()

@@ -28,7 +28,7 @@ COUNT, CHUNK = 40, 15
 
 def test_all_processors_work_and_few_chunks_wait(monkeypatch):
     monkeypatch.delenv("TENSIONLAB_NUM_THREADS", raising=False)
-    monkeypatch.setattr(executors, "_processors", lambda: 3)
+    monkeypatch.setattr(executors, "processors", lambda: 3)
     threads, waiting = set(), []
     together = threading.Barrier(3, timeout=60.0)
 
@@ -229,7 +229,7 @@ class Terminal(io.StringIO):
 def drive(monkeypatch, stream, seconds, shown=True):
     """What is written on a stream while two of four million poses are finished."""
     now = [0.0]
-    monkeypatch.setattr(executors.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(executors.time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(executors.sys, "stderr", stream)
     with executors.progress_bar(4_000_000, 1_000_000, shown) as advance:
         now[0] = seconds

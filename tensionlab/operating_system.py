@@ -1,0 +1,149 @@
+"""What differs between operating systems: signals, processes, files that are open elsewhere, pseudo-terminals.
+
+No other file asks which system this is, or uses what only some have: ``tests/test_imports.py`` holds that.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import platform
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tensionlab.errors import HardwareError
+
+Result = TypeVar("Result")
+
+OPEN_ELSEWHERE_S = 1.0
+"""How long another program may have a file open on Windows until it counts as one that cannot be replaced."""
+RETRY_PERIOD_S = 0.01
+
+if sys.platform == "win32":
+    INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)
+    ENDING_SIGNALS = INTERRUPT_SIGNALS
+    ESTOP_SIGNAL = signal.SIGTERM
+    OWN_GROUP: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+else:
+    INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM)
+    ENDING_SIGNALS = (*INTERRUPT_SIGNALS, signal.SIGHUP)
+    ESTOP_SIGNAL = signal.SIGUSR1
+    OWN_GROUP: dict[str, Any] = {"process_group": 0}
+"""Signals by which a user ends a program; those, and that of a terminal that is closed; the signal that makes a
+process stop its modules at once; and arguments of `subprocess.Popen` for a process that Ctrl-C does not reach.
+
+`ESTOP_SIGNAL` ends a process without a handler, and on Windows any process, and so its links: then the modules
+release their cables by themselves."""
+
+
+def send_estop(pid: int) -> None:
+    """Send `ESTOP_SIGNAL` to a process, unless it has ended; a `PermissionError` if it is not this user's."""
+    with suppress(ProcessLookupError):
+        try:
+            os.kill(pid, ESTOP_SIGNAL)
+        except OSError as error:
+            if sys.platform != "win32" or error.errno != errno.EINVAL:  # as Windows says that there is none
+                raise
+
+
+def kill_command(pid: int) -> str:
+    """Return the command by which a user kills a process."""
+    return f"taskkill /f /pid {pid}" if sys.platform == "win32" else f"kill -9 {pid}"
+
+
+def interrupt_main_thread() -> None:
+    """Have a handler of `INTERRUPT_SIGNALS` run in the main thread, even while that waits for the system."""
+    if sys.platform == "win32":
+        signal.raise_signal(signal.SIGINT)  # the only one there that ends a sleep
+    else:
+        main = threading.main_thread().ident
+        assert main is not None
+        signal.pthread_kill(main, signal.SIGTERM)
+
+
+def patiently(act: Callable[[], Result]) -> Result:
+    """Call what replaces, renames or removes a file, and return its result.
+
+    Windows refuses that while another program, a reader or a virus scanner, has the file open: then it is tried
+    again for `OPEN_ELSEWHERE_S`.
+    """
+    end = time.perf_counter() + OPEN_ELSEWHERE_S
+    while True:
+        try:
+            return act()
+        except PermissionError:
+            if sys.platform != "win32" or time.perf_counter() > end:
+                raise
+        time.sleep(RETRY_PERIOD_S)
+
+
+def user() -> str:
+    """Return the user's number, or on Windows, name."""
+    if sys.platform == "win32":
+        return os.environ.get("USERNAME", "user")
+    return str(os.getuid())
+
+
+def is_private(folder: Path) -> bool:
+    """Return whether a folder is this user's own and closed to others; on Windows, where it is inherited, True."""
+    if sys.platform == "win32":
+        return True
+    found = folder.lstat()
+    return found.st_uid == os.getuid() and not found.st_mode & 0o077
+
+
+def reader_has_gone(error: OSError) -> bool:
+    """Return whether an error of writing says that nobody reads the pipe any more."""
+    return isinstance(error, BrokenPipeError) or (sys.platform == "win32" and error.errno == errno.EINVAL)
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def processor_name() -> str:
+    """Return the processor's model where the system tells it, else its architecture."""
+    if sys.platform == "linux":
+        with suppress(OSError):
+            for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def open_pseudo_terminal() -> tuple[int, str]:
+    """Return the file descriptor of a new pseudo-terminal, which does not block, and its path for the other end.
+
+    A `HardwareError` on Windows, which has none that another program could open.
+    """
+    if sys.platform == "win32":
+        raise HardwareError("Windows has no pseudo-terminals; serve over TCP: leave out --pty")
+    import tty
+
+    terminal, other = os.openpty()
+    tty.setraw(other)
+    path = os.ttyname(other)
+    os.close(other)
+    os.set_blocking(terminal, False)
+    return terminal, path
+
+
+def poll_pseudo_terminal(terminal: int) -> tuple[bool, bool]:
+    """Return whether there are bytes to read, and whether somebody has the other end open."""
+    if sys.platform == "win32":
+        raise NotImplementedError
+    poll = select.poll()
+    poll.register(terminal, select.POLLIN)
+    events = dict(poll.poll(0)).get(terminal, 0)
+    return bool(events & select.POLLIN), not events & select.POLLHUP

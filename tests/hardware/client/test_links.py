@@ -1,0 +1,305 @@
+"""Links over ports and sockets: bytes come as they arrive, nothing blocks, and a broken link says so."""
+
+from __future__ import annotations
+
+import io
+import os
+import socket
+import struct
+import threading
+from collections.abc import Iterator
+
+import pytest
+import serial
+
+from tensionlab.errors import LinkError
+from tensionlab.hardware.client import links
+from tensionlab.hardware.client.links import READ_BYTES, SerialLink, SocketLink, connect, open_link
+from tests.support.wire import NoLock
+
+LONG_S = 60.0
+"""No test waits for so long, unless something that should come does not."""
+
+
+class FarEnd:
+    """The far end of a link over TCP."""
+
+    def __init__(self, host: str = "127.0.0.1") -> None:
+        self._listener = socket.create_server((host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        shown = f"[{host}]" if ":" in host else host
+        self.link = connect(f"socket://{shown}:{self._listener.getsockname()[1]}", NoLock())
+        self.socket, _ = self._listener.accept()
+        self.socket.settimeout(LONG_S)
+
+    def close(self) -> None:
+        for each in (self.link, self.socket, self._listener):
+            each.close()
+
+
+@pytest.fixture
+def far_end() -> Iterator[FarEnd]:
+    end = FarEnd()
+    yield end
+    end.close()
+
+
+# Sockets
+
+
+def test_bytes_go_both_ways_and_small_ones_at_once(far_end):
+    far_end.link.send(b"there")
+    assert far_end.socket.recv(READ_BYTES) == b"there"
+    far_end.socket.sendall(b"and back")
+    assert far_end.link.receive(LONG_S) == b"and back"
+    assert far_end.link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    assert not far_end.link.lockstep
+
+
+def test_reading_waits_no_longer_than_it_is_to(far_end):
+    assert far_end.link.receive(0.0) == b""
+    began = far_end.link.clock()
+    assert far_end.link.receive(0.02) == b""
+    assert far_end.link.clock() - began >= 0.02
+
+
+def test_so_many_bytes_are_read_at_a_time_and_the_rest_then(far_end):
+    sent = os.urandom(3 * READ_BYTES + 1)
+    far_end.socket.sendall(sent)
+    pieces = []
+    while sum(map(len, pieces)) < len(sent):
+        pieces.append(far_end.link.receive(LONG_S))
+    assert b"".join(pieces) == sent
+    assert max(map(len, pieces)) <= READ_BYTES
+
+
+def test_a_far_end_that_closes_is_told_after_its_last_bytes(far_end):
+    far_end.socket.sendall(b"bye")
+    far_end.socket.close()
+    assert far_end.link.receive(LONG_S) == b"bye"
+    with pytest.raises(LinkError, match=r"1:\d+ was closed by the module: has it another client, or ended"):
+        far_end.link.receive(LONG_S)
+
+
+def test_a_far_end_that_breaks_off_is_told_by_reading_and_by_sending(far_end):
+    far_end.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # RST instead of FIN
+    far_end.socket.close()
+    with pytest.raises(LinkError, match=r"broke: Connection reset by peer$"):
+        far_end.link.receive(LONG_S)
+    with pytest.raises(LinkError, match=r"broke: Broken pipe$"):
+        far_end.link.send(b"a")
+
+
+def test_sending_never_waits_for_a_far_end_that_does_not_read(far_end):
+    def fill() -> None:
+        while True:
+            far_end.link.send(bytes(1 << 16))
+
+    with pytest.raises(LinkError, match="takes no more bytes; does the module still read"):
+        fill()
+
+
+def test_the_far_end_hears_at_once_of_a_link_that_is_closed_while_a_thread_waits_for_it(far_end):
+    waiting, ended = threading.Event(), []
+
+    def read() -> None:
+        waiting.set()
+        try:
+            ended.append(far_end.link.receive(LONG_S))
+        except LinkError as error:
+            ended.append(error)
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    waiting.wait(LONG_S)
+    far_end.link.close()
+    assert far_end.socket.recv(READ_BYTES) == b""
+    thread.join(LONG_S / 2)
+    assert len(ended) == 1, "it waits no longer either"
+    far_end.link.close()
+    for use in (lambda: far_end.link.receive(0.0), lambda: far_end.link.send(b"a")):
+        with pytest.raises(LinkError, match="broke"):
+            use()
+
+
+@pytest.mark.skipif(not socket.has_ipv6, reason="needs IPv6")
+def test_an_address_of_version_6():
+    try:
+        end = FarEnd("::1")
+    except OSError:
+        pytest.skip("this machine has no ::1")
+    end.link.send(b"a")
+    assert end.socket.recv(1) == b"a"
+    end.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("socket://127.0.0.1:1", "cannot be opened: Connection refused; is it served there, and in reach"),
+        ("socket://127.0.0.1:99999", "give a host and a port from 1 to 65535"),
+        ("socket://127.0.0.1:0", "give a host and a port from 1 to 65535"),
+        ("socket://[::1:4001", "give a host and a port"),
+        ("socket://@:4001", "give a host and a port"),
+        (f"socket://{'a' * 64}:4001", "cannot be opened: .*label"),
+        ("/dev/no-such-port", "cannot be opened: .*No such file.*; is it there"),
+    ],
+)
+@pytest.mark.usefixtures("locks_folder")
+def test_what_cannot_be_opened_says_why_and_is_free_again(url, message):
+    for _ in range(2):
+        with pytest.raises(LinkError, match=message) as raised:
+            open_link(url)
+        assert str(raised.value).startswith(url)
+
+
+def test_nobody_waits_for_longer_for_who_does_not_answer(monkeypatch):
+    def hang(address: tuple[str, int], timeout: float) -> None:
+        assert timeout == links.CONNECT_TIMEOUT_S == 10.0
+        raise TimeoutError("timed out")
+
+    monkeypatch.setattr(socket, "create_connection", hang)
+    with pytest.raises(LinkError, match=r"socket://192\.0\.2\.1:4001 cannot be opened: timed out; is it served"):
+        connect("socket://192.0.2.1:4001", NoLock())
+
+
+def test_a_bluetooth_link_is_one_of_these(monkeypatch):
+    here, there = socket.socketpair()
+    opened = []
+
+    class Rfcomm:
+        def __init__(self, *kind: object) -> None:
+            opened.append(kind)
+
+        def settimeout(self, seconds: float) -> None:
+            assert seconds == links.CONNECT_TIMEOUT_S
+
+        def connect(self, address: tuple[str, int]) -> None:
+            opened.append(address)
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(here, name)
+
+    monkeypatch.setattr(socket, "AF_BLUETOOTH", 31, raising=False)
+    monkeypatch.setattr(socket, "BTPROTO_RFCOMM", 3, raising=False)
+    with monkeypatch.context() as patch:
+        patch.setattr(socket, "socket", Rfcomm)
+        link = connect("bt://AA:BB:CC:DD:EE:FF/2", NoLock())
+    assert opened == [(31, socket.SOCK_STREAM, 3), ("AA:BB:CC:DD:EE:FF", 2)]
+    assert isinstance(link, SocketLink)
+    link.send(b"ping")
+    assert there.recv(4) == b"ping"
+    there.close()
+    link.close()
+
+
+# Ports
+
+
+def test_a_port_that_has_no_file_to_wait_for_is_read():
+    link = SerialLink("loop://", NoLock())
+    link._port.write_timeout = None  # else a loop takes nothing: it is as slow as its baud rate
+    link.send(b"all of it")
+    assert link.receive(LONG_S) == b"all of it"
+    assert link.receive(0.0) == b""
+    began = link.clock()
+    assert link.receive(0.02) == b""
+    assert link.clock() - began >= 0.02
+    link.send(b"more")
+    assert link.receive(LONG_S) == b"more"
+    link.close()
+    for use in (lambda: link.receive(0.0), lambda: link.send(b"a")):
+        with pytest.raises(LinkError, match="loop:// broke"):
+            use()
+
+
+def test_a_thread_that_waits_at_such_a_port_ends_when_it_is_closed():
+    link, waiting, ended = SerialLink("loop://", NoLock()), threading.Event(), []
+
+    def read() -> None:
+        waiting.set()
+        try:
+            ended.append(link.receive(LONG_S))
+        except LinkError as error:
+            ended.append(error)
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    waiting.wait(LONG_S)
+    link.close()
+    thread.join(LONG_S / 2)
+    assert len(ended) == 1
+
+
+class WindowsPort(serial.SerialBase):
+    """Port as pyserial has it on Windows: no file, and a setting of its timeouts configures it anew."""
+
+    def __init__(self, *args, **kwargs) -> None:
+        self.configured, self.coming, self.broken = 0, b"", None
+        super().__init__(*args, **kwargs)
+
+    def open(self) -> None:
+        self.is_open = True
+
+    def close(self) -> None:
+        self.is_open = False
+
+    def _reconfigure_port(self) -> None:
+        self.configured += 1
+
+    def _update_dtr_state(self) -> None:
+        raise AssertionError("a board would be reset")
+
+    _update_rts_state = _update_dtr_state
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self.coming)
+
+    def read(self, size: int = 1) -> bytes:
+        if self.broken is not None:
+            raise self.broken
+        assert size <= max(len(self.coming), 1), "it would wait for the rest until the timeout"
+        came, self.coming = self.coming[:size], self.coming[size:]
+        return came
+
+    def write(self, content: bytes) -> int:
+        return len(content)
+
+
+@pytest.fixture
+def windows_link(monkeypatch) -> SerialLink:
+    monkeypatch.setattr(serial, "serial_for_url", lambda url, *args, do_not_open, **kwargs: WindowsPort(**kwargs))
+    link = SerialLink("COM5", NoLock())
+    with pytest.raises(io.UnsupportedOperation):
+        link._port.fileno()
+    return link
+
+
+def test_a_port_on_windows_is_not_configured_anew_by_each_reading(windows_link):
+    port = windows_link._port
+    assert windows_link.receive(0.1) == b""
+    before = port.configured
+    for count in (1, 2, 4000):
+        port.coming = bytes(range(256)) * 16
+        port.coming = port.coming[:count]
+        assert len(windows_link.receive(0.1)) == count
+    assert port.configured == before
+    port.coming = bytes(READ_BYTES + 5)
+    assert [len(windows_link.receive(0.1)) for _ in range(3)] == [READ_BYTES, 5, 0]
+    windows_link.receive(0.0)
+    assert (port.configured, port.timeout) == (before + 1, 0.0)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        serial.SerialException("ClearCommError failed (PermissionError(13, 'The device does not recognize ...'))"),
+        TypeError("byref() argument must be a ctypes instance, not 'NoneType'"),  # closed by another thread
+        AttributeError("'NoneType' object has no attribute 'hEvent'"),
+        OSError(22, "The handle is invalid"),
+    ],
+)
+def test_a_port_on_windows_that_breaks_says_so(windows_link, error):
+    windows_link._port.broken = error
+    with pytest.raises(LinkError, match=r"^COM5 broke: "):
+        windows_link.receive(0.1)

@@ -1,0 +1,289 @@
+"""What differs on Windows, on a machine that pretends to be one; and what the others have instead."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from tensionlab import operating_system
+from tensionlab.errors import HardwareError, WriteError
+from tensionlab.files import writing
+from tensionlab.hardware.client import locks
+from tensionlab.hardware.client.locks import LinkLock, holder
+from tensionlab.hardware.runner import watchdog
+from tensionlab.hardware.runner.watchdog import Hung, Interrupts
+from tests.support.simulated_time import SimulatedTime
+from tests.support.windows import SIGBREAK, as_on_windows
+
+OPEN_ELSEWHERE = PermissionError(errno.EACCES, "The process cannot access the file because it is being used ...")
+
+
+@pytest.fixture
+def windows(monkeypatch):
+    """The module as it is on Windows, until `monkeypatch` undoes it; time passes there while somebody sleeps."""
+    module = as_on_windows(monkeypatch)
+    module.time = SimulatedTime()
+    return module
+
+
+def raising(error):
+    """A function that raises an error, or none."""
+
+    def act(*args):
+        if error is not None:
+            raise error
+
+    return act
+
+
+# Signals and processes
+
+
+def test_ctrl_c_and_ctrl_break_end_a_program_on_windows_and_a_closed_terminal_elsewhere(windows):
+    assert windows.INTERRUPT_SIGNALS == windows.ENDING_SIGNALS == (signal.SIGINT, signal.SIGTERM, SIGBREAK)
+    assert windows.ESTOP_SIGNAL is signal.SIGTERM
+    assert windows.OWN_GROUP == {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    assert operating_system.INTERRUPT_SIGNALS == (signal.SIGINT, signal.SIGTERM)
+    assert {each.name for each in operating_system.ENDING_SIGNALS} == {"SIGINT", "SIGTERM", "SIGHUP"}
+
+
+def test_a_process_in_a_group_of_its_own_is_reached_by_no_ctrl_c():
+    show = [sys.executable, "-c", "import os; print(os.getpgid(0) == os.getpid())"]
+    assert subprocess.run(show, capture_output=True, check=True, **operating_system.OWN_GROUP).stdout == b"True\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [
+        (None, None),
+        (OSError(errno.EINVAL, "The parameter is incorrect"), None),  # no such process
+        (PermissionError(errno.EACCES, "Access is denied"), PermissionError),
+        (OSError(errno.EIO, "whatever else"), OSError),
+    ],
+)
+def test_an_emergency_stop_kills_a_process_on_windows_unless_it_has_ended(windows, monkeypatch, error, raised):
+    killed = []
+    monkeypatch.setattr(os, "kill", lambda pid, number: killed.append((pid, number)) or raising(error)())
+    if raised is None:
+        windows.send_estop(7)
+    else:
+        with pytest.raises(raised):
+            windows.send_estop(7)
+    assert killed == [(7, signal.SIGTERM)]
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EINVAL, "no signal"), PermissionError(errno.EPERM, "not yours")])
+def test_elsewhere_it_is_an_error_not_to_reach_one_that_has_not_ended(monkeypatch, error):
+    monkeypatch.setattr(os, "kill", raising(ProcessLookupError()))
+    operating_system.send_estop(7)
+    monkeypatch.setattr(os, "kill", raising(error))
+    with pytest.raises(type(error)):
+        operating_system.send_estop(7)
+
+
+def test_the_advice_is_a_command_of_the_system(windows, monkeypatch):
+    assert windows.kill_command(7) == "taskkill /f /pid 7"
+    monkeypatch.undo()
+    assert operating_system.kill_command(7) == "kill -9 7"
+
+
+def test_a_watchdog_reaches_the_main_thread_on_windows(windows, monkeypatch):
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    monkeypatch.setattr(watchdog, "interrupt_main_thread", windows.interrupt_main_thread)
+    interrupts, hung = Interrupts(), Hung("cycle 7")
+    stopping = (*windows.ENDING_SIGNALS, windows.ESTOP_SIGNAL)
+    assert len(set(stopping)) < len(stopping), "one signal does for both"
+    with interrupts.caught(stopping):
+        thread = threading.Thread(target=interrupts.throw, args=(hung,))
+        with pytest.raises(Hung) as caught:  # noqa: PT012 - it comes from elsewhere
+            thread.start()
+            thread.join()
+    assert caught.value is hung
+    assert {number: signal.getsignal(number) for number in before} == before
+
+
+# Files
+
+
+class Busy:
+    """Something that another program keeps from being done for so many tries."""
+
+    def __init__(self, tries, act=lambda: "done"):
+        self.tries, self.act, self.tried = tries, act, 0
+
+    def method(self):
+        """Return it as a method of the class that it is put into."""
+        return lambda *args: self(*args)  # noqa: PLW0108
+
+    def __call__(self, *args):
+        self.tried += 1
+        if self.tried <= self.tries:
+            raise OPEN_ELSEWHERE
+        return self.act(*args)
+
+
+def test_a_file_that_another_program_has_open_is_waited_for_on_windows_for_a_while(windows):
+    assert windows.patiently(soon := Busy(5)) == "done"
+    assert soon.tried == 6
+    began = windows.time.perf_counter()
+    with pytest.raises(PermissionError):
+        windows.patiently(never := Busy(float("inf")))
+    assert windows.time.perf_counter() - began == pytest.approx(windows.OPEN_ELSEWHERE_S, abs=0.05)
+    assert never.tried > 10
+    with pytest.raises(FileNotFoundError):
+        windows.patiently(raising(FileNotFoundError()))
+
+
+def test_elsewhere_what_may_not_be_done_is_refused_at_once():
+    with pytest.raises(PermissionError):
+        operating_system.patiently(once := Busy(1))
+    assert once.tried == 1
+
+
+def test_a_file_is_replaced_while_somebody_reads_it(windows, monkeypatch, tmp_path):
+    monkeypatch.setattr(writing, "patiently", windows.patiently)
+    (file := tmp_path / "a.txt").write_text("old")
+    replace = Busy(3, os.replace)
+    monkeypatch.setattr(Path, "replace", replace.method())
+    writing.write_text(file, "new")
+    assert (file.read_text(), replace.tried) == ("new", 4)
+    replace.tries = float("inf")
+    with pytest.raises(WriteError, match=r"a\.txt: cannot be written \(The process cannot access"):
+        writing.write_text(file, "newer")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_link_is_locked_and_free_again_while_somebody_reads_who_has_it(windows, monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setenv("USERNAME", "Ada L")
+    for name in ("user", "is_private", "patiently"):
+        monkeypatch.setattr(locks, name, getattr(windows, name))
+    replace, unlink = Busy(3, os.replace), Busy(3, os.unlink)
+    monkeypatch.setattr(Path, "replace", replace.method())
+    monkeypatch.setattr(Path, "unlink", lambda self, missing_ok: unlink(self))
+    lock = LinkLock("COM5")
+    assert holder("com5").pid == os.getpid()
+    assert [path.name for path in tmp_path.iterdir()] == ["tensionlab-Ada L"]
+    lock.release()
+    assert (replace.tried, unlink.tried) == (4, 4)
+    assert holder("COM5") is None
+    lock, unlink.tries = LinkLock("COM5"), float("inf")
+    lock.release()
+    assert holder("COM5") is None, "the note stays, and names nobody"
+    LinkLock("COM5").release()
+
+
+def test_the_folder_of_locks_is_in_one_of_the_user_s_on_windows(windows, tmp_path, monkeypatch):
+    monkeypatch.delenv("USERNAME", raising=False)
+    assert windows.user() == "user"
+    tmp_path.chmod(0o777)
+    assert windows.is_private(tmp_path)
+
+
+def test_elsewhere_it_is_one_that_nobody_else_may_enter(tmp_path):
+    assert operating_system.user() == str(os.getuid())
+    for mode, private in ((0o700, True), (0o710, False), (0o702, False)):
+        tmp_path.chmod(mode)
+        assert operating_system.is_private(tmp_path) is private
+
+
+def test_a_pipe_that_nobody_reads(windows, monkeypatch):
+    errors = BrokenPipeError(), OSError(errno.EINVAL, "Invalid argument"), OSError(errno.ENOSPC, "No space left")
+    assert list(map(windows.reader_has_gone, errors)) == [True, True, False]
+    monkeypatch.undo()
+    assert list(map(operating_system.reader_has_gone, errors)) == [True, False, False]
+
+
+# The machine
+
+
+WHOLE = """
+import importlib, sys
+from pathlib import Path
+import pytest, rich.live
+import tensionlab as tl
+from tests.support.windows import pretend
+
+folder = Path(tl.__file__).parent
+files = [path.relative_to(folder.parent).with_suffix("") for path in folder.rglob("*.py")]
+names = [".".join(file.parts).removesuffix(".__init__") for file in files if file.name != "__main__"]
+
+def import_all():
+    for name in names:
+        importlib.import_module(name)
+
+import_all()  # with what others have made, which has to find the system that is there
+for name in names:
+    del sys.modules[name]
+pretend(pytest.MonkeyPatch())
+import_all()
+
+import tensionlab as tl
+from tensionlab.cli import main
+from tests.support.serving import ServedRig
+assert tl.operating_system.ESTOP_SIGNAL.name == "SIGTERM"
+rig = tl.datasets.folder() / "rigs" / "bartels2026-validation.toml"
+with ServedRig(tl.load_rig(rig)) as served:
+    links = ",".join(served.links.values())
+    main(["run", str(rig), "--modules", links, "--ttl", "2", "--seconds", "0.3", "--json"])
+"""
+
+
+@pytest.mark.realtime  # modules are served and run over TCP
+def test_all_of_the_package_is_imported_on_windows_and_a_run_over_tcp_ends_well(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", WHOLE],
+        check=False,
+        capture_output=True,
+        text=True,
+        env=os.environ | {"TMPDIR": str(tmp_path)},
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["ended"] == "duration reached"
+    assert [path.name for path in tmp_path.iterdir()] == [f"tensionlab-{os.environ.get('USERNAME', 'user')}"]
+
+
+def test_processors_on_windows(windows, monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 6)
+    assert windows.processors() == 6
+    monkeypatch.setattr("platform.processor", lambda: "Intel64 Family 6 Model 142 Stepping 10, GenuineIntel")
+    assert windows.processor_name().startswith("Intel64")
+
+
+def test_processors_on_linux(monkeypatch):
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1, 5}, raising=False)
+    assert operating_system.processors() == 3
+    monkeypatch.setattr(Path, "read_text", lambda self, encoding: "processor\t: 0\nmodel name\t: i7: a fake\n")
+    assert operating_system.processor_name() == "i7: a fake"
+    monkeypatch.setattr("platform.processor", lambda: "x86_64")
+    monkeypatch.setattr(Path, "read_text", lambda self, encoding: "processor\t: 0\n")
+    assert operating_system.processor_name() == "x86_64"
+
+
+def test_windows_has_no_pseudo_terminals(windows):
+    with pytest.raises(HardwareError, match=r"Windows has no pseudo-terminals; serve over TCP: leave out --pty"):
+        windows.open_pseudo_terminal()
+
+
+def test_a_pseudo_terminal_passes_all_bytes_on_and_tells_who_is_there():
+    terminal, path = operating_system.open_pseudo_terminal()
+    assert operating_system.poll_pseudo_terminal(terminal)[0] is False
+    other = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    assert operating_system.poll_pseudo_terminal(terminal) == (False, True)
+    os.write(other, b"\x03\r\n\x04\xff")
+    assert operating_system.poll_pseudo_terminal(terminal) == (True, True)
+    assert os.read(terminal, 100) == b"\x03\r\n\x04\xff"
+    with pytest.raises(BlockingIOError):
+        os.read(terminal, 100)
+    os.close(other)
+    assert operating_system.poll_pseudo_terminal(terminal)[1] is False
+    os.close(terminal)
