@@ -8,7 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import concepts
 import numpy as np
+import portraits
 import tables
 
 import tensionlab as tl
@@ -19,6 +21,8 @@ from tensionlab.workspace import Grid
 
 FIGURE = (".pdf", ".png")
 TABLE = (".md", ".tex")
+PAGE = (".png",)
+"""Of a figure that only pages of the documentation show."""
 PUBLISHED = "published/bartels2026-validation"
 RECORDING = "recordings/paper-like-simulated"
 TRIALS = "what-if/paper-like-simulated"
@@ -88,5 +92,17 @@ DRAWINGS = {
     "anchor-count-shares": Drawing(sweeps_of_modules, lambda data: tables.shares_of_room(data[1]), TABLE),
     "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plots.plot_scenario_layouts(data, PROPOSALS)),
     "workspace": Drawing(sweep_of_rooms, plots.plot_metrics),
+    "wrench-set": Drawing(lambda _: concepts.wrench_set(), concepts.draw_wrench_set, PAGE),
+    "policies": Drawing(lambda _: concepts.policies(), concepts.draw_policies, PAGE),
+    "brake-cones": Drawing(lambda _: None, concepts.draw_brake_cones, PAGE),
+    "brake-maps": Drawing(lambda _: concepts.brake_maps(), lambda found: plots.plot_brake_maps(*found), PAGE),
+    "stiffness": Drawing(lambda _: concepts.stiffness_bounds(), concepts.draw_stiffness_bounds, PAGE),
+    "module-states": Drawing(lambda _: concepts.module_states(), concepts.draw_module_states, (".svg",)),
+    **{
+        f"solver-{name.replace(':', '-')}": Drawing(
+            lambda _, name=name: portraits.portrait(name), portraits.draw_portrait, PAGE
+        )
+        for name in portraits.PORTRAYED
+    },
 }
 """By the name of the file, without its suffix."""

@@ -24,6 +24,7 @@ from tensionlab.validation.data_tables import Trial
 from tools.generate_benchmark_table import section
 from tools.generate_bridge_docs import document as bridge
 from tools.generate_firmware_docs import sections, table
+from tools.generate_solver_choice import choice
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = (".", "datasets", "docs", "examples", "firmware", "paper_figures")
@@ -135,6 +136,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "what-if": what_if,
     "bench": _benchmark,
     "log-columns": log_columns,
+    "choice": lambda: choice(datasets.load("benchmarks/results")),
     **{name: _table(name) for name in _firmware()},
 }
 """What makes each block, by its name."""

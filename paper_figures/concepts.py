@@ -1,0 +1,276 @@
+"""Figures of the pages on concepts: the available wrench set, the policies, brakes, delay, a module's states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from portraits import demonstration_rig
+
+import tensionlab as tl
+from tensionlab.haptics.brakes.choice import brake_map, brake_strengths
+from tensionlab.haptics.rendering.stability import MARGIN, stiffness_bound
+from tensionlab.hardware.protocol.codes import EVENTS, State
+from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
+from tensionlab.plots.rig import map_normals
+from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, new_figure
+from tensionlab.scenarios import load_scenario
+
+DESIRED = np.array([-8.0, -7.0])
+"""The infeasible wrench of the policies, in N."""
+POLICY_LOOKS = {"force": (BLUE, "o"), "tension": (ORANGE, "s"), "direction": (GREEN, "^")}
+SHADE = "#B9D7EA"
+FORCE_AXES: Any = {"xlabel": "force along x (N)", "ylabel": "force along y (N)"}
+
+
+def wrench_set() -> dict[str, Any]:
+    """Return the demonstration rig, its available wrench set, and the capacity margin about zero."""
+    rig = demonstration_rig()
+    W = rig.structure_matrix(rig.home)
+    corners = tl.workspace.vertices(W, rig.limits)
+    return {"rig": rig, "W": W, "corners": corners, "margin": float(tl.workspace.capacity_margin(W, rig.limits))}
+
+
+def draw_wrench_set(found: dict[str, Any]) -> Any:
+    """Draw the rig with its unit vectors, and beside it all wrenches that it renders."""
+    rig, W, corners, margin = found["rig"], found["W"], found["corners"], found["margin"]
+    with new_figure((8.0, 3.8)) as figure:
+        place, wrenches = figure.subplots(1, 2)
+        for column, module in enumerate(rig.modules):
+            place.plot(*np.stack([rig.home, module.anchor]).T, color=GREY, linewidth=1.0)
+            place.plot(*module.anchor, "s", color="#222222", markersize=7)
+            place.annotate(f"  {module.name}", module.anchor, va="center", fontsize=8)
+            arrow(place, rig.home, rig.home + 0.45 * W[:, column], BLUE)
+            beside = 0.34 * W[:, column] + (-1) ** column * 0.12 * np.array([-W[1, column], W[0, column]])
+            place.annotate(f"u{column + 1}", rig.home + beside, ha="center", va="center", color=BLUE)
+        place.plot(*rig.home, "o", color="#222222", markersize=5)
+        place.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title="The rig", xlim=(-1.4, 1.9))
+        wrenches.fill(*corners.T, facecolor=SHADE, edgecolor="#222222", linewidth=1.0)
+        turn = np.linspace(0.0, 2.0 * np.pi, 121)
+        wrenches.plot(margin * np.cos(turn), margin * np.sin(turn), color=RED)
+        wrenches.plot(0.0, 0.0, "+", color="#222222")
+        wrenches.annotate(
+            f"capacity margin {margin:.2f} N", margin * np.array([0.7, -0.7]), (8.5, -8.5), color=RED,
+            arrowprops={"arrowstyle": "-", "color": RED},
+        )  # fmt: skip
+        wrenches.annotate("available\nwrench set", (8.0, 4.0), ha="center", va="center")
+        wrenches.set(
+            aspect="equal", xlabel="force along x (N)", ylabel="force along y (N)", title="All it can render"
+        )
+    return figure
+
+
+def arrow(axes: Any, begin: Any, end: Any, colour: str) -> None:
+    """Draw an arrow."""
+    axes.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0})
+
+
+def policies() -> dict[str, Any]:
+    """Return what each policy renders of a wrench that is infeasible, and the direction that certifies it."""
+    rig = demonstration_rig()
+    W = rig.structure_matrix(rig.home)
+    answers = {name: tl.allocate(W, DESIRED, rig.limits, nearest=name) for name in POLICY_LOOKS}  # type: ignore[arg-type]
+    return {"corners": tl.workspace.vertices(W, rig.limits), "answers": answers, "W": W, "limits": rig.limits}
+
+
+def draw_policies(found: dict[str, Any]) -> Any:
+    """Draw the desired wrench, the three substitutes, and the line that separates it from all that is feasible."""
+    corners, answers = found["corners"], found["answers"]
+    d = answers["force"].separation / np.linalg.norm(answers["force"].separation)
+    edge = max(corners @ d)
+    along = np.array([-d[1], d[0]])
+    foot = DESIRED - (DESIRED @ d - edge) * d
+    with new_figure((6.0, 4.6)) as figure:
+        axes = figure.subplots()
+        axes.fill(*corners.T, facecolor=SHADE, edgecolor="#222222", linewidth=1.0)
+        axes.annotate("available\nwrench set", (7.0, 3.5), ha="center", va="center")
+        line = foot + np.array([[-9.0], [9.0]]) * along
+        axes.plot(*line.T, "--", color=RED, linewidth=1.0)
+        begin = foot - 7.0 * along
+        arrow(axes, begin, begin + 2.5 * d, RED)
+        axes.annotate("d", begin + 3.1 * d, color=RED, ha="center", va="center")
+        axes.plot(*np.stack([np.zeros(2), DESIRED]).T, ":", color=GREY)
+        axes.plot(*DESIRED, "*", color="#222222", markersize=12)
+        axes.annotate("desired", DESIRED, (0, -14), textcoords="offset points", ha="center")
+        for name, (colour, marker) in POLICY_LOOKS.items():
+            answer = answers[name]
+            axes.plot(*np.stack([DESIRED, answer.wrench]).T, color=colour, linewidth=0.8)
+            label = f"{name}: {answer.residual:.2f} N off"
+            axes.plot(*answer.wrench, marker, color=colour, markersize=7, markeredgecolor="white", label=label)
+        axes.plot([], [], "--", color=RED, label="separates it from all that is feasible")
+        axes.set(
+            aspect="equal", xlabel="force along x (N)", ylabel="force along y (N)", xlim=(-11, 18), ylim=(-11, 15)
+        )
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def brake_maps() -> tuple[dict[str, Any], Any]:
+    """Return which walls the rig of the materials holds against 50 N, with motors alone and with brakes."""
+    rig = load_scenario("materials").rig
+    W, normals = rig.structure_matrix(rig.home), map_normals()
+    maps = {
+        "Motors alone": brake_map(W, normals, 50.0, rig.limits, np.zeros(rig.m)),
+        "Motors and brakes": brake_map(W, normals, 50.0, rig.limits, brake_strengths(rig)),
+    }
+    return maps, W
+
+
+def draw_brake_cones(_: Any) -> Any:
+    """Draw two locked cables in a plane: where the point can go, which pushes they hold, and a wall that traps."""
+    directions = np.radians([35.0, 110.0])
+    U = np.array([np.cos(directions), np.sin(directions)])
+    with new_figure((8.4, 3.4)) as figure:
+        held, trapped = figure.subplots(1, 2)
+        for axes in (held, trapped):
+            axes.set(aspect="equal", xlim=(-1.25, 1.35), ylim=(-1.05, 1.25), xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
+        motion = np.radians(np.linspace(20.0, 125.0, 60))  # u_1·v >= 0 and u_2·v >= 0
+        push = np.radians(np.linspace(215.0, 290.0, 40))  # against the cone of u_1 and u_2
+        for angles, colour, word, where in (
+            (motion, SHADE, "free to move", (0.0, 0.78)),
+            (push, "#F3C98B", "held pushes", (-0.15, -0.8)),
+        ):
+            held.fill(
+                *np.vstack([np.zeros(2), 0.95 * np.array([np.cos(angles), np.sin(angles)]).T]).T, color=colour
+            )
+            held.annotate(word, where, ha="center", fontsize=8)
+        for column in range(2):
+            arrow(held, np.zeros(2), 1.15 * U[:, column], BLUE)
+            held.annotate(f"locked cable {column + 1}", 1.2 * U[:, column], fontsize=8, ha="center")
+        held.plot(0.0, 0.0, "o", color="#222222")
+        held.set_title("Two locked one-way brakes")
+        wall = np.array([np.cos(np.radians(70.0)), np.sin(np.radians(70.0))])
+        across = np.array([-wall[1], wall[0]])
+        corners = [side * 1.2 * across - depth * wall for side, depth in ((1, 0), (-1, 0), (-1, 0.25), (1, 0.25))]
+        trapped.fill(*np.array(corners).T, color="#DDDDDD")
+        for angle, colour, word, where in (
+            (35.0, BLUE, "may be locked: u·n > 0", (0.95, 0.36)),
+            (200.0, RED, "never: u·n < 0,\nit would trap the hand", (-0.55, -0.75)),
+        ):
+            u = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+            arrow(trapped, np.zeros(2), u, colour)
+            trapped.annotate(word, where, fontsize=8, color=colour, ha="center")
+        arrow(trapped, np.zeros(2), 0.75 * wall, "#222222")
+        trapped.annotate("n", 0.85 * wall, ha="center")
+        trapped.plot(0.0, 0.0, "o", color="#222222")
+        trapped.set_title("A wall with normal n")
+    return figure
+
+
+def stiffness_bounds() -> dict[str, Any]:
+    """Return the largest stable stiffness over the delay, for a module's loop and for a host's."""
+    delay = np.linspace(0.0, 0.05, 201)
+    return {"delay": delay, "bounds": {step: stiffness_bound(delay, step, 2.0) for step in (0.001, 0.02)}}
+
+
+def draw_stiffness_bounds(found: dict[str, Any]) -> Any:
+    """Draw the bounds, and the share of the host's that it may use."""
+    milliseconds = 1e3 * found["delay"]
+    with new_figure((6.6, 3.4)) as figure:
+        axes = figure.subplots()
+        for (step, bound), colour, dashes in zip(
+            found["bounds"].items(), (BLUE, ORANGE), ("-", "--"), strict=True
+        ):
+            axes.semilogy(milliseconds, bound, dashes, color=colour, label=f"bound, loop of {1e3 * step:g} ms")
+        axes.semilogy(
+            milliseconds, MARGIN * found["bounds"][0.02], ":", color=GREEN, label="what the host may use"
+        )
+        axes.axhline(300.0, color=GREY, linewidth=0.8)
+        axes.annotate("a wall of 300 N/m", (49.5, 320.0), ha="right", color=GREY)
+        axes.set(xlabel="delay there and back (ms)", ylabel="stiffness (N/m)", xlim=(0.0, 50.0))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.legend(loc="upper right")
+    return figure
+
+
+FRAME = "armed or running"
+STATE_PLACES = {
+    "ESTOP": (-3.2, 0.0),
+    "IDLE": (0.0, 0.0),
+    "ARMED": (3.2, 0.0),
+    "RUNNING": (6.2, 0.0),
+    "TIMEOUT": (8.9, 1.9),
+    "FAULT": (8.9, -1.9),
+}
+"""Where each state is drawn."""
+DRIVEN = ("ARMED", "RUNNING")
+"""States that share a frame: what leads out of one of them leads out of the other."""
+
+
+def module_states() -> dict[tuple[str, str], str]:
+    """Return the event that leads from one state of a module to another, as the firmware decides."""
+    return {
+        (state.name, to.name): event
+        for event, row in zip(EVENTS, TRANSITIONS, strict=True)
+        for state, (accepted, to) in zip(State, row, strict=True)
+        if accepted and to is not state
+    }
+
+
+def grouped(arrows: dict[tuple[str, str], str]) -> dict[tuple[str, str], str]:
+    """Return the same arrows, those from all states and those from all driven ones drawn together."""
+    left, found = dict(arrows), {}
+    for event, states, name in (
+        ("estop", [state.name for state in State if state.name != "ESTOP"], "any state"),
+        *((event, list(DRIVEN), FRAME) for event in ("stop", "expire", "fault")),
+    ):
+        ends = {to for (begin, to), what in arrows.items() if what == event and begin in states}
+        if len(ends) != 1 or not all((state, *ends) in left for state in states):
+            raise ValueError(f"{event} does not lead from {', '.join(states)} to one state: draw it otherwise")
+        (end,) = ends
+        found[name, end] = event
+        left = {key: what for key, what in left.items() if not (key[0] in states and what == event)}
+    return found | left
+
+
+BENDS: dict[tuple[str, str], tuple[Any, Any, Any, str]] = {
+    ("any state", "ESTOP"): ((-3.2, 1.55), (-3.2, 0.42), (-3.2, 1.75), "estop, in any state"),
+    ("ESTOP", "IDLE"): ((-2.35, 0.0), (-0.72, 0.0), (-1.55, 0.15), "clear"),
+    ("IDLE", "ARMED"): ((0.72, 0.15), (2.35, 0.15), (1.45, 0.3), "arm"),
+    (FRAME, "IDLE"): ((2.0, -0.2), (0.72, -0.2), (1.35, -0.55), "stop"),
+    ("ARMED", "RUNNING"): ((4.0, 0.0), (5.25, 0.0), (4.62, 0.15), "set-point"),
+    (FRAME, "TIMEOUT"): ((6.3, 0.78), (8.0, 1.75), (6.2, 1.3), "time to live over,\nor link closed"),
+    (FRAME, "FAULT"): ((6.3, -0.78), (8.0, -1.75), (6.6, -1.45), "fault"),
+    ("TIMEOUT", "FAULT"): ((8.9, 1.5), (8.9, -1.5), (9.35, -0.05), "fault"),
+    ("TIMEOUT", "IDLE"): ((8.0, 2.05), (0.0, 0.42), (3.4, 1.75), "stop"),
+    ("FAULT", "IDLE"): ((8.0, -2.05), (0.0, -0.42), (3.4, -1.75), "clear"),
+}
+"""For each arrow: where it begins and ends, where its words are, and these."""
+
+
+def draw_module_states(arrows: dict[tuple[str, str], str]) -> Any:
+    """Draw the states of a module and what leads from one to another.
+
+    Raises
+    ------
+    ValueError
+        If the firmware has other transitions than the picture has arrows.
+    """
+    from matplotlib.patches import FancyBboxPatch
+
+    drawn = grouped(arrows)
+    if set(drawn) != set(BENDS):
+        raise ValueError(f"the firmware's transitions are not those that are drawn: {set(drawn) ^ set(BENDS)}")
+    with new_figure((9.0, 3.7)) as figure:
+        axes = figure.subplots()
+        axes.set(xlim=(-4.6, 10.1), ylim=(-2.6, 2.5), aspect="equal")
+        axes.set_axis_off()
+        axes.add_patch(
+            FancyBboxPatch(
+                (2.1, -0.75), 5.1, 1.5, "round,pad=0.05", facecolor="#EEF4F9", edgecolor=BLUE, linestyle="--"
+            )
+        )
+        for name, (x, y) in STATE_PLACES.items():
+            colour = {"TIMEOUT": "#FBE3BF", "FAULT": "#F6CDB8", "ESTOP": "#F6CDB8"}.get(name, SHADE)
+            axes.add_patch(
+                FancyBboxPatch(
+                    (x - 0.7, y - 0.3), 1.4, 0.6, "round,pad=0.1", facecolor=colour, edgecolor="#444444"
+                )
+            )
+            axes.annotate(name, (x, y), ha="center", va="center", fontsize=9, fontweight="bold")
+        for key, (begin, end, where, word) in BENDS.items():
+            arrow(axes, begin, end, RED if drawn[key] in ("estop", "fault", "expire") else "#333333")
+            axes.annotate(word, where, ha="center", va="center" if "\n" in word or word == "fault" else "bottom",
+                          fontsize=8.5)  # fmt: skip
+    return figure

@@ -1,0 +1,58 @@
+"""Table of which solver serves which need, with what the committed benchmark measured of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from tensionlab.benchmark.report import Summary, newton, percent, summaries, table
+from tensionlab.benchmark.results import Results
+from tensionlab.display import duration
+from tensionlab.solvers import make
+
+
+class Choice(NamedTuple):
+    """What somebody wants of the tensions, and the solver for it."""
+
+    need: str
+    solver: str
+
+
+CHOICES = (
+    Choice("the least tension that renders the wrench, a proof where none does, and no slow cases", "newton"),
+    Choice("the same by the algorithm of the publication", "dykstra"),
+    Choice("tensions clear of all limits, smooth in wrench and pose", "analytic-centre"),
+    Choice("the largest margin to all limits", "safe"),
+    Choice("the same as a centroid, with at most two cables more than wrench components", "polygon:centroid"),
+    Choice("the weakest motors: the least largest tension", "minimax"),
+    Choice("the least sum of tensions", "least-sum"),
+    Choice("a fixed number of steps and no search, where a miss does no harm", "closed-form"),
+    Choice("kinks rounded, and wrench given away softly at the edge", "slack"),
+    Choice("as Springhead does for SPIDAR: a little error for less tension", "spidar"),
+)
+COLUMNS: dict[str, Callable[[Summary], str]] = {
+    "renders": lambda line: percent(line.solved_1e6),
+    "best elsewhere": lambda line: percent(line.elsewhere),
+    "typical call": lambda line: duration(line.sgm_s),
+    "99.9 % within": lambda line: duration(line.p999_s),
+    "largest change, N/mm": lambda line: newton(line.jump_max),
+}
+
+
+def choice(found: Results) -> str:
+    """Return the table in Markdown."""
+    by_label = {line.label: line for line in summaries(found)}
+    rows = []
+    for need, solver in CHOICES:
+        policies = ", ".join(make(solver).policies) or "no promise"
+        rows.append([need, f"`{solver}`", policies, *(cell(by_label[solver]) for cell in COLUMNS.values())])
+    heads = ["you want", "solver", "infeasible wrenches", *COLUMNS]
+    processor = found.manifest["processor"]
+    about = (
+        "*Renders*: the share of feasible problems rendered to 1e-6 N; what a solver refuses (for "
+        "`polygon` more than two redundant cables) counts as missed. *Best elsewhere*: the share of "
+        "problems, in sets with infeasible wrenches, whose error is the least possible one to 1e-6 N. "
+        f"Times are of one call, verification included, on one thread of {processor}. *Largest change*: "
+        "of a tension along paths that cross the border of the workspace."
+    )
+    return f"{table(heads, rows, left=3)}\n\n{about}"
