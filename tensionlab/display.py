@@ -82,6 +82,15 @@ def duration(seconds: float) -> str:
     return "–" if math.isnan(seconds) else f"{round(seconds / 1e-9)} ns"  # round: no minus zero
 
 
+def percent(share: float) -> str:
+    """Write a share, with 100 % only for all and 0 % only for nothing."""
+    if math.isnan(share):
+        return "–"
+    if share in (0.0, 1.0):
+        return f"{100 * share:.0f} %"
+    return f"{min(99.9, max(0.1, 100 * share)):.1f} %"
+
+
 def vector(values: Any) -> str:
     """Return components in brackets, without trailing zeros or rounding errors; a long one without its middle."""
     known = np.asarray(values, dtype=np.float64)
@@ -90,6 +99,11 @@ def vector(values: Any) -> str:
     if len(words) > MAX_COMPONENTS:
         words[MAX_COMPONENTS // 2 : -2] = ["…"]
     return f"({', '.join(words)})"
+
+
+def count(number: int, word: str) -> str:
+    """Return a number with the word for what is counted, such as "1 cable" or "12,000 cables"."""
+    return f"{number:,} {word}{'s' * (number != 1)}"
 
 
 def extent(*arrays: Any) -> str:
@@ -107,13 +121,14 @@ def table(
 
     Columns are for numbers, to the right; those whose heading begins with ``<`` are for text, to the left, as in
     the tables on terminals. Numbers have two digits, or are whole; a `Status`, a `Mark` and a truth value have a
-    shape and a colour; vectors are in brackets; None is a dash.
+    shape and a colour; vectors are in brackets; None is a dash. Without headings, all columns are text.
     """
-    sides = ["left" if heading.startswith("<") else "right" for heading in headings]
     lines = [[_cell(value) for value in row] for row in rows]
+    sides = ["left" if heading.startswith("<") else "right" for heading in headings]
+    sides = sides or ["left"] * max(map(len, lines), default=0)
     if len(lines) > MAX_ROWS:
         left = len(lines) - MAX_ROWS
-        lines[MAX_ROWS // 2 : -MAX_ROWS // 2] = [[f"… {left:,} more", *[""] * (len(headings) - 1)]]
+        lines[MAX_ROWS // 2 : -MAX_ROWS // 2] = [[f"… {left:,} more", *[""] * (len(sides) - 1)]]
     head = (_escape(heading.removeprefix("<")).replace("\n", "<br>") for heading in headings)
     above = f'<div style="font-weight:bold;margin-bottom:2px">{_cell(title)}</div>' if title else ""
     below = "".join(f'<div style="font-size:90%;opacity:0.75">{_escape(note)}</div>' for note in notes)

@@ -7,8 +7,16 @@ import pytest
 
 import tensionlab as tl
 from tensionlab import display
+from tensionlab.benchmark.problem_sets import problem_set
 from tensionlab.comparison.compare import compare
+from tensionlab.comparison.replay import replay
 from tensionlab.errors import MissingDependency
+from tensionlab.hardware import read_run
+from tensionlab.hardware.log.reader import report
+from tensionlab.scenarios import load_scenario
+from tensionlab.scenarios.checks import Check, Checks
+from tensionlab.workspace.layout.objective import Objective
+from tensionlab.workspace.layout.search import Layout, LayoutSearch
 from tests.support.runs import four
 
 STRUCTURE = np.array([[1.0, -1.0]])
@@ -138,6 +146,118 @@ def test_a_comparison_shows_itself():
         ["newton", each, "3"] for each in ("force", "tension", "direction")
     ] + [["least-sum", "–", "3"]]
     assert list(found.to_pandas()["solver"]) == ["newton"] * 3 + ["least-sum"]
+
+
+def front():
+    """A search that found a layout of four modules, and one of five that is no better."""
+    limits = (0.5, 6.0)
+    corners = [[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1]]
+    modules = tuple(tl.Module(f"wall {i}", np.array(each), *limits) for i, each in enumerate(corners))
+    rigs = [tl.Rig(f"room-{count}", "point", modules[:count], np.zeros(3)) for count in (4, 5)]
+    layouts = tuple(
+        Layout(rig, score, score, (0.25,) * rig.m) for rig, score in zip(rigs, (2.5, 2.0), strict=True)
+    )
+    return LayoutSearch(Objective(), layouts)
+
+
+def swept():
+    axis = np.linspace(-0.4, 0.4, 3)
+    rigs = [tl.box_corners((1, 1, 1)), tl.alternate_corners((1, 1, 1))]
+    return tl.sweep(
+        rigs, tl.workspace.Grid(axis, axis, axis), ["capacity-margin", "condition-number"], progress=False
+    )
+
+
+RUN = "tests/data/run-first.mcap"
+SHOWN = {
+    "run": (lambda: read_run(RUN), "<Run of bartels2026-validation by newton: 4 cycles at 50 Hz>"),
+    "report": (
+        lambda: report(read_run(RUN)),
+        "<RunReport of bartels2026-validation by newton: 4 cycles, finished:",
+    ),
+    "statistics": (
+        lambda: report(read_run(RUN)).statistics,
+        "<Statistics of 4 cycles, finished: the demand: 2 EXACT",
+    ),
+    "replay": (lambda: replay(read_run(RUN), ["dykstra"]), "<Replay of 4 cycles by 1 solver>"),
+    "sweep": (
+        lambda: tl.workspace.summary(swept()),
+        "<SweepSummary of capacity-margin, condition-number at 27 poses",
+    ),
+    "grid": (lambda: tl.workspace.box((0, 1), (0, 1), step=0.5), "<Grid of 3 x 3 poses: x 0 to 1 m, y 0 to 1 m>"),
+    "poses": (
+        lambda: tl.workspace.PoseList(np.eye(3)),
+        "<PoseList of 3 poses: x 0 to 1 m, y 0 to 1 m, z 0 to 1 m>",
+    ),
+    "layout": (lambda: front().best, "<Layout of room-4: 4 modules, score 2.5, worst margin 2.5 N>"),
+    "search": (front, "<LayoutSearch for 4 to 5 modules: the best has 4, score 2.5>"),
+    "recording": (
+        lambda: tl.datasets.load("recordings/ideal-simulated"),
+        "<Recording of bartels2026-validation, sim",
+    ),
+    "trials": (lambda: tl.datasets.load("what-if/paper-like-simulated"), "<Trials of 200 rigs: 73 choices"),
+    "published": (
+        lambda: tl.datasets.load("published/bartels2026-validation"),
+        "<Published: 4 values of the protocol",
+    ),
+    "benchmark": (lambda: tl.datasets.load("benchmarks/results"), "<Results of 35 entries on 8 problem sets>"),
+    "problems": (
+        lambda: problem_set("point", 10),
+        "<ProblemSet point: 10 problems in 10 groups, random point rigs",
+    ),
+    "group": (lambda: problem_set("point", 10).groups[0], "<Group m = 3: structure matrices (1, 3, 3)>"),
+    "scenario": (lambda: load_scenario("bow"), "<Scenario bow: 2 phases in 5 s on bow>"),
+    "checks": (lambda: Checks([Check("pull", "N", 1.0, 2.0, 3.0)]), "<Checks: 0 of 1 as expected>"),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_every_result_shows_itself(name):
+    make, beginning = SHOWN[name]
+    result = make()
+    assert repr(result).startswith(beginning)
+    assert "\n" not in repr(result)
+    assert len(repr(result)) < 160
+    if hasattr(result, "_repr_html_"):
+        html = result._repr_html_()
+        assert all(html.count(f"<{tag}") == html.count(f"</{tag}>") for tag in ("table", "tr", "td", "th", "div"))
+        assert len({len(row) for row in words(html.partition("</table>")[0])}) == 1
+    if hasattr(result, "to_pandas"):
+        assert len(result.to_pandas())
+
+
+def test_tables_say_what_the_results_hold():
+    found = read_run(RUN)
+    lines = words(found._repr_html_())
+    assert ["answers", "2 EXACT, 2 NEAREST"] in lines
+    assert [row[-1] for row in lines if row[0] == "floor-2"] == ["lower 75 %, fault ENCODER, lost at 0.040 s"]
+    assert found.to_pandas().loc[2, "chosen.top"] == found.chosen[2, 3]
+    summary = tl.workspace.summary(swept())
+    assert [row[:3] for row in words(summary._repr_html_())[1:3]] == [
+        ["box-corners", "capacity-margin", "N"],
+        ["box-corners", "condition-number", ""],
+    ]
+    frame = summary.to_pandas().set_index(["rig", "metric"])
+    assert frame.loc[("alternate-corners", "capacity-margin"), "max"] == swept()["capacity-margin"][1].max()
+    assert ["5", "2.00", "2.00", "✗ no"] in words(front()._repr_html_())
+    (check,) = words(Checks([Check("pull", "N", 1.0, 2.0, 3.0)])._repr_html_())[1:]
+    assert check == ["✗ not met", "pull", "3.00", "1.00 to 2.00", "N"]
+    bench = tl.datasets.load("benchmarks/results")
+    assert words(bench._repr_html_())[1][:3] == ["newton", "100 %", "100 %"]
+    assert len(bench.to_pandas()) == len(bench.rows)
+
+
+def test_results_draw_themselves():
+    recording = tl.datasets.load("recordings/ideal-simulated")
+    for result, drawn in (
+        (front(), 1),
+        (front().best, 1),
+        (recording, 2),
+        (tl.datasets.load("benchmarks/results"), 1),
+    ):
+        assert len(result.plot().axes) == drawn
+    (axes,) = front().plot().axes
+    assert [list(line.get_xdata()) for line in axes.get_lines()] == [[4, 5], [4]]
 
 
 def test_completion_offers_public_names_only():

@@ -16,15 +16,13 @@ from tensionlab.benchmark import results
 from tensionlab.benchmark.report import (
     IDLE_SHARE,
     Column,
-    Summary,
     count,
     marked,
     newton,
-    percent,
     summary_table,
 )
-from tensionlab.benchmark.results import Results
-from tensionlab.display import duration
+from tensionlab.benchmark.results import Results, Summary
+from tensionlab.display import duration, percent
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.files import writing
 

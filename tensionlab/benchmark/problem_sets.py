@@ -52,6 +52,9 @@ class Group:
     upper: Floats
     path_mm: Floats | None = None
 
+    def __repr__(self) -> str:
+        return f"<Group {self.label}: structure matrices {self.structure.shape}>"
+
 
 @dataclass(frozen=True)
 class ProblemSet:
@@ -61,6 +64,10 @@ class ProblemSet:
     title: str
     groups: tuple[Group, ...]
     reachable: Literal["all", "none", "mixed"]
+
+    def __repr__(self) -> str:
+        count = sum(len(group.wrench) for group in self.groups)
+        return f"<ProblemSet {self.name}: {count} problems in {len(self.groups)} groups, {self.title}>"
 
 
 def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:

@@ -3,27 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
-import numpy as np
-
-from tensionlab.benchmark.results import Results, Row
+from tensionlab.benchmark.results import Results, Row, Summary, summaries
 from tensionlab.benchmark.speed import PASSES
-from tensionlab.benchmark.statistics import maximum
-from tensionlab.display import duration
+from tensionlab.display import duration, percent
 
 Of = TypeVar("Of")
-
-
-def percent(share: float) -> str:
-    """Write a share, with 100 % only for all and 0 % only for nothing."""
-    if math.isnan(share):
-        return "–"
-    if share in (0.0, 1.0):
-        return f"{100 * share:.0f} %"
-    return f"{min(99.9, max(0.1, 100 * share)):.1f} %"
 
 
 def newton(value: float) -> str:
@@ -51,84 +38,6 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1)
     """Make a table in Markdown; the first ``left`` columns to the left, the others to the right."""
     rules = [":--" if column < left else "--:" for column in range(len(headings))]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (headings, rules, *rows))
-
-
-@dataclass(frozen=True)
-class Summary:
-    """One entry over all sets, each set counting the same; NaN where there is nothing.
-
-    Of the sets that are entirely feasible, where every entry has the same problem to solve, or of all if there is
-    none; but ``elsewhere`` is the mean share solved to 1e-6 N in the other sets, and ``iterations_max`` and
-    ``jump_max`` (N/mm) are of all. Shares are means over the sets, ``sgm_s`` and ``batch_s`` geometric means, and
-    the others the largest; ``spread`` is the 99.9 % quantile of time over the median.
-    """
-
-    label: str
-    note: str
-    comparable: bool
-    built_in: bool
-    solved_1e3: float
-    solved_1e6: float
-    solved_1e9: float
-    elsewhere: float
-    gap_max: float
-    sgm_s: float
-    p999_s: float
-    worst_s: float
-    spread: float
-    batch_s: float
-    iterations_max: int
-    jump_max: float
-    violation_max: float
-
-    @property
-    def absent(self) -> bool:
-        """Whether it did not take part; the note has the reason."""
-        return bool(self.note) and math.isnan(self.sgm_s)
-
-
-def summaries(results: Results) -> list[Summary]:
-    """Return each entry over all sets: those that ran by speed, then those that did not."""
-    by_label: dict[str, dict[str, Row]] = {}
-    for row in results.rows:
-        # Of several policies the first: the solver's own.
-        by_label.setdefault(row.label, {}).setdefault(row.problem_set, row)
-    feasible = {name for name, about in results.sets.items() if about["reachable"] == "all"} or set(results.sets)
-    found = [_summary(label, list(rows.values()), feasible) for label, rows in by_label.items()]
-    return sorted(found, key=lambda line: (np.isnan(line.sgm_s), line.sgm_s))
-
-
-def _summary(label: str, rows: list[Row], feasible: set[str]) -> Summary:
-    inside = [row for row in rows if row.problem_set in feasible]
-    return Summary(
-        label=label,
-        note=next((row.note for row in rows if row.note), ""),
-        comparable=rows[0].comparable,
-        built_in=rows[0].setting == "proved",
-        solved_1e3=_mean(row.solved_1e3 for row in inside),
-        solved_1e6=_mean(row.solved_1e6 for row in inside),
-        solved_1e9=_mean(row.solved_1e9 for row in inside),
-        elsewhere=_mean(row.solved_1e6 for row in rows if row.problem_set not in feasible),
-        gap_max=_maximum(row.gap_max for row in inside),
-        sgm_s=float(np.exp(_mean(np.log(row.sgm_s) for row in inside))),
-        p999_s=_maximum(row.p999_s for row in inside),
-        worst_s=_maximum(row.worst_s for row in inside),
-        spread=_maximum(row.p999_s / row.median_s for row in inside),
-        batch_s=float(np.exp(_mean(np.log(row.batch_s) for row in inside))),
-        iterations_max=max(row.iterations_max for row in rows),
-        jump_max=_maximum(row.jump_max for row in rows),
-        violation_max=_maximum(row.violation_max for row in inside),
-    )
-
-
-def _mean(values: Iterable[float]) -> float:
-    """Return the mean of the values that are finite; NaN if there are none."""
-    finite = [value for value in values if math.isfinite(value)]
-    return float(np.mean(finite)) if finite else float("nan")
-
-
-def _maximum(values: Iterable[float]) -> float:
-    return maximum(np.array(list(values), dtype=np.float64))
 
 
 FIGURES = {

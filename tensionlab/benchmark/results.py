@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.arrays import Floats
 from tensionlab.benchmark import statistics
 from tensionlab.benchmark.entries import Entry
 from tensionlab.errors import DataError
 from tensionlab.files.tables import from_mappings, read_parquet
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 FILE = "results.parquet"
 ACCURACIES = (1e-3, 1e-6, 1e-9)
@@ -80,13 +85,13 @@ class Row:
     batch_s: float = NAN
     iterations_max: int = 0
     jump_max: float = NAN
-    call_s: list[float] = field(default_factory=list)
-    errors: list[float] = field(default_factory=list)
-    violations: list[float] = field(default_factory=list)
-    gaps: list[float] = field(default_factory=list)
-    path_mm: list[float] = field(default_factory=list)
-    path_tensions: list[float] = field(default_factory=list)
-    path_reachable: list[bool] = field(default_factory=list)
+    call_s: list[float] = field(default_factory=list, repr=False)
+    errors: list[float] = field(default_factory=list, repr=False)
+    violations: list[float] = field(default_factory=list, repr=False)
+    gaps: list[float] = field(default_factory=list, repr=False)
+    path_mm: list[float] = field(default_factory=list, repr=False)
+    path_tensions: list[float] = field(default_factory=list, repr=False)
+    path_reachable: list[bool] = field(default_factory=list, repr=False)
 
     @property
     def label(self) -> str:
@@ -153,6 +158,38 @@ class Results:
     rows: tuple[Row, ...]
     manifest: dict[str, Any]
 
+    def __repr__(self) -> str:
+        return f"<Results of {len({row.label for row in self.rows})} entries on {len(self.sets)} problem sets>"
+
+    def _repr_html_(self) -> str:
+        headings = ["<solver", "solved\nto 1e-6 N", "\nto 1e-9 N", "other sets\nto 1e-6 N", "gap\nmax N",
+                    "call\ntypical", "\np99.9", "\nworst", "batch\neach"]  # fmt: skip
+        found = summaries(self)
+        rows = [
+            [line.label, *map(display.percent, (line.solved_1e6, line.solved_1e9, line.elsewhere)),
+             display.short(line.gap_max) + " †" * (not line.comparable),
+             *map(display.duration, (line.sgm_s, line.p999_s, line.worst_s, line.batch_s))]
+            for line in found if not line.absent
+        ]  # fmt: skip
+        notes = [
+            "shares and times are means over the feasible sets; other sets: those that are infeasible or partly so"
+        ]
+        notes += ["†: another objective, so that the gap is no error"] * any(not line.comparable for line in found)
+        notes += [f"left out: {line.label}, {line.note}" for line in found if line.absent]
+        return display.table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
+
+    def plot(self) -> Figure:
+        """Draw time and worst error of each entry: `tensionlab.plots.plot_summary`."""
+        return display.figure("summary", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each problem set, solver, setting and policy, as in `Row`, without the evidence.
+
+        MissingDependency if pandas is not installed.
+        """
+        rows = [{key: value for key, value in vars(row).items() if key not in EVIDENCE} for row in self.rows]
+        return records.data_frame(rows)
+
     @property
     def sets(self) -> dict[str, Any]:
         """The problem sets by name, in the order they ran."""
@@ -192,6 +229,84 @@ def read(path: str | Path) -> Results:
     from_mappings(bench["batches"], BatchRow, f"{file}: batches", DataError)
     from_mappings(bench["calls"], CallRow, f"{file}: calls", DataError)
     return Results(tuple(table.rows(Row, DataError)), table.manifest)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One entry over all sets, each set counting the same; NaN where there is nothing.
+
+    Of the sets that are entirely feasible, where every entry has the same problem to solve, or of all if there is
+    none; but ``elsewhere`` is the mean share solved to 1e-6 N in the other sets, and ``iterations_max`` and
+    ``jump_max`` (N/mm) are of all. Shares are means over the sets, ``sgm_s`` and ``batch_s`` geometric means, and
+    the others the largest; ``spread`` is the 99.9 % quantile of time over the median.
+    """
+
+    label: str
+    note: str
+    comparable: bool
+    built_in: bool
+    solved_1e3: float
+    solved_1e6: float
+    solved_1e9: float
+    elsewhere: float
+    gap_max: float
+    sgm_s: float
+    p999_s: float
+    worst_s: float
+    spread: float
+    batch_s: float
+    iterations_max: int
+    jump_max: float
+    violation_max: float
+
+    @property
+    def absent(self) -> bool:
+        """Whether it did not take part; the note has the reason."""
+        return bool(self.note) and math.isnan(self.sgm_s)
+
+
+def summaries(results: Results) -> list[Summary]:
+    """Return each entry over all sets: those that ran by speed, then those that did not."""
+    by_label: dict[str, dict[str, Row]] = {}
+    for row in results.rows:
+        # Of several policies the first: the solver's own.
+        by_label.setdefault(row.label, {}).setdefault(row.problem_set, row)
+    feasible = {name for name, about in results.sets.items() if about["reachable"] == "all"} or set(results.sets)
+    found = [_summary(label, list(rows.values()), feasible) for label, rows in by_label.items()]
+    return sorted(found, key=lambda line: (np.isnan(line.sgm_s), line.sgm_s))
+
+
+def _summary(label: str, rows: list[Row], feasible: set[str]) -> Summary:
+    inside = [row for row in rows if row.problem_set in feasible]
+    return Summary(
+        label=label,
+        note=next((row.note for row in rows if row.note), ""),
+        comparable=rows[0].comparable,
+        built_in=rows[0].setting == "proved",
+        solved_1e3=_mean(row.solved_1e3 for row in inside),
+        solved_1e6=_mean(row.solved_1e6 for row in inside),
+        solved_1e9=_mean(row.solved_1e9 for row in inside),
+        elsewhere=_mean(row.solved_1e6 for row in rows if row.problem_set not in feasible),
+        gap_max=_maximum(row.gap_max for row in inside),
+        sgm_s=float(np.exp(_mean(np.log(row.sgm_s) for row in inside))),
+        p999_s=_maximum(row.p999_s for row in inside),
+        worst_s=_maximum(row.worst_s for row in inside),
+        spread=_maximum(row.p999_s / row.median_s for row in inside),
+        batch_s=float(np.exp(_mean(np.log(row.batch_s) for row in inside))),
+        iterations_max=max(row.iterations_max for row in rows),
+        jump_max=_maximum(row.jump_max for row in rows),
+        violation_max=_maximum(row.violation_max for row in inside),
+    )
+
+
+def _mean(values: Iterable[float]) -> float:
+    """Return the mean of the values that are finite; NaN if there are none."""
+    finite = [value for value in values if math.isfinite(value)]
+    return float(np.mean(finite)) if finite else float("nan")
+
+
+def _maximum(values: Iterable[float]) -> float:
+    return statistics.maximum(np.array(list(values), dtype=np.float64))
 
 
 class Trajectory(NamedTuple):

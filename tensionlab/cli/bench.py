@@ -17,10 +17,10 @@ from tensionlab.allocation import allocate
 from tensionlab.benchmark import report
 from tensionlab.benchmark import run as benchmark
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
-from tensionlab.benchmark.results import Results, read
+from tensionlab.benchmark.results import Results, read, summaries
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
-from tensionlab.display import duration
+from tensionlab.display import duration, percent
 from tensionlab.errors import InputError, WriteError
 from tensionlab.files.writing import make_folder, write_text
 from tensionlab.solvers.base import Status
@@ -109,7 +109,7 @@ def _write(results: Results, out: Path, writer: output.ResultWriter) -> None:
 
 def _print(results: Results, out: Path, json: bool) -> None:
     """Print a line for each entry."""
-    lines = report.summaries(results)
+    lines = summaries(results)
     if json:
         output.print_json(
             folder=str(out),
@@ -128,9 +128,9 @@ def _print(results: Results, out: Path, json: bool) -> None:
             continue
         grid.add_row(
             name,
-            report.percent(line.solved_1e6),
-            report.percent(line.solved_1e9),
-            report.percent(line.elsewhere),
+            percent(line.solved_1e6),
+            percent(line.solved_1e9),
+            percent(line.elsewhere),
             report.newton(line.gap_max) + ("" if line.comparable else " †"),
             duration(line.sgm_s),
             duration(line.p999_s),

@@ -16,14 +16,10 @@ from tensionlab.comparison import replay as replays
 from tensionlab.comparison.replay import COLUMNS
 from tensionlab.display import duration
 from tensionlab.hardware.log import reader
+from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
 
 log = options.group("Show, export, draw and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
-MAX_EVENTS = 12
-"""Events that are printed; JSON has all."""
-MODULE_HEADINGS = ("<module", "commanded N\nmin", "\nmean", "\nmax", "telemetry age\nmedian", "\n99 %", "\nmax",
-                   "<limited by")  # fmt: skip
-
 LEGEND = f"""\
 {STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
 error: desired minus rendered   angle, size: between the two forces, and of one without the other
@@ -138,16 +134,7 @@ def _print_info(found: reader.RunReport) -> None:
     else:
         console.print("cut off: the log was never closed, so its last moments may be missing", style="bold")
     console.print()
-    rows = (
-        (
-            module.name,
-            *map(output.short, (module.commanded_min_n, module.commanded_mean_n, module.commanded_max_n)),
-            *map(duration, module.telemetry_age_s.values()),
-            _limiters(module),
-        )
-        for module in found.modules
-    )
-    output.print_table("", MODULE_HEADINGS, rows)
+    output.print_table("", MODULE_HEADINGS, (module.cells for module in found.modules))
     if found.events:
         console.print()
         for event in found.events[:MAX_EVENTS]:
@@ -155,13 +142,3 @@ def _print_info(found: reader.RunReport) -> None:
             console.print(f"{event.time:9.3f} s  {event.kind}:{who} {event.text}", soft_wrap=True)
         if len(found.events) > MAX_EVENTS:
             console.print(f"and {len(found.events) - MAX_EVENTS} more events; --json has all", style="dim")
-
-
-def _limiters(module: reader.ModuleReport) -> str:
-    """Return what limited a module in which share of the cycles, its faults, and when it was lost."""
-    limits = [
-        f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
-        for name, share in module.limiters.items()
-    ]
-    lost = [] if module.lost_at_s is None else [f"lost at {module.lost_at_s:.3f} s"]
-    return ", ".join([*limits, *(f"fault {name}" for name in module.faults), *lost])

@@ -21,10 +21,8 @@ from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
-from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
-from tensionlab.solvers.base import Status
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -165,7 +163,7 @@ def live_table(runner: Runner) -> RenderableType:
         heat, age = f"{100.0 * state.thermal[index]:.0f} %", f"{1e3 * state.ages[index]:.0f} ms"
         rows.append((module.name, *tensions, limited_by, now, heat, age))
     times, statistics = runner.statistics.percentiles(), runner.statistics
-    figures = [_counts(statistics), f"start jitter {duration(times['start_delay'][1])}"]
+    figures = [statistics.answers, f"start jitter {duration(times['start_delay'][1])}"]
     figures.append(f"compute time {duration(times['compute_time'][1])} (p99)")
     if statistics.missed:
         figures.append(f"{statistics.missed} deadlines missed")
@@ -178,26 +176,13 @@ def live_table(runner: Runner) -> RenderableType:
 
 def summary_table(runner: Runner) -> Table:
     """Return a table of how a run went."""
-    statistics = runner.statistics
-    times = statistics.percentiles()
-    rows = [
-        ("answers", _counts(statistics)),
-        ("start jitter", _spread(times["start_delay"])),
-        ("compute time of a cycle", _spread(times["compute_time"])),
-        ("deadlines missed", str(statistics.missed)),
+    damaged = [
+        (f"damaged frames of {client.name}", str(client.bad_frames))
+        for client in runner.modules.clients
+        if client.bad_frames
     ]
-    if statistics.slew_limited:
-        rows.append(("cycles that were slew-rate limited", str(statistics.slew_limited)))
-    for name, count in statistics.late_telemetry.items():
-        rows.append((f"cycles with late telemetry of {name}", str(count)))
-    for client in runner.modules.clients:
-        if client.bad_frames:
-            rows.append((f"damaged frames of {client.name}", str(client.bad_frames)))
-    for name, upper in statistics.derated.items():
-        rows.append((f"derated: {name}", f"down to {upper:.2f} N, so that it did not get too hot"))
-    rows += [(f"lost: {name}", why) for name, why in statistics.lost.items()]
-    title = f"{runner.rig.name}: {statistics.cycles} cycles, finished: {statistics.ended}"
-    table = output.table(title, ("<", "<"), rows)
+    statistics = runner.statistics
+    table = output.table(f"{runner.rig.name}: {statistics.title}", ("<", "<"), [*statistics.rows(), *damaged])
     table.show_header = False
     return table
 
@@ -205,16 +190,3 @@ def summary_table(runner: Runner) -> Table:
 def _components(wrench: Floats) -> str:
     """Return components that keep their width from one drawing to the next."""
     return "(" + ", ".join(f"{value + 0.0:5.2f}" for value in wrench.round(2)) + ")"
-
-
-def _counts(statistics: Statistics) -> str:
-    """Return how many answers have which status."""
-    counts = [f"{statistics.statuses[status]} {status.name}" for status in Status if statistics.statuses[status]]
-    if statistics.fallback_used:
-        counts.append(f"{statistics.fallback_used} by newton, as fallback of the solver")
-    return ", ".join(counts) or "none"
-
-
-def _spread(times: tuple[float, ...]) -> str:
-    median, p99, largest = map(duration, times[:3])
-    return f"{median} median, {p99} p99, {largest} max"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_text
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +21,7 @@ from tensionlab.workspace.metrics import description, make
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
-from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, Summary, summarise
+from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, Summary, summary
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 DRAWN_METRIC = "capacity-margin"
@@ -112,7 +112,7 @@ def workspace(
         if out is None:
             raise
         raise unwritable(out, error) from None
-    found = [(rig.name, name, summarise(data[name].sel(rig=rig.name))) for rig in loaded for name in names]
+    found = summary(data).rows
     with output.ResultWriter(quiet=json) as writer:
         if plot is not None:
             from tensionlab import plots
@@ -122,11 +122,11 @@ def workspace(
             writer.write("plot", plot, lambda path: plots.save_figure(draw(data, metric=drawn), path))
         if json:
             output.print_json(
-                poses=found[0][2].poses,
+                poses=found[0][-1].poses,
                 out=None if out is None else str(out),
                 rows=[
-                    {"rig": rig, "measure": name, "unit": data[name].units, **dataclasses.asdict(summary)}
-                    for rig, name, summary in found
+                    {"rig": rig, "measure": name, "unit": unit, **dataclasses.asdict(values)}
+                    for rig, name, unit, values in found
                 ],
                 manifest=json_text.loads(data.manifest),
             )
@@ -152,20 +152,20 @@ def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
     return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0])
 
 
-def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
+def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:
     """Print a row for each rig and metric, then what the metrics mean."""
-    metrics = {name: make(name) for _, name, _ in found}
+    metrics = {name: make(name) for _, name, *_ in found}
     rows = []
-    for index, (rig, name, summary) in enumerate(found):
+    for index, (rig, name, unit, each) in enumerate(found):
         first = "" if index and rig == found[index - 1][0] else rig
-        values = map(output.short, (summary.min, summary.median, summary.max))
-        above = f"{100 * summary.above_zero:.1f} %" if metrics[name].above_zero else ""
-        unit, missing = metrics[name].unit, f"{summary.missing:,}" if summary.missing else ""
+        values = map(output.short, (each.min, each.median, each.max))
+        above = f"{100 * each.above_zero:.1f} %" if metrics[name].above_zero else ""
+        missing = f"{each.missing:,}" if each.missing else ""
         rows.append((first, name, "" if unit == "1" else unit, *values, above, missing))
     axes = [each for each in where.coordinates() if each.name in "xyz"]
     region = ", ".join(f"{each.name} {each.values.min():g} to {each.values.max():g} m" for each in axes)
     output.print_table(
-        f"{found[0][2].poses:,} poses: {region}",
+        f"{found[0][-1].poses:,} poses: {region}",
         ("<rig", "<metric", "<unit", "min", "median", "max", "above 0", "no value"),
         rows,
     )
@@ -174,12 +174,12 @@ def _print(found: list[tuple[str, str, Summary]], where: Grid | PoseList, out: P
     for name, metric in metrics.items():
         meaning = f" Above 0: {metric.above_zero}." if metric.above_zero else ""
         console.print(f"{name}: {description(metric)}{meaning}", style="dim")
-    if any(summary.missing for *_, summary in found):
+    if any(each.missing for *_, each in found):
         console.print(
             "no value: a cable has no length there, or a force whose effort is evaluated is infeasible",
             style="dim",
         )
-    if found[0][2].poses > MEDIAN_SAMPLE:
+    if found[0][-1].poses > MEDIAN_SAMPLE:
         console.print(f"median: of an even selection of {MEDIAN_SAMPLE:,} values at most", style="dim")
     if out:
         console.print(f"values: {out}", soft_wrap=True)

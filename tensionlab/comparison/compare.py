@@ -137,7 +137,7 @@ class Comparison:
         return f"{self.rig.name}, {self.rig.m} modules: {len(self.wrenches)} forces of {size}"
 
     def __repr__(self) -> str:
-        return f"<Comparison of {len({row.solver for row in self.rows})} solvers on {self.title}>"
+        return f"<Comparison of {display.count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
 
     def _repr_html_(self) -> str:
         return scores_table(self.title, self.rows, COLUMNS, self.missing)

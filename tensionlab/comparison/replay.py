@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.compare import Column, Score, finite, score, scores_table
 from tensionlab.display import short
@@ -66,7 +66,7 @@ class Replay:
     missing: dict[str, str]
 
     def __repr__(self) -> str:
-        return f"<Replay of {self.cycles} cycles by {len(self.rows) - 1} solvers>"
+        return f"<Replay of {self.cycles} cycles by {display.count(len(self.rows) - 1, 'solver')}>"
 
     def _repr_html_(self) -> str:
         own = replace(self.rows[0], solver=f"the run: {self.rows[0].solver}")

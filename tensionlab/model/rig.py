@@ -110,7 +110,7 @@ class Rig:
     def __repr__(self) -> str:
         names = ", ".join(module.name for module in self.modules[:4]) + ", …" * (self.m > 4)
         limits = display.extent(self.limits.lower, self.limits.upper)
-        return f"<Rig {self.name}: {self.kind}, {self.m} modules ({names}), {limits} N>"
+        return f"<Rig {self.name}: {self.kind}, {display.count(self.m, 'module')} ({names}), {limits} N>"
 
     def _repr_html_(self) -> str:
         columns: dict[str, list[Any]] = {
@@ -126,7 +126,8 @@ class Rig:
         }
         shown = {head: each for head, each in columns.items() if any(value is not None for value in each)}
         held = "" if self.platform is None else f", platform of {self.platform.mass:g} kg"
-        title = f"{self.name}: {self.kind}, {self.m} modules{held}, home {display.vector(self.home)} m"
+        modules = display.count(self.m, "module")
+        title = f"{self.name}: {self.kind}, {modules}{held}, home {display.vector(self.home)} m"
         notes = [self.description] if self.description else []
         return display.table(title, [*shown], zip(*shown.values(), strict=True), notes)
 

@@ -18,6 +18,7 @@ from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.plots.style import COARSE_SHADE
 from tensionlab.scenarios.checks import ForceRecord, rendered_force
+from tensionlab.scenarios.expected import check_scenario
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,16 +58,19 @@ WIDE: dict[str, Any] = {"linewidth": 5.0, "alpha": 0.3}
 THIN: dict[str, Any] = {"linewidth": 1.2}
 
 
-def plot_scenario(played: ScenarioResult, rows: Sequence[Check]) -> Figure:
+def plot_scenario(played: ScenarioResult, rows: Sequence[Check] | None = None) -> Figure:
     """Draw a scenario that was played.
 
     On the left its layout, at the moment of the largest force, and force against distance where that makes sense.
     On the right, over time: its phases, the desired and the rendered force, the tension of each module, brakes and
-    module-local effects. Below, the table of expected values, if there is one. `InputError` if nothing was played.
+    module-local effects. Below, the table of expected values, if there is one: these rows, or those of
+    `check_scenario`. `InputError` if nothing was played.
     """
     run, scenario = played.run, played.scenario
     if not len(run):
         raise InputError(f'nothing of scenario "{scenario.name}" was played; there is nothing to draw')
+    if rows is None:
+        rows = check_scenario(played)
     bars = timeline(played)
     heights = [
         0.1 + 0.25 * len(scenario.phases),

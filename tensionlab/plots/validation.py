@@ -49,7 +49,7 @@ def plot_forces(recording: Recording) -> Figure:
             axes.grid()
             if view == (0, 2):
                 axes.invert_yaxis()  # seen from above, x points right and z towards the viewer's feet
-        figure.suptitle(caption(recording), fontsize="medium", fontweight="bold")
+        figure.suptitle(recording.title, fontsize="medium", fontweight="bold")
         add_legend(figure, 3, [
             ("desired force", {"color": BLUE, "marker": "o", "fillstyle": "none", "ls": ""}),
             ("error: from there to the measured force", {"color": RED}),
@@ -79,18 +79,10 @@ def plot_error_sphere(recording: Recording, rig: Rig) -> Figure:
                 _draw_cables(axes, rig, up)
                 axes.set_title(title, loc="center")
             figure.colorbar(dots, ax=pair, label=label, orientation="horizontal", shrink=0.6, aspect=30)
-        figure.suptitle(caption(recording), fontsize="medium", fontweight="bold")
+        figure.suptitle(recording.title, fontsize="medium", fontweight="bold")
         look = {"color": "white", "markeredgecolor": "black", "marker": "s", "ls": ""}
         add_legend(figure, 1, [("a cable pulls this way", look)])
     return figure
-
-
-def caption(recording: Recording) -> str:
-    """Return the title of a recording: rig, kind, forces and solver."""
-    about = recording.manifest["recording"]
-    kind = "simulated" if recording.simulated else "measured"
-    force = float(np.linalg.norm(recording.desired, axis=1).mean())
-    return f"{about['rig']}, {kind}: {len(recording.desired)} forces of {force:.3g} N, solver {about['solver']}"
 
 
 def _on_disc(vectors: Floats, up: float) -> tuple[Floats, NDArray[np.bool_]]:

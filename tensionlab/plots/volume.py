@@ -10,13 +10,19 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, GREY, ORANGE
 from tensionlab.errors import InputError
-from tensionlab.plots.style import add_legend, new_figure, one_panel
+from tensionlab.plots.style import add_legend, new_figure, one_panel, panel_legend
 from tensionlab.plots.workspace import SLICE_LEGEND, Field, draw_shares, read_field, require_one, share_above
+
+ON_FRONT: dict[str, Any] = {"color": BLUE, "marker": "o", "linewidth": 1.4, "drawstyle": "steps-post"}
+OFF_FRONT: dict[str, Any] = {"color": GREY, "marker": "o", "linestyle": "", "fillstyle": "none"}
+"""Looks of layouts that others beat, or do not."""
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from tensionlab.workspace.layout.search import LayoutSearch
 
 
 def level_surface(values: Floats, axes: tuple[Floats, Floats, Floats], level: float) -> Floats:
@@ -154,6 +160,28 @@ def plot_layouts(around: xarray.Dataset, target: xarray.Dataset, level: float) -
         target_look: tuple[str, dict[str, Any]] = ("target", {"color": ORANGE, "linewidth": 1.4})
         add_legend(figure, 3, [*SLICE_LEGEND[:2], target_look])
     return figure
+
+
+@overload
+def plot_front(found: LayoutSearch, *, ax: None = None) -> Figure: ...
+@overload
+def plot_front(found: LayoutSearch, *, ax: Axes) -> None: ...
+def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
+    """Draw the score of the layouts that a search found against their number of modules.
+
+    The line joins those that no other beats with as many modules or fewer. With ``ax``, a panel of another figure
+    is drawn into.
+    """
+    with one_panel(ax, (6.5, 4.2)) as (figure, axes):
+        for layouts, look in ((found.layouts, OFF_FRONT), (found.front, ON_FRONT)):
+            axes.plot([each.rig.m for each in layouts], [each.score for each in layouts], clip_on=False, **look)
+        axes.set_xticks([each.rig.m for each in found.layouts])
+        axes.set(xlabel="modules", ylabel="score", title=f"score: {found.objective.describe()}")
+        axes.set_ylim(bottom=min(0.0, *(each.score for each in found.layouts)))
+        axes.grid(axis="y")
+        looks = [("best with as many modules or fewer", ON_FRONT), ("no better than with fewer", OFF_FRONT)]
+        panel_legend(figure, ax, 2, looks[: 1 + (len(found.front) < len(found.layouts))])
+    return figure if ax is None else None
 
 
 def _draw_box(axes: Any, field: Field) -> None:

@@ -11,6 +11,7 @@ from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, new_figure, one_panel
+from tensionlab.workspace.sweep.dataset import configuration_names
 
 if TYPE_CHECKING:
     import xarray
@@ -248,25 +249,12 @@ def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:
     return Field(
         values=values.transpose(*configurations, *axes).to_numpy().reshape(-1, *(len(a) for a in axes.values())),
         axes=axes,
-        names=_names(swept, [str(dim) for dim in configurations]),
+        names=configuration_names(swept),
         anchors=[each[own] for each, own in zip(anchors, there, strict=True)],
         ends=[each[own] for each, own in zip(ends, there, strict=True)],
         label=f"{attributes['long_name']}{unit}",
         up=(ups.pop().strip("-") or "y") if len(ups) == 1 else list(axes)[-1],
     )
-
-
-def _names(swept: xarray.Dataset, dims: list[str]) -> list[str]:
-    """Return the name of each configuration: its rig, or the parameters that tell it from the others."""
-    if dims in (["rig"], []):
-        return [str(name) for name in np.atleast_1d(swept["rig"].to_numpy())]
-    several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
-    labels = {dim: swept[dim].to_numpy() for dim in dims}
-    index = np.ndindex(*(swept.sizes[dim] for dim in dims))
-    return [
-        ", ".join(f"{dim} {labels[dim][i]}" for dim, i in zip(dims, where, strict=True) if dim in several)
-        for where in index
-    ]
 
 
 def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> Figure:

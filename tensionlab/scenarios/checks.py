@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab import display, records
 from tensionlab.allocation import Status
 from tensionlab.arrays import Floats
 from tensionlab.haptics.effects.effect import Effect
@@ -16,6 +17,9 @@ from tensionlab.haptics.rendering.assignment import MIN_COSINE
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.protocol.codes import Limit
 from tensionlab.scenarios.play import ScenarioResult
+
+if TYPE_CHECKING:
+    import pandas
 
 Kind = TypeVar("Kind", bound=Effect)
 NOTICEABLE = 0.07
@@ -45,6 +49,27 @@ class Check(NamedTuple):
     def met(self) -> bool:
         """Whether the number is within the bounds."""
         return bool(self.low <= self.measured <= self.high)
+
+
+class Checks(tuple[Check, ...]):
+    """Checks of a scenario, which a notebook shows as a table."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"<Checks: {sum(each.met for each in self)} of {len(self)} as expected>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [display.met_mark(each.met, ("as expected", "not met")), each.name, each.measured,
+             f"{display.short(each.low)} to {display.short(each.high)}", each.unit.removeprefix("1")]
+            for each in self
+        ]  # fmt: skip
+        return display.table("", ["<", "<", "measured", "expected", "<"], rows)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each check; MissingDependency if pandas is not installed."""
+        return records.data_frame([{**each._asdict(), "met": each.met} for each in self])
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ from tensionlab.haptics.rendering.stability import capped, stiffness_cap
 from tensionlab.scenarios.checks import (
     NOTICEABLE,
     Check,
+    Checks,
     ForceRecord,
     between,
     check_near,
@@ -52,10 +53,10 @@ RIPPLE_N = 0.15
 """Force that makes a ripple perceptible."""
 
 
-def check_scenario(result: ScenarioResult) -> tuple[Check, ...]:
+def check_scenario(result: ScenarioResult) -> Checks:
     """Check what was rendered against what is expected; no checks of scenarios that are not of this package."""
     check = EXPECTED.get(result.scenario.name)
-    return () if check is None else check(result)
+    return Checks(() if check is None else check(result))
 
 
 def check_recoil(result: ScenarioResult) -> tuple[Check, ...]:

@@ -7,7 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from tensionlab import display
 from tensionlab.demand import Demand, DemandSource, RigState
 from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client_state import ClientState
@@ -26,6 +28,9 @@ from tensionlab.records import manifest
 from tensionlab.scenarios.demand_source import Notify, ScenarioDemand
 from tensionlab.scenarios.person import Person, PersonRecord
 from tensionlab.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SIMULATED = "sim:"
 
@@ -54,6 +59,17 @@ class ScenarioResult:
     run: Run
     statistics: Statistics
     person: PersonRecord | None
+
+    def __repr__(self) -> str:
+        return f"<ScenarioResult {self.scenario.name}: {self.statistics.title}, {self.statistics.answers}>"
+
+    def _repr_html_(self) -> str:
+        title = f"{self.scenario.title}: {self.statistics.title}"
+        return display.table(title, [], self.statistics.rows())
+
+    def plot(self) -> Figure:
+        """Draw layout, forces, tensions, brakes and expected values: `tensionlab.plots.plot_scenario`."""
+        return display.figure("scenario", self)
 
 
 def needs_tracker(rig: Rig) -> bool:

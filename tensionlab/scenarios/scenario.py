@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab import display
 from tensionlab.allocation import Nearest
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError, ScenarioError
@@ -147,6 +148,10 @@ class Scenario:
     labels: Mapping[str, str] = field(default_factory=dict)
     stands: tuple[float, ...] | None = None
     up: str | None = None
+
+    def __repr__(self) -> str:
+        phases = display.count(len(self.phases), "phase")
+        return f"<Scenario {self.name}: {phases} in {self.seconds:g} s on {self.rig.name}>"
 
     def __post_init__(self) -> None:
         rig, frames = self.rig, brief(sorted(self.rig.frames))

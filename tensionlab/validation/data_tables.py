@@ -10,17 +10,21 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.arrays import Floats, Integers
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.files.reading import brief, read_toml
 from tensionlab.files.tables import ParquetTable, read_parquet
 from tensionlab.solvers.base import Status
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 OLD_NAMES = {"replaced": "fallback_used", "hindered": "limited_modules", "angle_largest": "angle_max"}
 """Names of columns, and of keys in the journal, in files of before, and what they are called now."""
@@ -92,6 +96,37 @@ class Recording:
             if getattr(self, name).shape != shape:
                 raise ShapeError(f"a recording's {name} has shape {getattr(self, name).shape}, not {shape}")
 
+    def __repr__(self) -> str:
+        return f"<Recording of {self.title}>"
+
+    def plot(self) -> Figure:
+        """Draw desired and measured forces: `tensionlab.plots.plot_forces`."""
+        return display.figure("forces", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each force, with the columns of the file, such as ``measured.Fx``.
+
+        MissingDependency if pandas is not installed.
+        """
+        return records.data_frame(self.columns()).set_index("vector")
+
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of the table by name, a row for each force; `Status` by name."""
+        found: dict[str, Any] = {"vector": np.arange(len(self.desired))}
+        for name, parts in _parts(self.manifest["recording"]["modules"]).items():
+            found |= {f"{name}.{part}": getattr(self, name)[:, i] for i, part in enumerate(parts)}
+        found |= {name: getattr(self, name) for name in FORCE_COLUMNS}
+        found["status"] = [Status(each).name for each in self.status]
+        return found
+
+    @property
+    def title(self) -> str:
+        """Rig, kind, number and size of the forces, and solver."""
+        about = self.manifest["recording"]
+        kind = "simulated" if self.simulated else "measured"
+        force = float(np.linalg.norm(self.desired, axis=1).mean())
+        return f"{about['rig']}, {kind}: {len(self.desired)} forces of {force:.3g} N, solver {about['solver']}"
+
     @property
     def simulated(self) -> bool:
         """Whether no real module pulled."""
@@ -114,12 +149,7 @@ def write_recording(path: str | Path, recording: Recording) -> None:
     if ("simulated" in Path(path).stem) != recording.simulated:
         word = "simulated, so its name must say" if recording.simulated else "real, so its name must not say"
         raise InputError(f'{path}: the recording is {word} "simulated"')
-    columns: dict[str, Any] = {"vector": np.arange(len(recording.desired))}
-    for name, parts in _parts(recording.manifest["recording"]["modules"]).items():
-        columns |= {f"{name}.{part}": getattr(recording, name)[:, i] for i, part in enumerate(parts)}
-    columns |= {name: getattr(recording, name) for name in FORCE_COLUMNS}
-    columns["status"] = [Status(each).name for each in recording.status]
-    records.write_parquet(path, columns, recording.manifest)
+    records.write_parquet(path, recording.columns(), recording.manifest)
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -224,6 +254,14 @@ class Trials:
     rows: tuple[Trial, ...]
     manifest: dict[str, Any]
 
+    def __repr__(self) -> str:
+        rigs, choices = {row.seed for row in self.rows}, {(row.question, row.choice) for row in self.rows}
+        return f"<Trials of {len(rigs)} rigs: {len(choices)} choices, {len(self.rows)} rows>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each trial, as in `Trial`; MissingDependency if pandas is not installed."""
+        return records.data_frame([vars(row) for row in self.rows])
+
     def of(self, question: str) -> dict[str, list[Trial]]:
         """Return the trials of a question, by choice."""
         found: dict[str, list[Trial]] = {}
@@ -272,6 +310,17 @@ class Published:
     source: str
     protocol: dict[str, Value]
     results: dict[str, Value]
+
+    def __repr__(self) -> str:
+        return f"<Published: {len(self.protocol)} values of the protocol, {len(self.results)} results>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [name, f"{each.value:g}", each.unit, each.meaning]
+            for part in (self.protocol, self.results)
+            for name, each in part.items()
+        ]
+        return display.table(self.source, ["<name", "value", "<unit", "<meaning"], rows)
 
 
 def read_published(path: str | Path) -> Published:

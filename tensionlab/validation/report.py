@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tensionlab import display
 from tensionlab.arrays import Floats
+from tensionlab.model.files import rig_from_toml
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.validation.data_tables import Recording
 from tensionlab.validation.protocol import AXIS_FORCES, Measurement
 from tensionlab.validation.sensors import SAMPLE_RATE_HZ, UPRIGHT
 from tensionlab.validation.statistics import ALIGNMENTS, ForceScore, Interval, rotation_angle, score
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 TILTED_DEG = 1.0
 """Difference of the two ways to align above which the report speaks of tilt."""
@@ -55,6 +61,31 @@ class ValidationResult:
     measurements: tuple[Measurement, ...]
     desired: Floats
     aligned: dict[str, AlignedForces]
+
+    @property
+    def title(self) -> str:
+        """Kind, solver, and number and size of the forces."""
+        kind = "simulated" if self.setup["simulated"] else "measured"
+        return f"{len(self.desired)} forces of {self.setup['force']:g} N, {kind}, solver {self.setup['solver']}"
+
+    def __repr__(self) -> str:
+        found = self.aligned["paper"].score
+        errors = f"mean angle error {found.angle.mean.value:.1f}°, error vector {found.vector.mean.value:.2f} N"
+        return f"<ValidationResult of {self.title}: {errors}>"
+
+    def _repr_html_(self) -> str:
+        return display.table(self.title, [heading or "<" for heading in HEADINGS], rows(self), remarks(self))
+
+    def plot(self) -> Figure:
+        """Draw desired and measured forces, aligned as published: `tensionlab.plots.plot_forces`."""
+        return make_recording(self, rig_from_toml(self.setup["rig"], "rig of the setup"), "", {}).plot()
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each force: desired and measured, aligned as published, in N, and the tensions.
+
+        MissingDependency if pandas is not installed.
+        """
+        return make_recording(self, rig_from_toml(self.setup["rig"], "rig of the setup"), "", {}).to_pandas()
 
     @property
     def exact(self) -> int:

@@ -42,6 +42,7 @@ from tensionlab.workspace.structure_metrics import (
     tension_factor,
     wrench_closure,
 )
+from tensionlab.workspace.sweep.dataset import summary
 from tensionlab.workspace.sweep.plan import vary
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
@@ -92,6 +93,7 @@ __all__ = [
     "room",
     "search_layout",
     "segment_distance",
+    "summary",
     "tension_factor",
     "vary",
     "vertices",

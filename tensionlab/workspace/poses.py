@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab import display
 from tensionlab.arrays import Floats, as_floats, finite
 from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.files.reading import brief
@@ -69,6 +70,12 @@ class Grid:
             if rotations.shape[:1] in ((), (0,)) or rotations.ndim != (1 if self.dimension == 2 else 3):
                 raise ShapeError(f"rotations has shape {rotations.shape}; give one or more orientations in a row")
             object.__setattr__(self, "rotations", rotations)
+
+    def __repr__(self) -> str:
+        edges = ", ".join(
+            f"{name} {display.extent(getattr(self, name))} m" for name in self.dims[: self.dimension]
+        )
+        return f"<Grid of {' x '.join(map(str, self.shape))} poses: {edges}>"
 
     @property
     def dimension(self) -> int:
@@ -147,6 +154,12 @@ class PoseList:
             object.__setattr__(self, "rotation", rotation)
         if self.distance is not None:
             object.__setattr__(self, "distance", pose.points(self.distance, k, "distance"))
+
+    def __repr__(self) -> str:
+        edges = ", ".join(
+            f"{axis} {display.extent(self.position[:, i])} m" for i, axis in enumerate("xyz"[: self.dimension])
+        )
+        return f"<PoseList of {display.count(len(self.position), 'pose')}: {edges}>"
 
     @property
     def dimension(self) -> int:

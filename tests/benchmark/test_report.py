@@ -4,9 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.report import FIGURES, newton, percent, report, summaries, table, times
-from tensionlab.benchmark.results import Results, Row
-from tensionlab.display import duration
+from tensionlab.benchmark.report import FIGURES, newton, report, table, times
+from tensionlab.benchmark.results import Results, Row, summaries
+from tensionlab.display import duration, percent
 
 
 def row(problem_set="a", solver="newton", setting="proved", nearest="force", **values):

@@ -9,7 +9,7 @@ import tensionlab
 from tensionlab.benchmark import results
 from tensionlab.benchmark.entries import entries
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
-from tensionlab.benchmark.report import summaries
+from tensionlab.benchmark.results import summaries
 from tools.generate_benchmark_table import COMMITTED, main, section
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.allocation import Allocation
 from tensionlab.arrays import MAX_MAGNITUDE
 from tensionlab.errors import LogError
@@ -31,12 +31,16 @@ from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
+    from matplotlib.figure import Figure
 
 
 BLOCK_CYCLES = 1000
 """Cycles that become arrays at a time: as text and lists they take many times the memory."""
 
+MAX_EVENTS = 12
+"""Events that are shown below a table; JSON has all."""
 OLD_SUMMARY = {
     "replaced": "fallback_used",
     "slewed": "slew_limited",
@@ -105,7 +109,24 @@ class Run(CycleTable):
             separation=self.separation,
         )
 
-    def to_dataset(self) -> xarray.Dataset:
+    def __repr__(self) -> str:
+        return f"<Run of {self.rig.name} by {self.setup.solver}: {len(self)} cycles at {self.setup.rate:g} Hz>"
+
+    def _repr_html_(self) -> str:
+        return report(self)._repr_html_()
+
+    def plot(self) -> Figure:
+        """Draw wrenches, tensions, statuses, limiters and times: `tensionlab.plots.plot_run`."""
+        return display.figure("run", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each cycle, with the columns of `flat_columns`, such as ``chosen.floor-1``.
+
+        MissingDependency if pandas is not installed.
+        """
+        return records.data_frame(flat_columns(self)).set_index("cycle")
+
+    def to_xarray(self) -> xarray.Dataset:
         """Return the run as a dataset with names, units and labels.
 
         Every column is a variable with the dimension ``cycle`` and its own, and has ``units`` and a ``long_name``.
@@ -273,7 +294,7 @@ def write_netcdf(run: Run, path: str | PathLike[str]) -> None:
 
     That version knows no 64-bit integers and no truth values: they become 32-bit integers and bytes.
     """
-    writing.write_bytes(path, bytes(run.to_dataset().to_netcdf(engine="scipy")))
+    writing.write_bytes(path, bytes(run.to_xarray().to_netcdf(engine="scipy")))
 
 
 @dataclass(frozen=True)
@@ -290,6 +311,26 @@ class ModuleReport:
     telemetry_age_s: dict[str, float]  # median, 99th percentile and largest
     lost_at_s: float | None  # since when it did not take part any more
 
+    @property
+    def limited_by(self) -> str:
+        """What limited it in which share of the cycles, its faults, and when it was lost."""
+        limits = [
+            f"{name.lower()} {f'{100 * share:.0f} %' if share >= 0.005 else '<1 %'}"
+            for name, share in self.limiters.items()
+        ]
+        lost = [] if self.lost_at_s is None else [f"lost at {self.lost_at_s:.3f} s"]
+        return ", ".join([*limits, *(f"fault {name}" for name in self.faults), *lost])
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Its line of a table, below `MODULE_HEADINGS`."""
+        forces = map(display.short, (self.commanded_min_n, self.commanded_mean_n, self.commanded_max_n))
+        return (self.name, *forces, *map(display.duration, self.telemetry_age_s.values()), self.limited_by)
+
+
+MODULE_HEADINGS = ("<module", "commanded N\nmin", "\nmean", "\nmax", "telemetry age\nmedian", "\n99 %", "\nmax",
+                   "<limited by")  # fmt: skip
+
 
 @dataclass(frozen=True)
 class RunReport:
@@ -304,6 +345,19 @@ class RunReport:
     complete: bool  # whether the log was closed
     modules: tuple[ModuleReport, ...]
     events: tuple[RunEvent, ...]
+
+    def __repr__(self) -> str:
+        return f"<RunReport of {self.rig} by {self.solver}: {self.statistics.title}, {self.statistics.answers}>"
+
+    def _repr_html_(self) -> str:
+        policy = f", nearest in {self.nearest}" if self.nearest else ""
+        cut = "" if self.complete else "; cut off, the log was never closed"
+        title = f"{self.rig}, {self.solver}{policy}: {self.duration_s:.2f} s at {self.rate_hz:g} Hz{cut}"
+        notes = [
+            f"{event.time:.3f} s, {event.kind} {event.module}".strip() + f": {event.text}" for event in self.events
+        ]
+        modules = display.table("", MODULE_HEADINGS, (module.cells for module in self.modules), notes[:MAX_EVENTS])
+        return display.table(title, [], self.statistics.rows()) + modules
 
     def summary(self) -> dict[str, Any]:
         """Return it as plain numbers and texts, for JSON."""

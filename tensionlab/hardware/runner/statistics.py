@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tensionlab import display
 from tensionlab.allocation import Allocation, Status
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, RigState
@@ -80,6 +81,43 @@ class Statistics:
         default_factory=lambda: deque(maxlen=MAX_TIMES)
     )  # of the latest cycles, in s
     compute_times: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_TIMES))
+
+    def __repr__(self) -> str:
+        return f"<Statistics of {self.title}: {self.answers}, {self.missed} missed>"
+
+    def _repr_html_(self) -> str:
+        return display.table(self.title, [], self.rows())
+
+    @property
+    def title(self) -> str:
+        """Number of cycles, and what ended them."""
+        return f"{self.cycles} cycles" + (f", finished: {self.ended}" if self.ended else "")
+
+    @property
+    def answers(self) -> str:
+        """How many answers have which status, and how many are the fallback's."""
+        counts = [f"{self.statuses[status]} {status.name}" for status in Status if self.statuses[status]]
+        if self.fallback_used:
+            counts.append(f"{self.fallback_used} by newton, as fallback of the solver")
+        return ", ".join(counts) or "none"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return what to know of a run as lines of two texts."""
+        words = "{} median, {} p99, {} max"
+        times = [words.format(*map(display.duration, each)) for each in self.percentiles().values()]
+        rows = [
+            ("answers", self.answers),
+            ("start jitter", times[0]),
+            ("compute time of a cycle", times[1]),
+            ("deadlines missed", str(self.missed)),
+        ]
+        if self.slew_limited:
+            rows.append(("cycles that were slew-rate limited", str(self.slew_limited)))
+        for name, count in self.late_telemetry.items():
+            rows.append((f"cycles with late telemetry of {name}", str(count)))
+        for name, upper in self.derated.items():
+            rows.append((f"derated: {name}", f"down to {upper:.2f} N, so that it did not get too hot"))
+        return rows + [(f"lost: {name}", why) for name, why in self.lost.items()]
 
     def add(
         self, status: int, start_delay: float, compute_time: float, *, fallback_used: bool, slew_limited: bool

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tensionlab import display, records
 from tensionlab.arrays import Floats
 from tensionlab.errors import InputError, ShapeError, needs
 from tensionlab.model import pose
@@ -17,6 +19,10 @@ from tensionlab.model.rig import Rig
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.space import Places, Space
 from tensionlab.workspace.poses import Grid
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
 
 POPULATION_FACTOR = 10
 """Layouts in a generation, for each number that describes one."""
@@ -51,6 +57,24 @@ class Layout:
     """For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
     they render no force at all. Below zero where they do better without it."""
 
+    def __repr__(self) -> str:
+        return f"<Layout of {self._title}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [module.name, module.frame, module.anchor.round(4), lost]
+            for module, lost in zip(self.rig.modules, self.contributions, strict=True)
+        ]
+        return display.table(self._title, ["<module", "<frame", "anchor\nm", "score lost\nwithout it"], rows)
+
+    @property
+    def _title(self) -> str:
+        return f"{self.rig.name}: {self.rig.m} modules, score {self.score:.4g}, worst margin {self.worst:.4g} N"
+
+    def plot(self) -> Figure:
+        """Draw where the modules stand and how the cables run: `tensionlab.plots.plot_rig`."""
+        return self.rig.plot()
+
     def to_toml(self) -> str:
         """Return the rig file, with the score and the contributions as comments."""
         lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
@@ -65,6 +89,28 @@ class LayoutSearch:
 
     objective: Objective
     layouts: tuple[Layout, ...]
+
+    def __repr__(self) -> str:
+        counts = display.extent([layout.rig.m for layout in self.layouts])
+        return f"<LayoutSearch for {counts} modules: the best has {self.best.rig.m}, score {self.best.score:.4g}>"
+
+    def _repr_html_(self) -> str:
+        rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
+        headings = ["modules", "score", "worst\nmargin N", "<better than\nwith fewer"]
+        return display.table(f"score: {self.objective.describe()}", headings, rows) + self.best._repr_html_()
+
+    def plot(self) -> Figure:
+        """Draw the score against the number of modules: `tensionlab.plots.plot_front`."""
+        return display.figure("front", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each number of modules; MissingDependency if pandas is not installed."""
+        return records.data_frame(
+            [
+                {"modules": each.rig.m, "score": each.score, "worst": each.worst, "on_front": each in self.front}
+                for each in self.layouts
+            ]
+        )
 
     @property
     def front(self) -> tuple[Layout, ...]:

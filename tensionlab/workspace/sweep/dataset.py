@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model import pose
@@ -22,6 +22,7 @@ from tensionlab.workspace.poses import Coordinate
 from tensionlab.workspace.sweep.plan import Plan
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 MEDIAN_SAMPLE = 4_000_000
@@ -146,6 +147,72 @@ class Summary:
     max: float
     above_zero: float
     """Share of the poses with a value where it is above zero."""
+
+
+@dataclass(frozen=True)
+class SweepSummary:
+    """Summaries of all metrics of a sweep, by configuration, metric and unit ("1" for none)."""
+
+    rows: tuple[tuple[str, str, str, Summary], ...]
+
+    def __repr__(self) -> str:
+        metrics = dict.fromkeys(metric for _, metric, *_ in self.rows)
+        rigs = len(self.rows) // max(len(metrics), 1)
+        size = f"{display.count(self._poses, 'pose')}, {display.count(rigs, 'rig')}"
+        return f"<SweepSummary of {', '.join(metrics)} at {size}>"
+
+    def _repr_html_(self) -> str:
+        headings = ("<rig", "<metric", "<unit", "min", "median", "max", "above 0", "no value")
+        rows = [
+            [rig, metric, unit.removeprefix("1"), each.min, each.median, each.max,
+             "–" if np.isnan(each.above_zero) else f"{100 * each.above_zero:.1f} %", each.missing]
+            for rig, metric, unit, each in self.rows
+        ]  # fmt: skip
+        return display.table(f"{self._poses:,} poses", headings, rows)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each configuration and metric; MissingDependency if pandas is not installed."""
+        return records.data_frame(
+            [{"rig": rig, "metric": metric, "unit": unit, **vars(each)} for rig, metric, unit, each in self.rows]
+        )
+
+    @property
+    def _poses(self) -> int:
+        return self.rows[0][-1].poses
+
+
+def summary(swept: xarray.Dataset) -> SweepSummary:
+    """Summarise every metric of a sweep for each of its configurations, from `tensionlab.sweep`.
+
+    Examples
+    --------
+    >>> tl.workspace.summary(swept)
+    <SweepSummary of capacity-margin at 15,625 poses, 3 rigs>
+    """
+    dims = [str(dim) for dim in swept["kind"].dims]
+    found = []
+    for name, index in zip(
+        configuration_names(swept), np.ndindex(*(swept.sizes[dim] for dim in dims)), strict=True
+    ):
+        part = swept.isel(dict(zip(dims, index, strict=True)))
+        found += [
+            (name, str(each), str(values.units), summarise(values)) for each, values in part.data_vars.items()
+        ]
+    return SweepSummary(tuple(found))
+
+
+def configuration_names(swept: xarray.Dataset) -> list[str]:
+    """Return the name of each configuration: its rig, or the parameters that tell it from the others."""
+    dims = [str(dim) for dim in swept["kind"].dims]
+    if dims in (["rig"], []):
+        return [str(name) for name in np.atleast_1d(swept["rig"].to_numpy())]
+    several = [dim for dim in dims if swept.sizes[dim] > 1] or dims
+    labels = {dim: swept[dim].to_numpy() for dim in dims}
+    index = np.ndindex(*(swept.sizes[dim] for dim in dims))
+    return [
+        ", ".join(f"{dim} {labels[dim][i]}" for dim, i in zip(dims, where, strict=True) if dim in several)
+        for where in index
+    ]
 
 
 def summarise(values: xarray.DataArray) -> Summary:

@@ -259,7 +259,7 @@ def test_a_run_without_a_cycle_is_a_run(tmp_path):
     run = read_run(tmp_path / "run.mcap")
     assert run.complete
     assert run.chosen.shape == (0, 4)
-    assert run.to_dataset().sizes["cycle"] == 0
+    assert run.to_xarray().sizes["cycle"] == 0
 
 
 def test_cycles_keep_to_their_schema():
@@ -343,7 +343,7 @@ def test_a_platform_may_be_turned(tmp_path):
 
 def test_a_dataset_names_what_it_holds(seven):
     run = read_run(seven[0])
-    dataset = run.to_dataset()
+    dataset = run.to_xarray()
     assert dict(dataset.sizes) == {
         "cycle": 120, "axis": 3, "platform_axis": 3, "component": 3, "module": 7, "impedance": 6,
     }  # fmt: skip
