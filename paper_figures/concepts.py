@@ -8,12 +8,13 @@ import numpy as np
 from portraits import demonstration_rig
 
 import tensionlab as tl
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.haptics.brakes.choice import brake_map, brake_strengths
 from tensionlab.haptics.rendering.stability import MARGIN, stiffness_bound
 from tensionlab.hardware.protocol.codes import EVENTS, State
 from tensionlab.hardware.simulation.simulated_module import TRANSITIONS
 from tensionlab.plots.rig import map_normals
-from tensionlab.plots.style import BLUE, GREEN, GREY, ORANGE, RED, new_figure
+from tensionlab.plots.style import new_figure
 from tensionlab.scenarios import load_scenario
 
 DESIRED = np.array([-8.0, -7.0])

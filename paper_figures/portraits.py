@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 import tensionlab as tl
-from tensionlab.plots.style import BLUE, GREY, RED, new_figure
+from tensionlab.display import BLUE, GREY, RED
+from tensionlab.plots.style import new_figure
 
 ANCHORS = ((1.2, 1.1), (0.8, 0.6), (0.2, -1.3), (-1.1, 0.5))
 LOWER, UPPER = 1.0, (10.0, 10.0, 10.0, 4.0)

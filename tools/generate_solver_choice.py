@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from tensionlab.benchmark.report import Summary, newton, percent, summaries, table
-from tensionlab.benchmark.results import Results
-from tensionlab.display import duration
+from tensionlab.benchmark.report import newton, table
+from tensionlab.benchmark.results import Results, Summary, summaries
+from tensionlab.display import duration, percent
 from tensionlab.solvers import make
 
 
