@@ -35,7 +35,7 @@ def wrench_set() -> dict[str, Any]:
 def draw_wrench_set(found: dict[str, Any]) -> Any:
     """Draw the rig with its unit vectors, and beside it all wrenches that it renders."""
     rig, W, corners, margin = found["rig"], found["W"], found["corners"], found["margin"]
-    with new_figure((8.0, 3.8)) as figure:
+    with new_figure((7.4, 3.4)) as figure:
         place, wrenches = figure.subplots(1, 2)
         for column, module in enumerate(rig.modules):
             place.plot(*np.stack([rig.home, module.anchor]).T, color=GREY, linewidth=1.0)
@@ -81,7 +81,7 @@ def draw_policies(found: dict[str, Any]) -> Any:
     edge = max(corners @ d)
     along = np.array([-d[1], d[0]])
     foot = DESIRED - (DESIRED @ d - edge) * d
-    with new_figure((6.0, 4.6)) as figure:
+    with new_figure((7.0, 3.5)) as figure:
         axes = figure.subplots()
         axes.fill(*corners.T, facecolor=SHADE, edgecolor="#222222", linewidth=1.0)
         axes.annotate("available\nwrench set", (7.0, 3.5), ha="center", va="center")
@@ -121,10 +121,10 @@ def draw_brake_cones(_: Any) -> Any:
     """Draw two locked cables in a plane: where the point can go, which pushes they hold, and a wall that traps."""
     directions = np.radians([35.0, 110.0])
     U = np.array([np.cos(directions), np.sin(directions)])
-    with new_figure((8.4, 3.4)) as figure:
+    with new_figure((7.4, 3.0)) as figure:
         held, trapped = figure.subplots(1, 2)
         for axes in (held, trapped):
-            axes.set(aspect="equal", xlim=(-1.25, 1.35), ylim=(-1.05, 1.25), xticks=[], yticks=[])
+            axes.set(aspect="equal", xlim=(-1.3, 1.5), ylim=(-1.05, 1.25), xticks=[], yticks=[])
             axes.spines[:].set_visible(False)
         motion = np.radians(np.linspace(20.0, 125.0, 60))  # u_1·v >= 0 and u_2·v >= 0
         push = np.radians(np.linspace(215.0, 290.0, 40))  # against the cone of u_1 and u_2
@@ -146,7 +146,7 @@ def draw_brake_cones(_: Any) -> Any:
         corners = [side * 1.2 * across - depth * wall for side, depth in ((1, 0), (-1, 0), (-1, 0.25), (1, 0.25))]
         trapped.fill(*np.array(corners).T, color="#DDDDDD")
         for angle, colour, word, where in (
-            (35.0, BLUE, "may be locked: u·n > 0", (0.95, 0.36)),
+            (35.0, BLUE, "may be locked: u·n > 0", (0.95, 0.64)),
             (200.0, RED, "never: u·n < 0,\nit would trap the hand", (-0.55, -0.75)),
         ):
             u = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -191,8 +191,8 @@ STATE_PLACES = {
     "IDLE": (0.0, 0.0),
     "ARMED": (3.2, 0.0),
     "RUNNING": (6.2, 0.0),
-    "TIMEOUT": (8.9, 1.9),
-    "FAULT": (8.9, -1.9),
+    "TIMEOUT": (9.7, 1.9),
+    "FAULT": (9.7, -1.9),
 }
 """Where each state is drawn."""
 DRIVEN = ("ARMED", "RUNNING")
@@ -231,11 +231,11 @@ BENDS: dict[tuple[str, str], tuple[Any, Any, Any, str]] = {
     ("IDLE", "ARMED"): ((0.72, 0.15), (2.35, 0.15), (1.45, 0.3), "arm"),
     (FRAME, "IDLE"): ((2.0, -0.2), (0.72, -0.2), (1.35, -0.55), "stop"),
     ("ARMED", "RUNNING"): ((4.0, 0.0), (5.25, 0.0), (4.62, 0.15), "set-point"),
-    (FRAME, "TIMEOUT"): ((6.3, 0.78), (8.0, 1.75), (6.2, 1.3), "time to live over,\nor link closed"),
-    (FRAME, "FAULT"): ((6.3, -0.78), (8.0, -1.75), (6.6, -1.45), "fault"),
-    ("TIMEOUT", "FAULT"): ((8.9, 1.5), (8.9, -1.5), (9.35, -0.05), "fault"),
-    ("TIMEOUT", "IDLE"): ((8.0, 2.05), (0.0, 0.42), (3.4, 1.75), "stop"),
-    ("FAULT", "IDLE"): ((8.0, -2.05), (0.0, -0.42), (3.4, -1.75), "clear"),
+    (FRAME, "TIMEOUT"): ((6.3, 0.78), (8.8, 1.75), (8.5, 0.85), "time to live over,\nor link closed"),
+    (FRAME, "FAULT"): ((6.3, -0.78), (8.8, -1.75), (8.1, -1.15), "fault"),
+    ("TIMEOUT", "FAULT"): ((9.7, 1.5), (9.7, -1.5), (10.15, -0.05), "fault"),
+    ("TIMEOUT", "IDLE"): ((8.8, 2.05), (0.0, 0.42), (3.4, 1.6), "stop"),
+    ("FAULT", "IDLE"): ((8.8, -2.05), (0.0, -0.42), (3.4, -1.9), "clear"),
 }
 """For each arrow: where it begins and ends, where its words are, and these."""
 
@@ -253,9 +253,9 @@ def draw_module_states(arrows: dict[tuple[str, str], str]) -> Any:
     drawn = grouped(arrows)
     if set(drawn) != set(BENDS):
         raise ValueError(f"the firmware's transitions are not those that are drawn: {set(drawn) ^ set(BENDS)}")
-    with new_figure((9.0, 3.7)) as figure:
+    with new_figure((7.4, 3.0)) as figure:
         axes = figure.subplots()
-        axes.set(xlim=(-4.6, 10.1), ylim=(-2.6, 2.5), aspect="equal")
+        axes.set(xlim=(-4.6, 10.8), ylim=(-2.4, 2.4), aspect="equal")
         axes.set_axis_off()
         axes.add_patch(
             FancyBboxPatch(
@@ -269,7 +269,7 @@ def draw_module_states(arrows: dict[tuple[str, str], str]) -> Any:
                     (x - 0.7, y - 0.3), 1.4, 0.6, "round,pad=0.1", facecolor=colour, edgecolor="#444444"
                 )
             )
-            axes.annotate(name, (x, y), ha="center", va="center", fontsize=9, fontweight="bold")
+            axes.annotate(name, (x, y), ha="center", va="center", fontsize=7.5, fontweight="bold")
         for key, (begin, end, where, word) in BENDS.items():
             arrow(axes, begin, end, RED if drawn[key] in ("estop", "fault", "expire") else "#333333")
             axes.annotate(word, where, ha="center", va="center" if "\n" in word or word == "fault" else "bottom",

@@ -86,7 +86,7 @@ def portrait(solver: str) -> Portrait:
 
 def draw_portrait(found: Portrait) -> Any:
     """Draw the map, the line and the path of one solver."""
-    with new_figure((9.0, 3.1), dpi=120) as figure:
+    with new_figure((7.6, 3.2), dpi=130) as figure:
         maps, line, third = figure.subplots(1, 3, width_ratios=(1.0, 1.2, 1.2))
         draw_map(maps, found)
         draw_tensions(line, SIZES, found.line, "force along the arrow (N)")
@@ -100,8 +100,8 @@ def draw_portrait(found: Portrait) -> Any:
         else:
             draw_third(third, found, what)
         handles, labels = line.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower right", ncols=4)
-        figure.legend(handles=patches(found), loc="outside lower left", ncols=4)
+        figure.legend(handles, labels, loc="outside lower right", ncols=2)
+        figure.legend(handles=patches(found), loc="outside lower left", ncols=2)
     return figure
 
 
@@ -118,7 +118,7 @@ def draw_map(axes: Any, found: Portrait) -> None:
     axes.plot(*np.vstack([found.outline, found.outline[:1]]).T, color="#222222", linewidth=1.0)
     axes.annotate("", 0.9 * SIZES[-1] * DIRECTION, (0.0, 0.0), arrowprops={"arrowstyle": "->", "color": "#222222"})
     share = np.count_nonzero(exact & found.feasible) / np.count_nonzero(found.feasible)
-    axes.set(xlabel="force along x (N)", ylabel="along y (N)", title=f"Renders {words(share)} of the feasible")
+    axes.set(xlabel="force along x (N)", ylabel="along y (N)", title=f"Renders {words(share)}")
 
 
 def words(share: float) -> str:
@@ -158,7 +158,7 @@ def draw_third(axes: Any, found: Portrait, what: str) -> None:
         axes.semilogy(SIZES, np.maximum(found.least_error, 1e-12), ":", color="#222222", label="least possible")
         axes.legend(loc="lower right")
         axes.semilogy(SIZES, tl.solvers.base.TOLERANCE * np.maximum(1.0, SIZES), "--", color=GREY, linewidth=0.8)
-        axes.annotate("EXACT below", (0.2, 2e-6), color=GREY, fontsize=8)
+        axes.annotate("EXACT below", (0.3, 1.2e-7), color=GREY, fontsize=8)
         axes.set(ylabel="error of the wrench (N)", title="Error")
     axes.axvspan(found.line_edge, SIZES[-1], color="#EEEEEE", zorder=0)
     axes.set(xlabel="force along the arrow (N)", xlim=(SIZES[0], SIZES[-1]))

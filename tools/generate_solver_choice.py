@@ -19,16 +19,16 @@ class Choice(NamedTuple):
 
 
 CHOICES = (
-    Choice("the least tension that renders the wrench, a proof where none does, and no slow cases", "newton"),
-    Choice("the same by the algorithm of the publication", "dykstra"),
-    Choice("tensions clear of all limits, smooth in wrench and pose", "analytic-centre"),
+    Choice("the least tension, proofs, no slow cases", "newton"),
+    Choice("the algorithm of the publication", "dykstra"),
+    Choice("clear of all limits, and smooth", "analytic-centre"),
     Choice("the largest margin to all limits", "safe"),
-    Choice("the same as a centroid, with at most two cables more than wrench components", "polygon:centroid"),
-    Choice("the weakest motors: the least largest tension", "minimax"),
+    Choice("the centroid, for redundancy up to two", "polygon:centroid"),
+    Choice("the least largest tension", "minimax"),
     Choice("the least sum of tensions", "least-sum"),
-    Choice("a fixed number of steps and no search, where a miss does no harm", "closed-form"),
-    Choice("kinks rounded, and wrench given away softly at the edge", "slack"),
-    Choice("as Springhead does for SPIDAR: a little error for less tension", "spidar"),
+    Choice("a fixed number of steps, no search", "closed-form"),
+    Choice("rounded kinks, a soft edge", "slack"),
+    Choice("a little error for less tension", "spidar"),
 )
 COLUMNS: dict[str, Callable[[Summary], str]] = {
     "renders": lambda line: percent(line.solved_1e6),

@@ -218,3 +218,12 @@ def test_what_a_page_shows_otherwise_is_seen() -> None:
     assert unlike("a", "a\nb")
     assert unlike("a\n...\ny", "a\nb\nz")
     assert unlike("182 EXACT", "181 EXACT")
+
+
+@pytest.mark.parametrize("folder", ["concepts", "how-to"])
+def test_every_page_is_in_the_index_of_its_folder(folder: str) -> None:
+    index = (DOCS / folder / "index.md").read_text(encoding="utf-8")
+    for path in sorted((DOCS / folder).glob("*.md")):
+        if path.stem != "index":
+            assert f"]({path.name})" in index, path.name
+            assert re.search(rf"^{path.stem}$", index, re.MULTILINE), path.name
