@@ -7,14 +7,19 @@ import os
 import socket
 import struct
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
-import serial
 
 from tensionlab.errors import LinkError
 from tensionlab.hardware.client import links
 from tensionlab.hardware.client.links import READ_BYTES, SerialLink, SocketLink, connect, open_link
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.protocol.codes import State
+from tensionlab.hardware.protocol.messages import Hello, Info
+from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
+from tests.support.windows_port import MAX_DWORD, as_on_windows
 from tests.support.wire import NoLock
 
 LONG_S = 60.0
@@ -91,11 +96,12 @@ def test_a_far_end_that_breaks_off_is_told_by_reading_and_by_sending(far_end):
 
 def test_sending_never_waits_for_a_far_end_that_does_not_read(far_end):
     def fill() -> None:
-        while True:
+        for _ in range(1000):
             far_end.link.send(bytes(1 << 16))
 
-    with pytest.raises(LinkError, match="takes no more bytes; does the module still read"):
-        fill()
+    for _ in range(2):  # where some of it finds room, and where none does
+        with pytest.raises(LinkError, match="takes no more bytes; does the module still read"):
+            fill()
 
 
 def test_the_far_end_hears_at_once_of_a_link_that_is_closed_while_a_thread_waits_for_it(far_end):
@@ -111,10 +117,12 @@ def test_the_far_end_hears_at_once_of_a_link_that_is_closed_while_a_thread_waits
     thread = threading.Thread(target=read)
     thread.start()
     waiting.wait(LONG_S)
+    held = far_end.link._socket.dup()  # as a thread that waits keeps it
     far_end.link.close()
     assert far_end.socket.recv(READ_BYTES) == b""
     thread.join(LONG_S / 2)
     assert len(ended) == 1, "it waits no longer either"
+    held.close()
     far_end.link.close()
     for use in (lambda: far_end.link.receive(0.0), lambda: far_end.link.send(b"a")):
         with pytest.raises(LinkError, match="broke"):
@@ -230,76 +238,106 @@ def test_a_thread_that_waits_at_such_a_port_ends_when_it_is_closed():
     assert len(ended) == 1
 
 
-class WindowsPort(serial.SerialBase):
-    """Port as pyserial has it on Windows: no file, and a setting of its timeouts configures it anew."""
-
-    def __init__(self, *args, **kwargs) -> None:
-        self.configured, self.coming, self.broken = 0, b"", None
-        super().__init__(*args, **kwargs)
-
-    def open(self) -> None:
-        self.is_open = True
-
-    def close(self) -> None:
-        self.is_open = False
-
-    def _reconfigure_port(self) -> None:
-        self.configured += 1
-
-    def _update_dtr_state(self) -> None:
-        raise AssertionError("a board would be reset")
-
-    _update_rts_state = _update_dtr_state
-
-    @property
-    def in_waiting(self) -> int:
-        return len(self.coming)
-
-    def read(self, size: int = 1) -> bytes:
-        if self.broken is not None:
-            raise self.broken
-        assert size <= max(len(self.coming), 1), "it would wait for the rest until the timeout"
-        came, self.coming = self.coming[:size], self.coming[size:]
-        return came
-
-    def write(self, content: bytes) -> int:
-        return len(content)
+# Ports on Windows
 
 
 @pytest.fixture
-def windows_link(monkeypatch) -> SerialLink:
-    monkeypatch.setattr(serial, "serial_for_url", lambda url, *args, do_not_open, **kwargs: WindowsPort(**kwargs))
-    link = SerialLink("COM5", NoLock())
+def port(monkeypatch):
+    return as_on_windows(monkeypatch)
+
+
+@pytest.fixture
+def com(port):
+    link = SerialLink("COM12", NoLock())
+    yield link
+    link.close()
+
+
+def test_a_com_port_has_no_file_and_resets_no_board(port, com):
+    assert port.name == r"\\.\COM12"
+    assert (port.dcb.BaudRate, port.dcb.fDtrControl, port.dcb.fRtsControl) == (links.BAUD_RATE, 0, 0)
     with pytest.raises(io.UnsupportedOperation):
-        link._port.fileno()
-    return link
+        com._port.fileno()
 
 
-def test_a_port_on_windows_is_not_configured_anew_by_each_reading(windows_link):
-    port = windows_link._port
-    assert windows_link.receive(0.1) == b""
+def test_bytes_of_a_com_port_come_together_and_reading_does_not_configure_it_anew(port, com):
+    assert com.receive(0.001) == b""
     before = port.configured
-    for count in (1, 2, 4000):
-        port.coming = bytes(range(256)) * 16
-        port.coming = port.coming[:count]
-        assert len(windows_link.receive(0.1)) == count
+    for count in (1, 2, READ_BYTES):
+        port.come(sent := os.urandom(count))
+        assert com.receive(0.001) == sent
+    port.come(bytes(READ_BYTES + 5))
+    assert [len(com.receive(0.001)) for _ in range(3)] == [READ_BYTES, 5, 0]
     assert port.configured == before
-    port.coming = bytes(READ_BYTES + 5)
-    assert [len(windows_link.receive(0.1)) for _ in range(3)] == [READ_BYTES, 5, 0]
-    windows_link.receive(0.0)
-    assert (port.configured, port.timeout) == (before + 1, 0.0)
+    assert com.receive(0.0) == b""
+    port.come(b"a")
+    assert com.receive(0.0) == b"a"
 
 
-@pytest.mark.parametrize(
-    "error",
-    [
-        serial.SerialException("ClearCommError failed (PermissionError(13, 'The device does not recognize ...'))"),
-        TypeError("byref() argument must be a ctypes instance, not 'NoneType'"),  # closed by another thread
-        AttributeError("'NoneType' object has no attribute 'hEvent'"),
-        OSError(22, "The handle is invalid"),
-    ],
-)
-def test_a_port_on_windows_that_breaks_says_so(windows_link, error):
-    windows_link._port.broken = error
-    with pytest.raises(LinkError, match=r"^COM5 broke: "):
-        windows_link.receive(0.1)
+def test_what_arrives_at_a_com_port_ends_the_wait_for_it(port, com):
+    coming = threading.Timer(0.01, port.come, [b"here"])
+    began = com.clock()
+    coming.start()
+    assert com.receive(LONG_S) == b"here"
+    assert com.clock() - began < LONG_S / 2, "it does not wait for more"
+    coming.join()
+
+
+def test_a_com_port_is_written_without_waiting(port, com):
+    com.send(b"one")
+    com.send(b"two")
+    assert port.written == b"onetwo"
+    assert port.timeouts.WriteTotalTimeoutConstant == MAX_DWORD
+
+
+def test_a_com_port_whose_device_is_gone_is_a_broken_link(port, com):
+    port.unplug()
+    for use in (lambda: com.receive(0.001), lambda: com.send(b"a")):
+        with pytest.raises(LinkError, match=r"^COM12 broke: .*of Windows"):
+            use()
+
+
+def test_a_thread_that_waits_at_a_com_port_ends_when_its_device_goes_or_it_is_closed(port, com):
+    for end in (port.unplug, com.close):
+        port.unplugged = False
+        ended = []
+
+        def read(ended=ended) -> None:
+            try:
+                ended.append(com.receive(LONG_S))
+            except LinkError as error:
+                ended.append(error)
+
+        thread = threading.Thread(target=read)
+        thread.start()
+        while port._buffer is None:
+            time.sleep(0)
+        end()
+        thread.join(LONG_S / 2)
+        assert len(ended) == 1
+        assert not ended[0] or "COM12 broke" in str(ended[0])
+    for use in (lambda: com.receive(0.0), lambda: com.send(b"a")):
+        with pytest.raises(LinkError, match="COM12 broke"):
+            use()
+
+
+def test_a_com_port_that_another_program_has_says_so(port):
+    port.taken = True
+    with pytest.raises(LinkError, match=r"COM5 cannot be opened: could not open port 'COM5': .*of Windows"):
+        SerialLink("COM5", NoLock())
+
+
+def test_a_client_speaks_with_a_module_at_a_com_port(port, com, monkeypatch):
+    module = SimulatedModule()
+    module.advance(STEP_S)
+
+    def write(handle, content, size, *rest) -> int:
+        module.receive(content[:size])
+        module.advance(STEP_S)
+        port.come(module.transmit())
+        return 1
+
+    monkeypatch.setattr(port, "WriteFile", write)
+    with ModuleClient("one", com) as client:
+        assert client.request(Hello(), Info, (LONG_S,)).state is State.IDLE
+        assert client.ping()[1] > 0
