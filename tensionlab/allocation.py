@@ -97,6 +97,19 @@ class Allocation:
         ``d·W t`` of all tensions inside the limits. Zeros elsewhere.
     failures : mapping
         Reason by flat index, where FAILED.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
+    >>> result = tl.allocate(tug_of_war, [[2.0], [7.0]], (1.0, 5.0))
+    >>> result.tensions
+    array([[3., 1.],
+           [5., 1.]])
+    >>> result.residual
+    array([0., 3.])
+    >>> result.status == tl.Status.EXACT
+    array([ True, False])
     """
 
     tensions: Floats
@@ -109,7 +122,16 @@ class Allocation:
     failures: Mapping[int, str] = field(default_factory=dict)
 
     def counts(self) -> dict[Status, int]:
-        """Return how many answers have each status."""
+        """Return how many answers have each status.
+
+        Examples
+        --------
+        >>> import tensionlab as tl
+        >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
+        >>> counts = tl.allocate(tug_of_war, [[2.0], [7.0]], (1.0, 5.0)).counts()
+        >>> counts[tl.Status.NEAREST]
+        1
+        """
         return {status: int(np.count_nonzero(self.status == status)) for status in Status}
 
     def __repr__(self) -> str:
@@ -180,7 +202,19 @@ class Allocation:
         return found
 
     def raise_for_status(self) -> Allocation:
-        """Return the allocation if every status is EXACT; `Unreachable`, which carries it, if any is not."""
+        """Return the allocation if every status is EXACT; `Unreachable`, which carries it, if any is not.
+
+        Examples
+        --------
+        >>> import tensionlab as tl
+        >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
+        >>> tl.allocate(tug_of_war, [2.0], (1.0, 5.0)).raise_for_status().tensions
+        array([3., 1.])
+        >>> tl.allocate(tug_of_war, [7.0], (1.0, 5.0)).raise_for_status()
+        Traceback (most recent call last):
+            ...
+        tensionlab.errors.Unreachable: 1 of 1 wrenches are not rendered exactly (1 NEAREST); the largest error is 3
+        """
         flawed = np.flatnonzero(self.status != Status.EXACT)
         if not flawed.size:
             return self
@@ -231,6 +265,14 @@ class Allocator:
 
     Parameters are those of `allocate`; what does not change is checked once. Call it with a structure matrix
     and a wrench. Threads may share it, with problems of any sizes.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> allocator = tl.Allocator(rig.limits, reference="middle")
+    >>> allocator(rig.structure_matrix(rig.home), [0.0, 0.0, 1.5]).tensions.round(3)
+    array([2.899, 3.875, 1.923, 4.011])
     """
 
     def __init__(
@@ -367,6 +409,18 @@ def allocate(
         If no solver has that name.
     InputError
         If the solver cannot honour the policy, or serves no problems of this size.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)  # (3, 4)
+    >>> result = tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits)
+    >>> result.tensions.round(3)
+    array([2.278, 1.801, 0.5  , 2.611])
+    >>> forces = [[1.0, 0.5, 1.0], [20.0, 0.0, 0.0]]  # the second is infeasible
+    >>> tl.allocate(structure, forces, rig.limits, nearest="direction").scale.round(3)
+    array([1.   , 0.244])
     """
     return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
 

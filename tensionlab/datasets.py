@@ -30,6 +30,19 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 
     ``folder`` is where the data sets are; None for those that come with this package. InputError if there is no
     such folder or kind.
+
+    Parameters
+    ----------
+    kind : str, optional
+        One of "rigs", "spaces", "vectors", "published", "recordings", "what-if", "benchmarks", "problems".
+    folder : path, optional
+        Where the data sets are; left out: those that come with this package.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.datasets.names("vectors")
+    ['vectors/grid18']
     """
     from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 
@@ -44,6 +57,13 @@ def names(kind: str | None = None, folder: str | Path | None = None) -> list[str
 def load(name: str, folder: str | Path | None = None) -> Any:
     """Read a data set, one of `names`, from this package or from another folder.
 
+    Parameters
+    ----------
+    name : str
+        One of `names`.
+    folder : path, optional
+        Where the data sets are; left out: those that come with this package.
+
     Returns
     -------
     object
@@ -55,6 +75,14 @@ def load(name: str, folder: str | Path | None = None) -> Any:
     ------
     InputError, DataError, RigError
         If there is no data set of that name, or its file is damaged.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.datasets.load("vectors/grid18").shape
+    (182, 3)
+    >>> tl.datasets.load("rigs/seven-modules").m
+    7
     """
     if not isinstance(name, str):
         raise InputError(f"the name of a data set is text, such as 'vectors/grid18'; got {name!r}")

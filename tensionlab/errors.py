@@ -15,6 +15,15 @@ class TensionlabError(Exception):
     """Root of all errors that tensionlab raises on purpose.
 
     The message is the first argument; all are kept, so that an error can be sent between processes.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> try:
+    ...     tl.load_rig("no-such-rig")
+    ... except tl.TensionlabError as error:
+    ...     print(type(error).__name__)
+    RigError
     """
 
     def __str__(self) -> str:
@@ -22,31 +31,92 @@ class TensionlabError(Exception):
 
 
 class ShapeError(TensionlabError, ValueError):
-    """Arrays whose shapes do not fit together, or that hold NaN or infinity."""
+    """Arrays whose shapes do not fit together, or that hold NaN or infinity.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.allocate([[1.0, -1.0]], [2.0, 0.0], (1.0, 5.0))
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.ShapeError: wrench has 2 components where structure (1, 2) has 1 rows
+    """
 
 
 class InputError(TensionlabError, ValueError):
-    """Argument or option that makes no sense; the message names it and what is possible."""
+    """Argument or option that makes no sense; the message names it and what is possible.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "dykstra", nearest="direction")
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.InputError: Dykstra cannot honour nearest='direction'; it honours 'tension'
+    """
 
 
 class DataError(TensionlabError, ValueError):
-    """File of data that cannot be used; the message names the file, and the row or column."""
+    """File of data that cannot be used; the message names the file, and the row or column.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.read_poses("no-such-file.csv")
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.DataError: no-such-file.csv: no such file; give the path of a file of poses (*.csv)
+    """
 
 
 class RigError(TensionlabError, ValueError):
-    """Rig, or rig file, that does not describe something one could build; names file, module and key."""
+    """Rig, or rig file, that does not describe something one could build; names file, module and key.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.Module("floor-left", anchor=[0.0, 0.0, 0.0], lower=-1.0, upper=6.0)
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.RigError: module "floor-left": key "lower" is -1.0; a cable cannot push, so give 0 N or more
+    """
 
 
 class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
-    """Solver name that the table of solvers does not hold."""
+    """Solver name that the table of solvers does not hold.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "newtn")
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.UnknownSolver: no solver is called 'newtn'; did you mean 'newton'?
+    """
 
 
 class PluginError(TensionlabError, ImportError):
-    """Solver that another distribution offers and that cannot be used; the message names the distribution."""
+    """Solver that another distribution offers and that cannot be used; the message names the distribution.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> issubclass(tl.PluginError, tl.TensionlabError)
+    True
+    """
 
 
 class SweepError(TensionlabError, ValueError):
-    """Sweep that cannot be made; the message names the argument, or what is in the way of the store."""
+    """Sweep that cannot be made; the message names the argument, or what is in the way of the store.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.vary(tl.ring_plus_top, sides=[0.5, 1.0])
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.SweepError: vary: ring_plus_top has no parameter 'sides'; it has side, ...
+    """
 
 
 class EffectError(TensionlabError, ValueError):
@@ -62,7 +132,17 @@ class WriteError(TensionlabError, OSError):
 
 
 class MissingDependency(TensionlabError, ImportError):  # noqa: N818 - pinned name
-    """Optional library that is not installed; the message names the extra that brings it."""
+    """Optional library that is not installed; the message names the extra that brings it.
+
+    Examples
+    --------
+    >>> from tensionlab.errors import needs
+    >>> with needs("workspace", "a sweep"):
+    ...     import no_such_library
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.MissingDependency: a sweep needs no_such_library: pip install "tensionlab[workspace]"
+    """
 
 
 @contextmanager
@@ -89,7 +169,17 @@ def needs(extra: str | None, what: str) -> Iterator[None]:
 
 
 class Unreachable(TensionlabError):  # noqa: N818 - pinned name
-    """Allocation that does not render every wrench exactly; ``allocation`` is the complete result."""
+    """Allocation that does not render every wrench exactly; ``allocation`` is the complete result.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> try:
+    ...     tl.allocate([[1.0, -1.0]], [7.0], (1.0, 5.0)).raise_for_status()
+    ... except tl.Unreachable as error:
+    ...     print(error.allocation.wrench)
+    [4.]
+    """
 
     def __init__(self, message: str, allocation: Any) -> None:
         super().__init__(message, allocation)

@@ -44,6 +44,12 @@ def datasets_folder() -> Path:
     ------
     DataError
         If it is not there.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> (tl.datasets.folder() / "README.md").is_file()
+    True
     """
     for folder in DATASETS_FOLDERS:
         if (folder / CHECKSUMS).is_file():

@@ -26,6 +26,11 @@ def load_rig(path: str | PathLike[str]) -> Rig:
     A path ends in ``.toml`` or has a separator. Another text is a name: ``tl.datasets.names("rigs")`` lists them,
     with their folder. ``datasets/README.md`` shows the format of the file, with every key.
 
+    Parameters
+    ----------
+    path : str or path
+        A name, or the path of a rig file.
+
     Raises
     ------
     RigError
@@ -33,6 +38,7 @@ def load_rig(path: str | PathLike[str]) -> Rig:
 
     Examples
     --------
+    >>> import tensionlab as tl
     >>> tl.load_rig("ipanema-2").m
     8
     """
@@ -41,7 +47,28 @@ def load_rig(path: str | PathLike[str]) -> Rig:
 
 
 def save_rig(rig: Rig, path: str | PathLike[str]) -> None:
-    """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept."""
+    """Write a rig to a TOML file from which `load_rig` makes the very same rig; comments are not kept.
+
+    Parameters
+    ----------
+    rig : Rig
+        What is written.
+    path : path
+        Of the TOML file; one that is there is replaced.
+
+    Raises
+    ------
+    WriteError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> tl.save_rig(rig, "copy.toml")
+    >>> tl.load_rig("copy.toml").name
+    'bartels2026-validation'
+    """
     writing.write_text(path, rig_to_toml(rig))
 
 

@@ -45,6 +45,15 @@ def ring_plus_top(
         Height of the top module above the home position, in m; None for a ring alone.
     limits : (lower, upper)
         Tension limits of every module, in N.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.ring_plus_top(side=1.0).anchors.round(3)
+    array([[ 0.577,  0.   ,  0.   ],
+           [-0.289,  0.   ,  0.5  ],
+           [-0.289,  0.   , -0.5  ],
+           [ 0.   ,  2.3  ,  0.   ]])
     """
     if count < 2:
         raise RigError(f"ring_plus_top: count is {count}; a ring has two corners or more")
@@ -63,6 +72,20 @@ def box_corners(size: Sequence[float], limits: tuple[float, float] = LIMITS) -> 
 
     The box is centred on the origin, where the point is at home. Tension limits are in N. RigError if the size is
     not three positive numbers.
+
+    Parameters
+    ----------
+    size : (3,) array
+        Edges along X, Y and Z, in m.
+    limits : (lower, upper)
+        Tension limits of every module, in N.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.box_corners([3.0, 2.4, 4.0], limits=(1.0, 20.0))
+    >>> rig.m, rig.modules[0].name
+    (8, 'x- y- z-')
     """
     return _rig("box-corners", _corners(size), [0.0, 0.0, 0.0], limits)
 
@@ -74,6 +97,20 @@ def alternate_corners(size: Sequence[float], limits: tuple[float, float] = LIMIT
     the fewest that can pull a point in every direction (Ishii & Sato 1994, SPIDAR).
 
     Parameters and errors as in `box_corners`.
+
+    Parameters
+    ----------
+    size, limits
+        As in `box_corners`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.alternate_corners([2.0, 2.0, 2.0]).anchors
+    array([[-1., -1.,  1.],
+           [-1.,  1., -1.],
+           [ 1., -1., -1.],
+           [ 1.,  1.,  1.]])
     """
     places = {name: corner for name, corner in _corners(size).items() if np.prod(np.sign(corner)) > 0}
     return _rig("alternate-corners", places, [0.0, 0.0, 0.0], limits)

@@ -70,6 +70,17 @@ class Module:
         Tension per motor current, in N/A; None if not known.
     spool_radius : float or None
         In m; None if not known.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> module = tl.Module("floor-left", anchor=[-1.5, 0.0, 0.0], lower=0.5, upper=6.0, brake=186.0)
+    >>> module.anchor
+    array([-1.5,  0. ,  0. ])
+    >>> tl.Module("floor-left", anchor=[-1.5, 0.0, 0.0], lower=7.0, upper=6.0)
+    Traceback (most recent call last):
+        ...
+    tensionlab.errors.RigError: module "floor-left": key "lower" is 7.0, above "upper", which is 6.0; ...
     """
 
     name: str
@@ -152,6 +163,12 @@ class Platform:
     inertia : (k, k) read-only array or None
         About the centre of mass in platform axes, in kg·m²; k = 3 in space, 1 in the plane. None if not
         known, and always for a point.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.Platform(mass=0.2).com is None
+    True
     """
 
     mass: float
@@ -233,6 +250,13 @@ class TensionLimits:
     """Minimum and maximum tension of each cable, (m,), in N. Read-only.
 
     ``lower == upper`` is legal: such a cable has no choice.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> limits = tl.load_rig("bartels2026-validation").limits
+    >>> limits.lower, limits.upper
+    (array([0.5, 0.5, 0.5, 0.5]), array([6., 6., 6., 6.]))
     """
 
     lower: NDArray[np.float64]

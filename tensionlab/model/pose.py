@@ -26,6 +26,16 @@ class Frame(NamedTuple):
         Of the body's origin, in m.
     rotation : (..., 3, 3) array, (...) array or None
         Its orientation: a matrix in space, an angle in rad in the plane; None for no turn.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # a quarter turn about Y
+    >>> hip = tl.Frame([0.0, 0.9, 0.0], turned)
+    >>> rig = tl.load_rig("body-mounted")
+    >>> rig.structure_matrix(rig.home, frames={name: hip for name in rig.frames}).shape
+    (3, 5)
     """
 
     position: ArrayLike

@@ -66,6 +66,18 @@ class Rig:
     up : str or None
         Axis of the world that points up: "x", "y" or "z", or with a minus if it points down. None if that is not
         known: then the rig has no weight, and plays in no scenario.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> anchors = {"left": [-1.5, 2.4], "right": [1.5, 2.4], "floor": [0.0, 0.0]}
+    >>> modules = tuple(tl.Module(name, anchor, lower=0.5, upper=6.0) for name, anchor in anchors.items())
+    >>> rig = tl.Rig("my-wall", "planar-point", modules, home=[0.0, 1.2], up="y")
+    >>> rig.n, rig.m
+    (2, 3)
+    >>> rig.structure_matrix(rig.home).round(3)
+    array([[-0.781,  0.781,  0.   ],
+           [ 0.625,  0.625, -1.   ]])
     """
 
     name: str

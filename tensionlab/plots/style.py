@@ -55,7 +55,9 @@ def styled() -> Iterator[None]:
 
     Examples
     --------
-    >>> with styled():
+    >>> import matplotlib.pyplot as plt
+    >>> from tensionlab import plots
+    >>> with plots.styled():
     ...     figure, axes = plt.subplots()
     """
     with needs(None, "a figure"):

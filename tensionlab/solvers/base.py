@@ -35,7 +35,16 @@ RANK_TOLERANCE = 1e-8
 
 
 class Status(enum.IntEnum):
-    """Status of an answer, proved by measuring it."""
+    """Status of an answer, proved by measuring it.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
+    >>> result = tl.allocate(tug_of_war, [2.0], (1.0, 5.0))
+    >>> tl.Status(int(result.status)).name
+    'EXACT'
+    """
 
     EXACT = 0
     """The tensions are inside their limits and render the wrench within tolerance."""
@@ -66,6 +75,23 @@ class Problem:
         Positive weights of the wrench components; the error of an answer is ``sqrt(sum(weights * r**2))``.
     nearest : {"force", "tension", "direction"} or None
         What to do where w is infeasible. None only for solvers that honour no policy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.solvers import Newton, Problem
+    >>> one = np.ones((1, 2))
+    >>> problem = Problem(
+    ...     structure=np.array([[[1.0, -1.0]]]),
+    ...     wrench=np.array([[2.0]]),
+    ...     lower=one,
+    ...     upper=5.0 * one,
+    ...     reference=0.0 * one,
+    ...     weights=np.ones(1),
+    ...     nearest="force",
+    ... )
+    >>> Newton().solve(problem).tensions
+    array([[3., 1.]])
     """
 
     structure: Floats
@@ -106,6 +132,13 @@ class Answer:
         derived from the answer.
     failures : dict
         Reason by row, for rows where the backend broke.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.solvers import Answer
+    >>> Answer(tensions=np.array([[3.0, 1.0]]), iterations=np.array([4])).failures
+    {}
     """
 
     tensions: Floats
@@ -132,6 +165,15 @@ class Solver(Protocol):
 
     A solver that does not serve every size has a method ``refuses(n, m)`` too, as `refusal` calls it. A built-in
     one whose kernel verifies in the same pass what it chooses is a `FusedSolver`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> solver: tl.Solver = tl.Newton()
+    >>> solver.objective
+    'least squared change from the reference'
+    >>> solver.policies
+    ('force', 'tension', 'direction')
     """
 
     @property

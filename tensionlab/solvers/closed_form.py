@@ -31,6 +31,14 @@ class Pseudoinverse:
         The starting point t_s. "reference" is the reference of the problem: with the usual reference 0 that
         is the plain least-norm solution, which wants negative tensions on most rigs. "middle" is
         (lower + upper) / 2, Pott's closed form: it keeps away from both limits, whatever the reference.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Pseudoinverse("middle")).tensions.round(3)
+    array([2.899, 3.875, 1.923, 4.011])
     """
 
     start: Start = "reference"
@@ -66,6 +74,14 @@ class ClosedForm:
 
     Source: Pott, "An improved force distribution algorithm for over-constrained cable-driven parallel robots",
     2014.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.ClosedForm()).tensions.round(3)
+    array([2.899, 3.875, 1.923, 4.011])
     """
 
     objective: ClassVar[str] = "close to the middle of the limits, the worst cable fixed first"
@@ -91,6 +107,14 @@ class Puncture:
     A cable whose limits are equal pulls what it must, and the others share the rest. The reference plays no part.
 
     Source: Müller, Reichert and Bruckmann, "Analysis of a real-time capable cable force computation method", 2015.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Puncture()).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least share of the way from the least norm to the middle of the limits"
@@ -148,6 +172,14 @@ class Polygon:
         whole edge has the least sum, the middle of the edge, and where all of the polygon has it, the
         centroid. "2-norm" is the point closest to the reference, with reference 0 the least sum of squares;
         the reference plays no part in the other two.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Polygon("centroid")).tensions.round(3)
+    array([2.907, 3.883, 1.931, 4.021])
     """
 
     goal: PolygonGoal = "centroid"

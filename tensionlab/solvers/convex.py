@@ -36,6 +36,14 @@ class ConvexProgram:
     ----------
     backend : str
         A name in `SETTINGS`. Iterations are those of all programs together.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.ConvexProgram()).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     backend: str = "CLARABEL"

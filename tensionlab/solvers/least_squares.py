@@ -28,6 +28,14 @@ class Newton:
     active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable
     least-squares: an algorithm and applications"; Chiche and Gilbert (2016), "How the augmented Lagrangian
     algorithm can deal with an infeasible convex quadratic optimization problem".
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Newton()).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least squared change from the reference"
@@ -85,6 +93,14 @@ class Dykstra:
         when the duality gap proves z to be within it of the least distance. Never when x stops moving: it stalls.
     iteration_limit : int
         Iterations after which the last z is returned, whatever it is worth.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Dykstra(tolerance=1e-6)).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     tolerance: float = 1e-9

@@ -33,6 +33,14 @@ class LeastSum:
 
     Source: Shiang, Cannon and Gorman, "Optimal force distribution applied to a robotic crane with flexible
     cables", 2000.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.LeastSum()).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least sum of tensions"
@@ -54,6 +62,14 @@ class Minimax:
 
     Source: Gosselin and Grenier, "On the determination of the force distribution in overconstrained cable-driven
     parallel mechanisms", 2011, where it is the limit of the p-norms.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Minimax()).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     objective: ClassVar[str] = "least largest tension"
@@ -81,6 +97,14 @@ class OptimallySafe:
     alpha : float
         How much margin to the upper limits is worth, against margin to the lower ones. 1 keeps equally far from
         both; 0 asks only that no cable comes near to its lower limit.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.OptimallySafe(alpha=2.0)).tensions.round(3)
+    array([2.646, 3.622, 1.67 , 3.66 ])
     """
 
     alpha: float = 1.0

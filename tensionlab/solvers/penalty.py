@@ -35,6 +35,14 @@ class AnalyticCentre:
     (smooth, convex) programming", 1985; Nesterov and Nemirovskii, "Interior-Point Polynomial Algorithms in Convex
     Programming", 1994, for the steps. On a cable robot: "Experimental validation of the analytic-centre based
     tension distribution algorithm for cable driven parallel robots", 2025.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.AnalyticCentre()).tensions.round(3)
+    array([2.942, 3.918, 1.966, 4.069])
     """
 
     objective: ClassVar[str] = "largest product of distances to the limits"
@@ -83,6 +91,14 @@ class SlackNorm:
         leaves an error of about 1e-5 N everywhere, which is never EXACT.
     gamma : float
         How much faster than the slack its price grows, positive; 0.0875 is the authors' 0.005 / N.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.SlackNorm(p=3.0)).tensions.round(3)
+    array([1.525, 2.501, 0.549, 2.109])
     """
 
     p: float = 2.0
@@ -137,6 +153,14 @@ class Spidar:
         Price of a squared tension, 1/N², positive.
     force, torque : float
         Prices of a squared error, in 1/N² and 1/(N·m)², positive.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.Spidar(mu=1e-3)).tensions.round(3)
+    array([1.469, 2.444, 0.5  , 2.033])
     """
 
     mu: float = 1e-3

@@ -113,6 +113,14 @@ class QuadraticProgram:
     backend : str
         A name in `BACKENDS`. Iterations are those of all programs together; 0 from clarabel, daqp and highs,
         which don't tell.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.allocate(structure, [0.0, 0.0, 1.5], rig.limits, tl.QuadraticProgram("clarabel")).tensions.round(3)
+    array([1.476, 2.452, 0.5  , 2.042])
     """
 
     backend: str = "clarabel"

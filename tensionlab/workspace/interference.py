@@ -21,6 +21,14 @@ class Capsule(NamedTuple):
     """Body: all points within a radius, in m, of a segment; a sphere, such as a head, has no ``end``.
 
     The ends, (..., d), are in the world, in m; leading axes broadcast with the poses, so that a body can move.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> torso = tl.workspace.Capsule([0.0, 0.9, -0.3], [0.0, 1.4, -0.3], radius=0.2)
+    >>> head = tl.workspace.Capsule([0.0, 1.6, -0.3], radius=0.12)
+    >>> head.end is None
+    True
     """
 
     start: ArrayLike
@@ -33,6 +41,15 @@ class Clearance(NamedTuple):
 
     Below zero where a cable enters a body, infinite where there is no pair to measure. The pair are indices of two
     modules, or of a module and a body; -1 where there is none.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> head = tl.workspace.Capsule([0.0, 1.2, -0.3], radius=0.12)
+    >>> clearance = tl.workspace.body_distance(rig, [head], rig.home)
+    >>> f"{clearance.distance:.2f} m", clearance.pair.tolist()
+    ('0.18 m', [3, 0])
     """
 
     distance: Floats
@@ -53,12 +70,41 @@ def cable_distance(
     cable-driven mechanisms", 2010.
 
     Poses and errors are as in `Rig.structure_matrix`; leading axes broadcast.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose cables are measured.
+    position, rotation, frames
+        As in `Rig.structure_matrix`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("ipanema-1")
+    >>> distance, pair = tl.workspace.cable_distance(rig, rig.home)
+    >>> f"{distance:.3f} m"
+    '0.120 m'
     """
     return _closest(_cables(rig, position, rotation, frames), cable_pairs(rig), np.zeros(rig.m))
 
 
 def cable_pairs(rig: Rig) -> Integers:
-    """Return the pairs of cables that share neither attachment nor anchor, (k, 2), the smaller index first."""
+    """Return the pairs of cables that share neither attachment nor anchor, (k, 2), the smaller index first.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose cables are paired.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.cable_pairs(tl.load_rig("ipanema-1")).shape
+    (24, 2)
+    >>> tl.workspace.cable_pairs(tl.load_rig("bartels2026-validation")).shape  # all meet in the point
+    (0, 2)
+    """
     return np.array(
         [
             (i, j)
@@ -87,6 +133,24 @@ def body_distance(
     Poses are as in `Rig.structure_matrix`; leading axes broadcast. The pair are the indices of a module and of a
     body. ShapeError for a body with other coordinates than the rig, InputError for a negative radius, or more
     cables and bodies than the kernel serves.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose cables are measured.
+    bodies : sequence of Capsule
+        In the world.
+    position, rotation, frames
+        As in `Rig.structure_matrix`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> head = tl.workspace.Capsule([0.0, 1.2, -0.3], radius=0.12)
+    >>> distance, (module, body) = tl.workspace.body_distance(rig, [head], rig.home)
+    >>> f"{distance:.2f} m from {rig.modules[module].name}"
+    '0.18 m from top'
     """
     cables = _cables(rig, position, rotation, frames)
     segments, radii = [], []
@@ -116,6 +180,19 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
     cross, and to rounding elsewhere. ShapeError if the ends don't broadcast, or hold NaN or infinity.
 
     Source: Lumelsky, "On fast computation of distance between line segments", 1985.
+
+    Parameters
+    ----------
+    start, end : (..., d) arrays
+        Ends of the first segment, in m.
+    start2, end2 : (..., d) arrays
+        Ends of the second.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> float(tl.workspace.segment_distance([0.0, 0.0], [1.0, 0.0], [0.0, 2.0], [1.0, 2.0]))
+    2.0
     """
     given = {"start": start, "end": end, "start2": start2, "end2": end2}
     d = np.shape(start)[-1] if np.shape(start)[-1:] in ((2,), (3,)) else 3

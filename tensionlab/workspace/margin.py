@@ -21,7 +21,16 @@ RequiredWrenches = ArrayLike | tuple[ArrayLike, ArrayLike] | None
 
 
 class MarginGradient(NamedTuple):
-    """Capacity margin (...), and its derivative (..., n, m) with respect to the structure matrix."""
+    """Capacity margin (...), and its derivative (..., n, m) with respect to the structure matrix.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> tl.workspace.margin_gradient(structure, rig.limits)._fields
+    ('margin', 'structure')
+    """
 
     margin: Floats
     structure: Floats
@@ -31,6 +40,14 @@ class RigMarginGradient(NamedTuple):
     """Capacity margin (...), and its derivatives, per m that something moves.
 
     (..., d) for the reference point, without rotation; (..., m, d) for each anchor, in the axes of its own frame.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> higher = tl.workspace.rig_margin_gradient(rig, rig.home).position[1]
+    >>> f"{higher:.2f} N/m, if the hand is raised"
+    '-7.63 N/m, if the hand is raised'
     """
 
     margin: Floats
@@ -62,6 +79,16 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
         None is no wrench at all: zero. An array with one axis is one wrench. An array with more holds the vertices
         of a set, k for each pose or for all; one wrench for each pose is ``wrench[..., None, :]``. A tuple is
         always a ball, ``(centre, radius)``: (..., n) and (...).
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> f"{tl.workspace.capacity_margin(structure, rig.limits):.3f} N in every direction"
+    '3.681 N in every direction'
+    >>> f"{tl.workspace.capacity_margin(structure, rig.limits, [0.0, 3.0, 0.0]):.3f} N around a pull of 3 N"
+    '1.601 N around a pull of 3 N'
     """
     batch, wrenches, radius = _arguments(structure, limits, required)
     margin = _native.capacity_margin(*batch[:3], wrenches, RANK_TOLERANCE)
@@ -80,6 +107,20 @@ def margin_gradient(
 
     Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
     2014, for the margin; the derivative is that of the support function of a zonotope at a facet.
+
+    Parameters
+    ----------
+    structure, limits, required
+        As in `capacity_margin`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> found = tl.workspace.margin_gradient(structure, rig.limits)
+    >>> f"{found.margin:.3f} N", found.structure.shape
+    ('3.681 N', (3, 4))
     """
     batch, wrenches, radius = _arguments(structure, limits, required)
     margin, normal, _, tensions = _native.active_facet(*batch[:3], wrenches, RANK_TOLERANCE)
@@ -100,6 +141,23 @@ def rig_margin_gradient(
     """Return the capacity margin of a rig and its derivatives with respect to position and anchors.
 
     Poses, required wrenches (in world axes) and errors are as in `Rig.structure_matrix` and `capacity_margin`.
+
+    Parameters
+    ----------
+    rig : Rig
+        Whose anchors the derivatives are about.
+    position, rotation, frames
+        As in `Rig.structure_matrix`.
+    required
+        As in `capacity_margin`, in world axes.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> found = tl.workspace.rig_margin_gradient(rig, rig.home)
+    >>> found.position.shape, found.anchors.shape  # N/m
+    ((3,), (4, 3))
     """
     cables = rig.cables(position, rotation, frames)
     W = kinematics.structure_matrix(cables.directions, cables.arms)

@@ -52,6 +52,15 @@ class CapacityMargin:
 
     The ball is about zero, of forces and torques as one (N and N·m) if the rig has torques. Below zero is how much
     of it is infeasible.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.CapacityMargin(radius=1.0), progress=False)
+    >>> swept["capacity-margin:1.0"].values.round(3)
+    array([[2.681, 0.304]])
     """
 
     radius: float = 0.0
@@ -71,7 +80,17 @@ class CapacityMargin:
 
 @dataclass(frozen=True)
 class WrenchClosure:
-    """Whether cables of unlimited strength render every wrench: 1 or 0."""
+    """Whether cables of unlimited strength render every wrench: 1 or 0.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.WrenchClosure(), progress=False)
+    >>> swept["wrench-closure"].values.round(3)
+    array([[1., 1.]])
+    """
 
     title: ClassVar[str] = "wrench closure"
     unit: ClassVar[str] = "1"
@@ -84,7 +103,17 @@ class WrenchClosure:
 
 @dataclass(frozen=True)
 class TensionFactor:
-    """Ratio of minimum to maximum tension while all cables are taut without a wrench."""
+    """Ratio of minimum to maximum tension while all cables are taut without a wrench.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.TensionFactor(), progress=False)
+    >>> swept["tension-factor"].values.round(3)
+    array([[0.723, 0.385]])
+    """
 
     title: ClassVar[str] = "tension factor"
     unit: ClassVar[str] = "1"
@@ -97,7 +126,17 @@ class TensionFactor:
 
 @dataclass(frozen=True)
 class IsotropicForce:
-    """Maximum force that is feasible in every direction, without torque."""
+    """Maximum force that is feasible in every direction, without torque.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.IsotropicForce(), progress=False)
+    >>> swept["isotropic-force"].values.round(3)
+    array([[3.681, 1.304]])
+    """
 
     title: ClassVar[str] = "isotropic force"
     unit: ClassVar[str] = "N"
@@ -113,6 +152,15 @@ class ReachableShare:
     """Feasible-direction fraction: share of directions in which a force (1 N if left out) is feasible.
 
     Without torque, in directions that cover the circle or sphere evenly.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.ReachableShare(magnitude=4.0), progress=False)
+    >>> swept["reachable-share:4.0"].values.round(3)
+    array([[0.88 , 0.115]])
     """
 
     magnitude: float = 1.0
@@ -133,7 +181,17 @@ class ReachableShare:
 
 @dataclass(frozen=True)
 class LeastSingularValue:
-    """Minimum singular value of the structure matrix: wrench in the weakest direction for a unit of tension."""
+    """Minimum singular value of the structure matrix: wrench in the weakest direction for a unit of tension.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.LeastSingularValue(), progress=False)
+    >>> swept["least-singular-value"].values.round(3)
+    array([[1.087, 0.612]])
+    """
 
     title: ClassVar[str] = "minimum singular value of the structure matrix"
     unit: ClassVar[str] = "1"
@@ -146,7 +204,17 @@ class LeastSingularValue:
 
 @dataclass(frozen=True)
 class ConditionNumber:
-    """Ratio of the strongest to the weakest direction: 1 is even, infinite lost."""
+    """Ratio of the strongest to the weakest direction: 1 is even, infinite lost.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.ConditionNumber(), progress=False)
+    >>> swept["condition-number"].values.round(3)
+    array([[1.178, 2.944]])
+    """
 
     title: ClassVar[str] = "condition number of the structure matrix"
     unit: ClassVar[str] = "1"
@@ -162,6 +230,15 @@ class SquaredTension:
     """Sum of squared tensions for a force (1 N), its mean over directions, or its maximum (worst).
 
     Without torque, in directions that cover the circle or sphere evenly. NaN where some are infeasible.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, tl.workspace.SquaredTension("worst"), progress=False)
+    >>> swept["effort:worst"].values.round(1)  # N²
+    array([[ 9.1, 36.2]])
     """
 
     over: Literal["mean", "worst"] = "mean"
@@ -185,7 +262,16 @@ class SquaredTension:
 
 @dataclass(frozen=True)
 class CableDistance:
-    """Minimum distance between two cables; infinite where no two could meet."""
+    """Minimum distance between two cables; infinite where no two could meet.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("ipanema-1")
+    >>> swept = tl.sweep(rig, [rig.home], "cable-distance", progress=False)
+    >>> swept["cable-distance"].values.round(3)  # m
+    array([[0.12]])
+    """
 
     title: ClassVar[str] = "distance between cables"
     unit: ClassVar[str] = "m"
@@ -201,6 +287,16 @@ class BodyDistance:
     """Minimum distance between a cable and a body; below zero where a cable enters one.
 
     Bodies are `tensionlab.workspace.Capsule`, so this one is given as an instance, not by its name.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> head = tl.workspace.Capsule([0.0, 1.2, -0.3], radius=0.12)
+    >>> metric = tl.workspace.BodyDistance((head,))
+    >>> swept = tl.sweep(rig, [rig.home], metric, progress=False)
+    >>> list(swept.data_vars)
+    ['body-distance']
     """
 
     bodies: tuple[interference.Capsule, ...] = ()

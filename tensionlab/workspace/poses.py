@@ -51,6 +51,13 @@ class Grid:
         Coordinates of the reference point, in m. No z in the plane.
     rotations : (k, 3, 3) array, (k,) array or None
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> tl.workspace.Grid(np.linspace(-1.0, 1.0, 5), np.linspace(0.0, 2.0, 3), 0.0).y
+    array([0., 1., 2.])
     """
 
     x: Floats
@@ -132,6 +139,12 @@ class PoseList:
         Orientations, as in `Rig.structure_matrix`: matrices in space, angles in rad in the plane.
     distance : (k,) array or None
         How far along a path each pose is, in m; None where they are no path.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.PoseList([[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]).position.shape
+    (2, 3)
     """
 
     position: Floats
@@ -216,6 +229,12 @@ def box(
     ------
     InputError, ShapeError
         If an interval is no pair of finite numbers or runs backwards, or a step makes no sense.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.box([-0.1, 0.1], [0.0, 2.0], 0.0, step=[0.1, 1.0, 1.0]).x
+    array([-0.1,  0. ,  0.1])
     """
     intervals = [("x", x), ("y", y)] + ([] if z is None else [("z", z)])
     steps = finite("step", step, 0)
@@ -234,6 +253,21 @@ def polyline(points: ArrayLike, step: float, rotation: ArrayLike | None = None) 
     Neighbours are a step, in m, apart along the path; the last is the end of the path, and may be closer. The
     rotation, as in `Grid`, is the same everywhere. InputError if the path has no length, or the step is not above
     zero.
+
+    Parameters
+    ----------
+    points : (k, d) array
+        Corners of the path, in m.
+    step : float
+        Distance of neighbours along the path, in m.
+    rotation : array, optional
+        One orientation, as in `Grid`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.polyline([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], step=0.4).distance
+    array([0. , 0.4, 0.8, 1. ])
     """
     corners = PoseList(points).position  # type: ignore[arg-type]  # becomes an array
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
@@ -257,10 +291,24 @@ def read_poses(path: str | Path) -> PoseList:
     orientation is given by rx, ry, rz, the axis times the angle in rad, in the plane by angle in rad. NPZ has
     the arrays ``position`` and, if need be, ``rotation``, as in `PoseList`.
 
+    Parameters
+    ----------
+    path : path
+        A file that ends in .csv, .parquet or .npz.
+
     Raises
     ------
     DataError
         If the file cannot be read, or its columns, arrays or entries are not these; it names file and row.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> np.savez("poses.npz", position=[[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]])
+    >>> tl.workspace.read_poses("poses.npz").position
+    array([[0. , 0.3, 0. ],
+           [0. , 1. , 0. ]])
     """
     suffix = Path(path).suffix.lower()
     if suffix not in POSE_FILE_SUFFIXES:

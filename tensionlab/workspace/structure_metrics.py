@@ -29,6 +29,19 @@ def tension_factor(structure: ArrayLike) -> Floats:
     Source: Pham, Yeo, Yang and Chen, "Workspace analysis of fully restrained cable-driven manipulators", 2009.
     Instead of their linear program, the facets of the wrench set for tensions between 1 and tau: it holds zero
     for all tau from 1/factor on.
+
+    Parameters
+    ----------
+    structure : (..., n, m) array
+        Structure matrices.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> f"{tl.workspace.tension_factor(structure):.3f}"
+    '0.723'
     """
     batch = structure_batch(structure_matrices(structure), (0.0, 2.0))
     return _native.tension_factor(*batch[:3], RANK_TOLERANCE).reshape(batch.shape)[()]
@@ -41,6 +54,17 @@ def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
     `CLOSURE_TOLERANCE`. Parameter and errors as in `tension_factor`.
 
     Source: Verhoeven, "Analysis of the workspace of tendon-based Stewart platforms", 2004.
+
+    Parameters
+    ----------
+    structure : (..., n, m) array
+        Structure matrices.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.wrench_closure([[[1.0, -1.0]], [[1.0, 1.0]]])
+    array([ True, False])
     """
     return tension_factor(structure) > CLOSURE_TOLERANCE
 
@@ -63,6 +87,14 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
     ------
     ShapeError, InputError
         Naming the entry; if so many components cannot be forces.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> f"{tl.workspace.isotropic_force(structure, rig.limits):.3f} N"
+    '3.681 N'
     """
     batch = structure_batch(structure_matrices(structure), limits)
     n = batch.structure.shape[1]
@@ -76,6 +108,24 @@ def least_singular_value(structure: ArrayLike) -> Floats:
     """Return the minimum singular value (...) of structure matrices (..., n, m).
 
     The norm of the wrench in the weakest direction for tensions of norm 1 N; 0 with fewer cables than components.
+
+    Parameters
+    ----------
+    structure : (..., n, m) array
+        Structure matrices.
+
+    Raises
+    ------
+    ShapeError
+        If an entry is not finite, or shapes do not fit.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> f"{tl.workspace.least_singular_value(structure):.3f}"
+    '1.087'
     """
     return _singular_values(structure)[..., -1][()]
 
@@ -84,6 +134,24 @@ def condition_number(structure: ArrayLike) -> Floats:
     """Return the ratio (...) of the first to the n-th singular value of structure matrices (..., n, m).
 
     Infinite where the rank is below n.
+
+    Parameters
+    ----------
+    structure : (..., n, m) array
+        Structure matrices.
+
+    Raises
+    ------
+    ShapeError
+        If an entry is not finite, or shapes do not fit.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> f"{tl.workspace.condition_number(structure):.3f}"
+    '1.178'
     """
     sigma = _singular_values(structure)
     full_rank = sigma[..., -1] > RANK_TOLERANCE * sigma[..., 0]
@@ -122,6 +190,15 @@ def reachable_share(structure: ArrayLike, limits: TensionRange, directions: Arra
     ------
     ShapeError, InputError
         Naming the entry; if the magnitude is negative or not finite.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> directions = tl.datasets.load("vectors/grid18")  # (182, 3)
+    >>> f"{tl.workspace.reachable_share(structure, rig.limits, directions, magnitude=5.0):.3f}"
+    '0.363'
     """
     matrices = structure_matrices(structure)
     wrenches = _wrenches(directions, magnitude, matrices.shape[-2])
@@ -135,6 +212,15 @@ class Effort(NamedTuple):
     """Sums of squared tensions in N², (...), mean and maximum over directions.
 
     They go with the heat of the motors. NaN where a wrench is infeasible.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> found = tl.workspace.effort(structure, rig.limits, [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], 1.5)
+    >>> bool(found.mean < found.worst)
+    True
     """
 
     mean: Floats
@@ -146,6 +232,20 @@ def effort(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, ma
 
     For each direction the tensions with the minimum sum of squares, by `tensionlab.allocate`. Parameters and
     errors as in `reachable_share`.
+
+    Parameters
+    ----------
+    structure, limits, directions, magnitude
+        As in `reachable_share`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> mean, worst = tl.workspace.effort(structure, rig.limits, [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], 1.5)
+    >>> f"{mean:.2f} N², {worst:.2f} N²"
+    '11.19 N², 14.91 N²'
     """
     matrices = structure_matrices(structure)
     wrenches = _wrenches(directions, magnitude, matrices.shape[-2])

@@ -48,6 +48,15 @@ class HalfSpaces(NamedTuple):
     """The available wrench set as an intersection: w is in it if ``normals[i] @ w <= offsets[i]`` for all i.
 
     Normals (..., k, n) are unit vectors away from the set; offsets are (..., k).
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> normals, offsets = tl.workspace.half_spaces(structure, rig.limits)
+    >>> bool((normals @ [1.0, 0.5, 1.0] <= offsets).all())  # so this force is feasible
+    True
     """
 
     normals: Floats
@@ -65,6 +74,20 @@ def half_spaces(structure: ArrayLike, limits: TensionRange) -> HalfSpaces:
     Source: Bouchard, Gosselin and Moore, "On the ability of a cable-driven robot to generate a prescribed set of
     wrenches", 2010; Gouttefarde and Krut, "Characterization of parallel manipulator available wrench set facets",
     2010.
+
+    Parameters
+    ----------
+    structure, limits
+        As in `capacity_margin`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> found = tl.workspace.half_spaces(structure, rig.limits)
+    >>> found.normals.shape, found.offsets.shape
+    ((12, 3), (12,))
     """
     batch = structure_batch(structure_matrices(structure), limits)
     n, m = batch.structure.shape[1:]
@@ -89,6 +112,25 @@ def vertices(structure: ArrayLike, limits: TensionRange) -> Floats:
     as in `capacity_margin`, without leading axes.
 
     Source: Barber, Dobkin and Huhdanpaa, "The Quickhull algorithm for convex hulls", 1996.
+
+    Parameters
+    ----------
+    structure : (n, m) array
+        Structure matrix.
+    limits : object with ``lower`` and ``upper``, or a pair
+        Tension limits in N, each (m,) or a number.
+
+    Raises
+    ------
+    ShapeError
+        If an entry is not finite, or shapes do not fit.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> wall = [[-0.8, 0.8, 0.0], [0.6, 0.6, -1.0]]  # three cables in the plane
+    >>> tl.workspace.vertices(wall, (0.0, 5.0)).shape
+    (6, 2)
     """
     batch = structure_batch(structure_matrices(structure), limits)
     if batch.shape:

@@ -26,6 +26,12 @@ class Objective:
 
     The share of the target in which every force of some size, above zero, in N, is feasible. Without a force, the
     maximum one that is feasible in every direction everywhere in the target.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.workspace.Objective(force=2.0)  # the share of the target with 2 N in every direction
+    Objective(force=2.0)
     """
 
     force: float | None = None

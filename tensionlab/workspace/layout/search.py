@@ -45,7 +45,19 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Layout:
-    """Rig with modules on the surfaces of a space, and its score."""
+    """Rig with modules on the surfaces of a space, and its score.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
+    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
+    >>> objective = tl.workspace.Objective()
+    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
+    >>> layout = found.best
+    >>> layout.rig.m, len(layout.contributions)
+    (4, 4)
+    """
 
     rig: Rig
     """With the modules that were put, in the order of their surfaces, and the fixed ones last."""
@@ -85,7 +97,18 @@ class Layout:
 
 @dataclass(frozen=True)
 class LayoutSearch:
-    """Layouts that a search found, one for each number of modules, the fewest first."""
+    """Layouts that a search found, one for each number of modules, the fewest first.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
+    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
+    >>> objective = tl.workspace.Objective()
+    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
+    >>> [layout.rig.m for layout in found.layouts]
+    [4]
+    """
 
     objective: Objective
     layouts: tuple[Layout, ...]
@@ -167,6 +190,16 @@ def search_layout(
     ------
     ShapeError, InputError
         If the target has no point or other coordinates than the surfaces, or a number is too small.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
+    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
+    >>> objective = tl.workspace.Objective()
+    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
+    >>> bool(found.best.score > 1.0)  # N in every direction, everywhere in the target
+    True
     """
     positions = target.arrays()[0] if isinstance(target, Grid) else target
     points = pose.points(positions, space.dimension, "target").reshape(-1, space.dimension)

@@ -38,6 +38,13 @@ class Surface:
         One to d vectors from the corner, in m: one is a rail, two are a rectangle, three a box.
     frame : str
         "world", or the name of a body frame that carries the modules.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rail = tl.workspace.Surface("rail", corner=[-1.5, 2.4, 0.0], edges=[[3.0, 0.0, 0.0]])
+    >>> rail.edges.shape
+    (1, 3)
     """
 
     name: str
@@ -70,6 +77,19 @@ def room(size: Sequence[float], centre: Sequence[float] | None = None) -> tuple[
 
     Its ``size`` is width along X, height along Y and depth along Z, in m. Without ``centre``, the middle of its
     floor is the origin. RigError if the size is not three positive numbers.
+
+    Parameters
+    ----------
+    size : (width, height, depth)
+        In m.
+    centre : (3,) array, optional
+        In m.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> [surface.name for surface in tl.workspace.room([3.0, 2.4, 4.0])]
+    ['left wall', 'right wall', 'floor', 'ceiling', 'back wall', 'front wall']
     """
     extent = vector(size, "room", "size")
     if extent.shape != (3,) or (extent <= 0).any():
@@ -121,6 +141,13 @@ class Space:
         Modules that stay where they are.
     frames : mapping of name to Frame
         Poses of the body frames while the hand is in the target.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,), limits=(0.5, 6.0))
+    >>> len(space.surfaces)
+    6
     """
 
     surfaces: tuple[Surface, ...]

@@ -82,6 +82,17 @@ def sweep(
         a sweep too large for memory, a scheduler that does not answer.
     MissingDependency
         If xarray or zarr (extra ``workspace``), or distributed (extra ``cluster``) is not installed.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = tl.workspace.box([-0.2, 0.2], 0.3, [-0.2, 0.2], step=0.1)
+    >>> swept = tl.sweep(rig, poses, ["capacity-margin", "tension-factor"], progress=False)
+    >>> dict(swept["capacity-margin"].sizes)
+    {'rig': 1, 'x': 5, 'y': 1, 'z': 5}
+    >>> print(f'{float(swept["capacity-margin"].max()):.3f} {swept["capacity-margin"].units}')
+    3.681 N
     """
     if not (isinstance(chunk, int) and chunk >= 1):
         raise SweepError(f"chunk is {chunk!r}; give a number of values, 1 or more")

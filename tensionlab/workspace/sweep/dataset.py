@@ -182,12 +182,19 @@ class SweepSummary:
 
 
 def summary(swept: xarray.Dataset) -> SweepSummary:
-    """Summarise every metric of a sweep for each of its configurations, from `tensionlab.sweep`.
+    """Summarise every metric of a sweep for each of its configurations.
+
+    Parameters
+    ----------
+    swept : Dataset
+        From `tensionlab.sweep`.
 
     Examples
     --------
-    >>> tl.workspace.summary(swept)
-    <SweepSummary of capacity-margin at 15,625 poses, 3 rigs>
+    >>> import tensionlab as tl
+    >>> poses = tl.workspace.box([-0.2, 0.2], 0.3, [-0.2, 0.2], step=0.1)
+    >>> tl.workspace.summary(tl.sweep(tl.load_rig("floor-3"), poses, "capacity-margin", progress=False))
+    <SweepSummary of capacity-margin at 25 poses, 1 rig>
     """
     dims = [str(dim) for dim in swept["kind"].dims]
     found = []

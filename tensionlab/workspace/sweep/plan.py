@@ -79,6 +79,14 @@ def vary(
         Tension limits to try, the same for all modules, in N.
     **parameters
         Of the layout: a list of the values to try, or one value that stays.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> configurations = tl.workspace.vary(tl.ring_plus_top, side=[0.5, 1.0], count=[3, 4, 5])
+    >>> swept = tl.sweep(configurations, [[0.0, 0.3, 0.0]], "capacity-margin", progress=False)
+    >>> dict(swept["capacity-margin"].sizes)
+    {'side': 2, 'count': 3, 'pose': 1}
     """
     axes, make = _layout(what, parameters) if callable(what) else _rigs(what, parameters)
     first = len(axes)

@@ -1,0 +1,130 @@
+"""The docstrings of the reference: every public name has an example that runs, and says what its arguments are."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LISTED = re.findall(
+    r"^   ~(tensionlab\.[\w.]+)$",
+    "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs" / "reference").glob("*.md"))),
+    re.MULTILINE,
+)
+"""The names that the pages of the reference list."""
+MODULES = ("tensionlab", "tensionlab.workspace", "tensionlab.datasets")
+"""Where every name has an example."""
+DOCUMENTED = (
+    *MODULES,
+    "tensionlab.plots",
+    "tensionlab.hardware",
+    "tensionlab.haptics.effects",
+    "tensionlab.scenarios",
+)
+"""Where every name is in the reference."""
+CONSTANTS = {"tensionlab.plots.METADATA", "tensionlab.workspace.MEASURES"}
+"""Public, but for nobody to look up: what files are saved with, and an old name."""
+NEVER_FAIL = {"tensionlab.workspace.cable_pairs", "tensionlab.workspace.summary"}
+"""Functions that take nothing wrong."""
+
+
+def find(name: str) -> Any:
+    """The object of a listed name."""
+    module, _, last = name.rpartition(".")
+    return getattr(importlib.import_module(module), last)
+
+
+def public(modules: tuple[str, ...]) -> Iterator[str]:
+    """Public names of modules; those that stand for another module are left out."""
+    for module in modules:
+        there = importlib.import_module(module)
+        yield from (f"{module}.{name}" for name in there.__all__ if not inspect.ismodule(getattr(there, name)))
+
+
+def examples(found: Any) -> list[doctest.DocTest]:
+    """Examples of an object and, if it is a class, of its methods."""
+    finder = doctest.DocTestFinder(exclude_empty=True)
+    tests = {test.name: test for test in finder.find(found, found.__name__, module=False, globs={})}
+    return [test for _, test in sorted(tests.items()) if test.examples]
+
+
+def test_the_reference_lists_every_public_name() -> None:
+    listed = {id(find(name)) for name in LISTED}
+    missing = [name for name in public(DOCUMENTED) if id(find(name)) not in listed and name not in CONSTANTS]
+    assert missing == []
+
+
+def test_no_name_is_listed_twice() -> None:
+    assert sorted(LISTED) == sorted(set(LISTED))
+
+
+CALLABLE = [name for name in LISTED if callable(find(name)) and hasattr(find(name), "__name__")]
+
+
+@pytest.mark.parametrize("name", CALLABLE)
+def test_examples_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    flags = doctest.ELLIPSIS | doctest.FAIL_FAST
+    said: list[str] = []
+    with np.printoptions(precision=8, suppress=False):
+        for test in examples(find(name)):
+            doctest.DocTestRunner(optionflags=flags, verbose=False).run(test, out=said.append)
+    assert not said, "".join(said)
+
+
+def test_every_public_name_has_an_example() -> None:
+    without = [name for name in public(MODULES) if callable(find(name)) and not examples(find(name))]
+    assert without == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_functions_explain_their_arguments(module: str) -> None:
+    """Each is named in the docstring, or the docstring says where they are explained."""
+    unexplained = []
+    for name in public((module,)):
+        found = find(name)
+        if not inspect.isfunction(found):
+            continue
+        text = inspect.getdoc(found) or ""
+        there = " as in `" in text or " as those of `" in text
+        for parameter in inspect.signature(found).parameters:
+            if not re.search(rf"\b{parameter}\b", text) and not there:
+                unexplained.append(f"{name}: {parameter}")
+    assert unexplained == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_functions_name_their_errors(module: str) -> None:
+    silent = []
+    for name in public((module,)):
+        found = find(name)
+        text = inspect.getdoc(found) or ""
+        if (
+            inspect.isfunction(found)
+            and name not in NEVER_FAIL
+            and not re.search(r"Error\b|errors? (are )?as|UnknownSolver", text)
+        ):
+            silent.append(name)
+    assert silent == []
+
+
+def test_an_example_that_is_wrong_is_seen() -> None:
+    def wrong() -> None:
+        """Add.
+
+        >>> 1 + 1
+        3
+        """
+
+    (test,) = examples(wrong)
+    said: list[str] = []
+    doctest.DocTestRunner(verbose=False).run(test, out=said.append)
+    assert "Expected:\n    3" in "".join(said)
