@@ -111,15 +111,17 @@ def test_one_runs_in_a_kernel_of_its_own(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.realtime
 def test_figures_and_tables_show_once_in_a_kernel_with_or_without_pyplot(folder: Path, tmp_path: Path) -> None:
     sources = [
-        "import tensionlab as tl; rig = tl.load_rig('../datasets/rigs/tetra-4.toml'); rig.plot()",
+        "import tensionlab as tl; rig = tl.load_rig('tetra-4'); rig.plot()",
         "rig",
         "%matplotlib inline\nimport matplotlib.pyplot as plt; rig.plot()",
         "figure = plt.figure(); tl.plots.plot_rig(rig, ax=figure.add_subplot(projection='3d'))",
+        "with tl.plots.styled():\n    figure, axes = plt.subplots()",
+        "with tl.plots.styled():\n    figure, axes = plt.subplots()",
     ]
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(each) for each in sources])  # type: ignore[no-untyped-call]
     execute(notebook, folder, tmp_path)
-    bare, table, inline, panel = ([output.data for output in cell.outputs] for cell in notebook.cells)
+    bare, table, inline, panel, *own = ([output.data for output in cell.outputs] for cell in notebook.cells)
     assert [set(each) for each in bare] == [set(each) for each in inline] == [{"text/plain", "image/png"}]
     assert bare[0]["image/png"] == inline[0]["image/png"]
     assert [set(each) for each in table] == [{"text/plain", "text/html"}]
-    assert [set(each) for each in panel] == [{"text/plain", "image/png"}]
+    assert [[set(each) for each in outputs] for outputs in (panel, *own)] == 3 * [[{"text/plain", "image/png"}]]

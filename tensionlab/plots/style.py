@@ -61,9 +61,12 @@ def styled() -> Iterator[None]:
     ...     figure, axes = plt.subplots()
     """
     with needs(None, "a figure"):
-        from matplotlib import style
+        from matplotlib import rcParams, style
     with style.context(STYLE):
         yield
+        # No part of the style: pyplot sets it as it makes its first figure, and shows no other without it.
+        interactive = rcParams["interactive"]
+    rcParams["interactive"] = interactive
 
 
 @contextmanager
