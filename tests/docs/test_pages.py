@@ -8,6 +8,9 @@ How a page is written:
   words exactly, and ``...`` stands for any lines or for the rest of one;
 - a block whose sentence before ends with the name of a file, as in "`my-room.toml`:", is that file;
 - ``<!-- not run: why -->`` before a block leaves it out.
+
+Modules are simulated, in a time of their own: ``modules.toml`` leads to those of the published rig, and after a
+block with ``tensionlab serve`` the bridge runs to the end of the page, wherever the page says that it is.
 """
 
 from __future__ import annotations
@@ -16,12 +19,18 @@ import contextlib
 import io
 import re
 import shlex
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
+import tensionlab as tl
+from tensionlab.hardware.client.group import modules_to_toml
+from tests.support.reachable import ReachableRig
 from tests.support.shown import differences
+from tests.support.simulated_bridge import SimulatedServe
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -136,29 +145,62 @@ def run_code(text: str, names: dict[str, object], where: str) -> str:
     return out.getvalue()
 
 
-@each_page
-@pytest.mark.usefixtures("simulated_time")
-def test_its_code_and_commands_run_and_print_what_it_shows(
-    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def modules_in(text: str) -> list[str]:
+    """Return the names in a modules file."""
+    return list(tomllib.loads(text)["modules"])
+
+
+class Page:
+    """Page that is followed: its names, and the bridge once it is served."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+        self.names: dict[str, object] = {"__name__": "page"}
+        self._monkeypatch, self._name = monkeypatch, name
+        self.bridge: SimulatedServe | None = None
+
+    def run(self, block: Block) -> str:
+        """Run a block, and return what it prints."""
+        if block.kind == "sh" and block.text.startswith("tensionlab serve "):
+            words = shlex.split(block.text)[2:]
+            self.bridge = SimulatedServe((*words, "--port", 0), self._monkeypatch)
+            self._monkeypatch.setattr("time.sleep", self.bridge.sleep)
+            return ""
+        if block.kind == "sh":
+            return run_commands(block.text)
+        text = "\n" * block.line + block.text
+        if self.bridge is not None:
+            text = text.replace("ws://127.0.0.1:8765", self.bridge.url)
+        return run_code(text, self.names, self._name)
+
+
+@pytest.fixture
+def page(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, simulated_time: object
+) -> Iterator[Page]:
+    """A page to follow in an empty folder, with simulated modules."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "110")
-    names: dict[str, object] = {"__name__": "page"}
+    modules = ReachableRig(monkeypatch, tl.load_rig("bartels2026-validation"))
+    (tmp_path / "modules.toml").write_text(modules_to_toml(modules.urls), encoding="utf-8")
+    followed = Page(monkeypatch, request.node.name)
+    yield followed
+    if followed.bridge is not None:
+        with followed.bridge:
+            pass
+
+
+@each_page
+def test_its_code_and_commands_run_and_print_what_it_shows(path: Path, page: Page) -> None:
     for block in blocks(path.read_text(encoding="utf-8")):
-        where = f"{path.name}:{block.line}"
-        if block.file is not None:
-            target = tmp_path / block.file
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(block.text, encoding="utf-8")
+        if block.file == "modules.toml":
+            assert modules_in(block.text) == modules_in(Path(block.file).read_text(encoding="utf-8"))
+        elif block.file is not None:
+            Path(block.file).parent.mkdir(parents=True, exist_ok=True)
+            Path(block.file).write_text(block.text, encoding="utf-8")
         elif block.kind in RUN and block.not_run is None:
-            newlines = "\n" * block.line
-            printed = (
-                run_commands(block.text)
-                if block.kind == "sh"
-                else run_code(newlines + block.text, names, path.name)
-            )
+            printed = page.run(block)
             if block.shown is not None:
-                assert not unlike(block.shown, printed), f"{where} prints:\n{printed}"
+                assert not unlike(block.shown, printed), f"{path.name}:{block.line} prints:\n{printed}"
 
 
 @each_page
