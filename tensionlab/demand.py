@@ -18,7 +18,15 @@ from tensionlab.model.pose import Frames
 
 
 class Pose(NamedTuple):
-    """Pose of the point or the platform; fields as the arguments of `Rig.structure_matrix`."""
+    """Pose of the point or the platform; fields as the arguments of `Rig.structure_matrix`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.hardware import Pose
+    >>> Pose(np.array([0.0, 0.3, 0.0])).rotation is None
+    True
+    """
 
     position: Floats
     rotation: Floats | None = None
@@ -56,6 +64,19 @@ class RigState:
         Share of each winding's budget that is spent.
     upper_now : (m,) array
         Upper tension limits now, in N: the rig's, or less where a winding is warm.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
+    >>> _ = runner.run(seconds=1.0)
+    >>> state = runner.latest.state
+    >>> state.structure.shape, bool(state.active.all())
+    ((3, 4), True)
     """
 
     cycle: int
@@ -80,7 +101,15 @@ class RigState:
 
 @dataclass(frozen=True)
 class Impedance:
-    """Impedance that a module renders at its own rate, instead of a tension: `protocol.SetImpedance`. SI units."""
+    """Impedance that a module renders at its own rate, instead of a tension: `protocol.SetImpedance`. SI units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.hardware import Demand, Impedance
+    >>> Demand(np.zeros(3), impedances={"top": Impedance(rest=2.0, stiffness=100.0)}).impedances["top"].damping
+    0.0
+    """
 
     rest: float
     stiffness: float = 0.0
@@ -109,6 +138,13 @@ class Demand:
         Modules whose brake is commanded on. What it holds comes on top of the wrench.
     stop : bool
         End the run: all modules release.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.hardware import Demand
+    >>> Demand(np.array([0.0, 0.0, 1.5])).brakes
+    frozenset()
     """
 
     wrench: Floats | None = None

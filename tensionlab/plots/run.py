@@ -45,7 +45,25 @@ TIMES = ("start delay", "compute time", "oldest telemetry")
 
 
 def plot_run(run: Run) -> Figure:
-    """Draw a run, from above: wrench, tension of each module, status and limiters, times."""
+    """Draw a run, from above: wrench, tension of each module, status and limiters, times.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
+    >>> from tensionlab.records import manifest
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> links = {module.name: "sim:" for module in rig.modules}
+    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
+    >>> clock = WorldClock(world)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> _ = runner.run(seconds=1.0)
+    >>> run = read_run("run.mcap")
+    >>> figure = plots.plot_run(run)
+    """
     d, m = run.rig.dimension, run.rig.m
     wrenches = [("force (N)", slice(0, d))]
     if run.rig.n > d:

@@ -33,6 +33,13 @@ class ScenarioDemand:
         Called when a phase begins, and when the decision about the brakes changes.
     repeat : bool
         Whether it begins anew when it is over.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import ScenarioDemand, load_scenario
+    >>> demand = ScenarioDemand(load_scenario("recoil"), repeat=True)
+    >>> callable(demand)
+    True
     """
 
     def __init__(self, scenario: Scenario, notify: Notify | None = None, *, repeat: bool = False) -> None:

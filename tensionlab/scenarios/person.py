@@ -45,7 +45,14 @@ Track = Callable[[Mapping[str, Floats], float], None]
 
 @dataclass(frozen=True)
 class Waypoint(parameters.Parameters):
-    """Position in m at a time in s since the start."""
+    """Position in m at a time in s since the start.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import Waypoint
+    >>> Waypoint(time=1.0, position=(0.0, 1.2, 0.3)).time
+    1.0
+    """
 
     refusal = ScenarioError
 
@@ -55,7 +62,14 @@ class Waypoint(parameters.Parameters):
 
 @dataclass(frozen=True)
 class Sway(parameters.Parameters):
-    """Small motion to and fro: amplitudes in m, one an axis, and a frequency in Hz."""
+    """Small motion to and fro: amplitudes in m, one an axis, and a frequency in Hz.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import Sway
+    >>> Sway(amplitude=(0.0, 0.01, 0.0)).frequency
+    0.4
+    """
 
     refusal = ScenarioError
 
@@ -74,6 +88,13 @@ class Script:
 
     Between waypoints it has minimum jerk (Flash and Hogan 1985, "The coordination of arm movements"), from rest to
     rest; it stays where it is before the first and after the last.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import Script, Waypoint
+    >>> reach = Script((Waypoint(0.0, (0.0, 1.0, 0.0)), Waypoint(1.0, (0.0, 1.0, 0.4))))
+    >>> len(reach.waypoints)
+    2
     """
 
     waypoints: tuple[Waypoint, ...]
@@ -133,6 +154,13 @@ class PersonPlan(parameters.Parameters):
         Of the hand or the head.
     bodies : mapping of str to Script
         Origins of the frames that modules ride on. They do not turn.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import PersonPlan, Script, Waypoint
+    >>> still = Script((Waypoint(0.0, (0.0, 1.0, 0.0)),))
+    >>> PersonPlan(mass=1.5, stiffness=150.0, damping=15.0, script=still).bodies
+    {}
     """
 
     refusal = ScenarioError
@@ -156,6 +184,15 @@ class PersonRecord:
         Of the hand or the head, in m; true force of the cables on it, in N.
     tensions : (K, m) array
         True tensions, in N.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import load_scenario
+    >>> from tensionlab.scenarios.play import play, simulate_modules
+    >>> recoil = load_scenario("recoil")
+    >>> record = play(recoil, simulate_modules(recoil), seconds=0.1).person
+    >>> record.position.shape[1]
+    3
     """
 
     time: Floats
@@ -169,6 +206,13 @@ class Person:
 
     It stands still where its script starts until `begin` is called. The rig's point is its hand or head; `pose`
     has its current pose and that of the bodies.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import Person, load_scenario
+    >>> bow = load_scenario("bow")
+    >>> Person(bow.person, bow.rig).pose.position.shape
+    (3,)
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig) -> None:

@@ -63,6 +63,13 @@ class BrakeTarget(Parameters):
         For what must not be hurt.
     timing : Timing
         Of the brakes by themselves; the delay of the loop comes on top.
+
+    Examples
+    --------
+    >>> from tensionlab.haptics.effects import Plane
+    >>> from tensionlab.scenarios import BrakeTarget
+    >>> BrakeTarget(force=30.0, plane=Plane(normal=(0.0, 1.0, 0.0))).reach is None
+    True
     """
 
     refusal = ScenarioError
@@ -93,7 +100,15 @@ class BrakeTarget(Parameters):
 
 @dataclass(frozen=True)
 class Phase:
-    """Effects by name, and the brake target, from one time to another, in s since the scenario began."""
+    """Effects by name, and the brake target, from one time to another, in s since the scenario began.
+
+    Examples
+    --------
+    >>> from tensionlab.haptics.effects import Viscous
+    >>> from tensionlab.scenarios import Phase
+    >>> Phase("water", begin=0.0, end=2.0, effects={"drag": Viscous()}).hold is None
+    True
+    """
 
     name: str
     begin: float
@@ -132,6 +147,13 @@ class Scenario:
         Point between the feet of the person, for pictures; None: no person is drawn.
     up : str or None
         Axis of the world that points up, for which effects and scripts are meant. A rig with another is refused.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import load_scenario
+    >>> weight = load_scenario("weight")
+    >>> weight.rig.m, weight.seconds
+    (3, 9.0)
     """
 
     name: str
@@ -218,6 +240,13 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
         Naming the file and the key: what is wrong and what to do.
     RigError
         If the rig's file is.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import load_scenario
+    >>> bow = load_scenario("bow")
+    >>> [phase.name for phase in bow.phases]
+    ['draw', 'full draw']
     """
     path = Path(name)
     if not is_path(name, ".toml"):

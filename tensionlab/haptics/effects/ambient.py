@@ -22,6 +22,14 @@ class Viscous(parameters.Parameters):
     ----------
     damping : float
         b in N s/m; water's 2 is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Viscous, Motion
+    >>> hand = Motion(np.zeros(3), np.array([0.5, 0.25, -0.5]))
+    >>> Viscous(damping=2.0).render(hand).force.round(3)
+    array([-1. , -0.5,  1. ])
     """
 
     damping: parameters.Damping = 2.0
@@ -43,6 +51,14 @@ class Spring(parameters.Parameters):
         K in N/m; 30, which a link of 30 ms can bear, is a default of this project.
     damping : float
         B in N s/m; 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Spring, Motion
+    >>> hand = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.0, 0.0, 0.0]))
+    >>> Spring(stiffness=30.0).render(hand).force.round(3)
+    array([0. , 0. , 0.3])
     """
 
     centre: parameters.Point = ORIGIN
@@ -90,6 +106,14 @@ class Water(parameters.Parameters):
         F_b in N; 1 is a default of this project.
     mixing : float
         Depth from which on all of it is there, in m; 2 cm is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Water, Motion
+    >>> hand = Motion(np.array([0.0, 0.0, -0.1]), np.array([0.5, 0.0, 0.0]))
+    >>> Water().render(hand).force.round(3)
+    array([-1.75,  0.  ,  1.  ])
     """
 
     surface: Plane = field(default_factory=Plane)
@@ -122,6 +146,14 @@ class Vibration(parameters.Parameters):
         A in N; 1 is a default of this project.
     frequency : float
         f in Hz; 40 is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Vibration
+    >>> hand = Motion(np.zeros(3), np.zeros(3), time=0.25 / 40.0)
+    >>> Vibration(amplitude=0.5, frequency=40.0).render(hand).force.round(3)
+    array([0. , 0. , 0.5])
     """
 
     axis: parameters.Direction = (0.0, 0.0, 1.0)

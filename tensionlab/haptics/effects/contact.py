@@ -33,6 +33,13 @@ class Plane(parameters.Parameters):
         Any point of it, in m.
     normal : tuple of d floats
         Out of it; its length does not matter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Plane
+    >>> float(Plane(point=(0.0, 1.0, 0.0), normal=(0.0, 1.0, 0.0)).height(np.array([0.3, 1.2, 0.0])).round(3))  # m
+    0.2
     """
 
     point: parameters.Point = ORIGIN
@@ -63,6 +70,14 @@ class Wall(parameters.Parameters):
         K in N/m. 300, on the module, is a default of this project.
     damping : float
         B in N s/m; 2 is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Wall, Motion
+    >>> hand = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.0, 0.0, 0.0]))
+    >>> Wall(stiffness=300.0).render(hand).force.round(3)
+    array([0., 0., 3.])
     """
 
     plane: Plane = Plane()
@@ -109,6 +124,14 @@ class Magnet(parameters.Parameters):
         K in N/m; the wall's 300 is a default of this project.
     damping : float
         b in N s/m; 1 is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Magnet, Motion
+    >>> hand = Motion(np.array([0.0, 0.0, 0.005]), np.array([0.0, 0.0, 0.0]))
+    >>> Magnet().render(hand).force[2].round(3)  # towards the surface
+    np.float64(-1.5)
     """
 
     plane: Plane = Plane()
@@ -179,6 +202,16 @@ class Friction(parameters.Parameters):
         mu_s and mu_d; 0.5 and 0.35 are defaults of this project.
     stiffness, damping : float
         s0 in N/m and s1 in N s/m; 400 and 2 are defaults of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Friction, Motion
+    >>> friction, still = Friction(), np.zeros(3)
+    >>> first = friction.render(Motion(np.zeros(3), still))
+    >>> moved = Motion(np.array([1e-4, 0.0, 0.0]), still)
+    >>> float(friction.render(moved, first.memory).force[0].round(3))  # what it remembers goes in again
+    -0.24
     """
 
     load: parameters.Force = 1.0
@@ -243,6 +276,12 @@ class Ripples(parameters.Parameters):
         A in m; 0.3 mm is a default of this project.
     stiffness : float
         In N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this project.
+
+    Examples
+    --------
+    >>> from tensionlab.haptics.effects import Ripples, Texture
+    >>> Texture(ripples=Ripples(period=0.008)).ripples.height  # m
+    0.0003
     """
 
     direction: parameters.Direction = (1.0, 0.0, 0.0)
@@ -280,6 +319,14 @@ class Texture:
         Its load is the wall's push.
     ripples : Ripples
         Theirs is, too.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Texture
+    >>> hand = Motion(np.array([0.0, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]))
+    >>> Texture().render(hand).force.shape
+    (3,)
     """
 
     wall: Wall = field(default_factory=Wall)

@@ -40,6 +40,13 @@ class Motion:
         Time since the step before, in s.
     age : float or (...) array
         How old position and velocity are, in s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion
+    >>> Motion(np.array([0.0, 0.3, 0.0]), np.zeros(3)).step
+    0.001
     """
 
     position: Floats
@@ -58,6 +65,13 @@ class Rendered(NamedTuple):
         In N.
     bypass_slew : bool or (...) array of bool
         Whether this force is meant to jump, so that the slew limit has to stand aside.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Viscous
+    >>> Viscous().render(Motion(np.zeros(3), np.zeros(3))).bypass_slew
+    False
     """
 
     force: Floats
@@ -66,7 +80,16 @@ class Rendered(NamedTuple):
 
 
 class Effect(Protocol):
-    """Effect that a host can render. Broadcasts over leading axes of the motion."""
+    """Effect that a host can render. Broadcasts over leading axes of the motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import EFFECTS, Motion
+    >>> hands = Motion(np.zeros((5, 3)), np.ones((5, 3)))
+    >>> EFFECTS["viscous"]().render(hands).force.shape
+    (5, 3)
+    """
 
     def render(self, motion: Motion, memory: Memory = None) -> Rendered:
         """Return the force on the hand, and what to remember."""
@@ -90,6 +113,13 @@ class AxisImpedance:
         In N/m and N s/m.
     feed_forward, amplitude, frequency : float
         In N, N and Hz.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import AxisImpedance
+    >>> AxisImpedance(np.array([0.0, 0.0, 1.0]), compression=0.01, stiffness=300.0).damping
+    0.0
     """
 
     axis: Floats
@@ -110,7 +140,16 @@ class AxisImpedance:
 
 @runtime_checkable
 class SplitEffect(Effect, Protocol):
-    """Effect with a part for a module. Both methods take one motion, not a batch."""
+    """Effect with a part for a module. Both methods take one motion, not a batch.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Wall
+    >>> wall = Wall(stiffness=300.0)
+    >>> wall.module_side(Motion(np.array([0.0, 0.0, -0.01]), np.zeros(3))).stiffness
+    300.0
+    """
 
     def module_side(self, motion: Motion, memory: Memory = None) -> AxisImpedance | None:
         """Return what a module has to render now; None where there is nothing."""
@@ -127,7 +166,16 @@ def is_split(effect: object) -> TypeGuard[SplitEffect]:
 
 
 def relative(motion: Motion, to: Motion) -> Motion:
-    """Return the motion of one hand as seen from another: for what is between the two, such as a bow."""
+    """Return the motion of one hand as seen from another: for what is between the two, such as a bow.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, relative
+    >>> draw, bow = (Motion(np.array([x, 0.0, 0.0]), np.zeros(3)) for x in (0.7, 0.2))
+    >>> relative(draw, bow).position
+    array([0.5, 0. , 0. ])
+    """
     return replace(motion, position=motion.position - to.position, velocity=motion.velocity - to.velocity)
 
 

@@ -30,7 +30,16 @@ NEAR_SURFACE_M = 1e-3
 
 @dataclass(frozen=True)
 class HalfSpace:
-    """All that is below a plane."""
+    """All that is below a plane.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import HalfSpace
+    >>> distance, out = HalfSpace()(np.array([0.0, 0.0, -0.02]))
+    >>> float(distance)
+    -0.02
+    """
 
     plane: Plane = field(default_factory=Plane)
 
@@ -49,6 +58,14 @@ class Sphere(parameters.Parameters):
         In m.
     radius : float
         In m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Sphere
+    >>> distance, out = Sphere(radius=0.1)(np.array([[0.3, 0.0, 0.0], [0.0, 0.05, 0.0]]))
+    >>> distance.round(3)
+    array([ 0.2 , -0.05])
     """
 
     centre: parameters.Point = ORIGIN
@@ -72,6 +89,14 @@ class Box(parameters.Parameters):
         In m.
     size : tuple of d floats
         Its edges, in m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Box
+    >>> distance, out = Box(size=(0.2, 0.2, 0.2))(np.array([0.3, 0.0, 0.0]))
+    >>> float(distance.round(3)), out
+    (0.2, array([1., 0., 0.]))
     """
 
     centre: parameters.Point = ORIGIN
@@ -105,6 +130,15 @@ class Distance(parameters.Parameters):
         Takes positions (..., d), returns distances (...), in m.
     step : float
         Of the differences, in m.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Distance
+    >>> ball = Distance(lambda position: np.linalg.norm(position, axis=-1) - 0.1)
+    >>> distance, out = ball(np.array([0.3, 0.0, 0.0]))
+    >>> out.round(3)
+    array([1., 0., 0.])
     """
 
     of: Callable[[Floats], Floats]
@@ -130,6 +164,12 @@ class VirtualCoupling(parameters.Parameters):
         K_c in N/m; 400 is a default of this project.
     damping : float
         B_c in N s/m; 0.
+
+    Examples
+    --------
+    >>> from tensionlab.haptics.effects import Shape, Sphere, VirtualCoupling
+    >>> Shape(Sphere(), VirtualCoupling(stiffness=200.0)).coupling.damping
+    0.0
     """
 
     stiffness: parameters.Stiffness = 400.0
@@ -166,6 +206,15 @@ class Shape:
         micrometre at the surface.
     coupling : VirtualCoupling
         K and B. All of it runs on a module, as a wall that touches the shape at the proxy.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Shape, Sphere
+    >>> ball = Shape(Sphere(radius=0.1))
+    >>> outside = ball.render(Motion(np.array([0.0, 0.0, 0.11]), np.zeros(3)))
+    >>> ball.render(Motion(np.array([0.0, 0.0, 0.09]), np.zeros(3)), outside.memory).force.round(3)
+    array([0., 0., 4.])
     """
 
     field: Field = field(default_factory=Sphere)

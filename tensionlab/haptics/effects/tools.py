@@ -47,6 +47,13 @@ class Weight(parameters.Parameters):
         When it was taken, in s, on the motion's clock; -inf: long ago.
     ramp : float
         How long it then takes to be there, in s; 0.1 is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Weight
+    >>> Weight(mass=0.5).render(Motion(np.zeros(3), np.zeros(3))).force.round(3)
+    array([ 0.   ,  0.   , -4.905])
     """
 
     mass: parameters.Mass = 0.5
@@ -90,6 +97,13 @@ class Recoil(parameters.Parameters):
         t_r and tau in s; 5 ms and 60 ms are defaults of this project.
     rate : float
         Most shots a second; 10 is a default of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Motion, Recoil
+    >>> Recoil(shots=(1.0,)).render(Motion(np.zeros(3), np.zeros(3), time=1.005)).force.round(3) + 0.0
+    array([ 0. , -5.5,  0. ])
     """
 
     shots: parameters.Times = ()
@@ -161,6 +175,13 @@ class Bow(parameters.Parameters):
         How long the fall takes, in s; 10 ms is a default of this project.
     hum, frequency, fade : float
         A in N, f in Hz and time constant in s; 1, 60 and 50 ms are defaults of this project.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.haptics.effects import Bow, Motion
+    >>> Bow().render(Motion(np.array([0.5, 0.0, 0.0]), np.zeros(3))).force.round(3) + 0.0
+    array([-3.49,  0.  ,  0.  ])
     """
 
     brace: parameters.LengthOrNone = 0.20

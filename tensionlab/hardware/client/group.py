@@ -48,6 +48,14 @@ class ModuleGroup:
         Largest rates of change of the tensions, in N/s.
     continuous : tuple of float
         Tensions that the windings can hold for ever, in N. All three are empty before `prepare`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import World
+    >>> group = World(tl.load_rig("floor-3")).group()
+    >>> [client.name for client in group.clients]
+    ['floor-1', 'floor-2', 'floor-3']
     """
 
     def __init__(self, clients: Sequence[ModuleClient]) -> None:
@@ -252,6 +260,14 @@ def load_modules(path: str | Path) -> dict[str, str]:
     ------
     HardwareError
         Naming the file and the key.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensionlab.hardware import load_modules
+    >>> _ = Path("modules.toml").write_text('modules = {left = "tcp://127.0.0.1:7000"}')
+    >>> load_modules("modules.toml")
+    {'left': 'tcp://127.0.0.1:7000'}
     """
     document = read_toml(path, "a modules file (*.toml)", HardwareError)
     for key in document:

@@ -81,6 +81,23 @@ class Run(CycleTable):
     complete : bool
         Whether the log was closed. If not, the process was killed or the disk was full, and the last cycles may be
         missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
+    >>> from tensionlab.records import manifest
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> links = {module.name: "sim:" for module in rig.modules}
+    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
+    >>> clock = WorldClock(world)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> _ = runner.run(seconds=1.0)
+    >>> run = read_run("run.mcap")
+    >>> run.desired.shape, run.commanded.shape
+    ((50, 3), (50, 4))
     """
 
     rig: Rig
@@ -183,6 +200,23 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
     ------
     LogError
         If it can't be read, is no log of a run, or was cut before the run began.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import Demand, RunLog, Runner, RunSettings, World, WorldClock, read_run
+    >>> from tensionlab.records import manifest
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> world, settings, pull = World(rig), RunSettings(rate=50.0), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> links = {module.name: "sim:" for module in rig.modules}
+    >>> log = RunLog("run.mcap", rig, manifest(["an example"]), "newton", settings, links)
+    >>> clock = WorldClock(world)
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, settings, log=log, clock=clock)
+    >>> _ = runner.run(seconds=1.0)
+    >>> run = read_run("run.mcap")
+    >>> len(run), run.rig.name
+    (50, 'bartels2026-validation')
     """
     path = Path(path)
     metadata: dict[str, dict[str, Any]] = {}

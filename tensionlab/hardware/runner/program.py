@@ -45,7 +45,17 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Demand source that plays steps, and stops the run at its end unless it repeats."""
+    """Demand source that plays steps, and stops the run at its end unless it repeats.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.hardware import Program
+    >>> from tensionlab.hardware.runner.program import Step
+    >>> up_and_down = Program("up", (Step(1.0, np.array([0.0, 1.0, 0.0])), Step(1.0, np.zeros(3), ramp=True)))
+    >>> up_and_down.repeat
+    False
+    """
 
     name: str
     steps: tuple[Step, ...]
@@ -72,7 +82,7 @@ class Program:
 
 
 def load_program(path: str | PathLike[str], rig: Rig) -> Program:
-    """Return the program in a TOML file.
+    r"""Return the program in a TOML file.
 
     Parameters
     ----------
@@ -84,6 +94,15 @@ def load_program(path: str | PathLike[str], rig: Rig) -> Program:
     ------
     HardwareError
         Naming the file and the key: what is wrong and what to do.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import load_program
+    >>> _ = Path("push.toml").write_text('steps = [{seconds = 1.0, wrench = [0.0, 1.0, 0.0]}]\nname = "push"')
+    >>> load_program("push.toml", tl.load_rig("bartels2026-validation")).name
+    'push'
     """
     from tensionlab.model.schema import check
 

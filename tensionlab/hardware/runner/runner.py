@@ -91,6 +91,18 @@ class Runner:
     ------
     HardwareError
         If rig and modules do not belong together, or the pose cannot be known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
+    >>> _ = runner.run(seconds=1.0)
+    >>> tl.Status(int(runner.latest.allocation.status)).name
+    'EXACT'
     """
 
     def __init__(

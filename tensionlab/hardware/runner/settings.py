@@ -43,6 +43,12 @@ class RunSettings:
     ------
     HardwareError
         Naming the setting.
+
+    Examples
+    --------
+    >>> from tensionlab.hardware import RunSettings
+    >>> RunSettings(rate=90.0, on_loss="continue").ttl
+    0.25
     """
 
     rate: float = 50.0
@@ -96,6 +102,13 @@ class RealClock:
     ----------
     clients : iterable of ModuleClient, optional
         The simulated ones of this process among them run while somebody waits for the clock.
+
+    Examples
+    --------
+    >>> from tensionlab.hardware import RealClock
+    >>> clock = RealClock()
+    >>> clock.now() <= clock.now()
+    True
     """
 
     real_time = True
@@ -132,6 +145,14 @@ class WorldClock:
     world : World
     paced : bool
         Whether it keeps to real time.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import World, WorldClock
+    >>> world = World(tl.load_rig("floor-3"))
+    >>> WorldClock(world).now() == world.time
+    True
     """
 
     def __init__(self, world: World, *, paced: bool = False) -> None:

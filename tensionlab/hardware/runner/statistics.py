@@ -47,6 +47,18 @@ class Cycle:
         How long after its deadline the cycle began, in s.
     compute_time : float
         What the host needed for it, in s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import Demand, Runner, World, WorldClock
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> world, pull = World(rig), Demand(np.array([0.0, 0.0, 1.5]))
+    >>> runner = Runner(rig, world.group(), "newton", lambda state: pull, clock=WorldClock(world))
+    >>> _ = runner.run(seconds=1.0)
+    >>> runner.latest.commanded.round(1)
+    array([1.5, 2.5, 0.5, 2. ])
     """
 
     state: RigState

@@ -141,6 +141,15 @@ class World:
         At that time.
     watch : callable or None
         Sees each step of all modules while time passes in `advance`: a `Trace` of each, in the rig's order.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import World
+    >>> world = World(tl.load_rig("floor-3"))
+    >>> world.advance(0.1)
+    >>> round(world.time, 3), len(world.modules)
+    (0.1, 3)
     """
 
     def __init__(
