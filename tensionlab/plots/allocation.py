@@ -42,10 +42,27 @@ def plot_allocation(allocation: Allocation, rig: Rig, *, ax: Axes | None = None)
     One wrench is one dot a cable, several are a cloud of dots for each status. With ``ax``, a panel of another
     figure is drawn into.
 
+    Parameters
+    ----------
+    allocation : Allocation
+        Of one wrench or of many.
+    rig : Rig
+        Whose modules they are.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
     Raises
     ------
     ShapeError
         If the rig has another number of cables.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> result = tl.allocate(rig.structure_matrix(rig.home), [1.0, 0.5, 1.0], rig.limits)
+    >>> figure = plots.plot_allocation(result, rig)
     """
     if allocation.tensions.shape[-1] != rig.m:
         raise ShapeError(f"the allocation has {allocation.tensions.shape[-1]} cables, and {rig.name} has {rig.m}")

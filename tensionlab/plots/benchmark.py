@@ -61,6 +61,18 @@ def plot_summary(results: Results, *, ax: Axes | None = None) -> Figure | None:
     Needs no evidence for single problems. Across: the median call, as the geometric mean over the sets. Up: the
     largest error of all, of the wrench or the limits. Those that did not answer all problems are at the top.
     With ``ax``, a panel of another figure is drawn into.
+
+    Parameters
+    ----------
+    results : Results
+        From `tensionlab.benchmark.run`, or `tensionlab.datasets.load`.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> from tensionlab import datasets, plots
+    >>> figure = plots.plot_summary(datasets.load("benchmarks/results"))
     """
     sets = [name for name, about in results.sets.items() if about["reachable"] == "all"]
     rows: dict[str, dict[str, Row]] = {}
@@ -142,6 +154,20 @@ def plot_profile(results: Results) -> Figure:
 
     Dolan and Moré's performance profile, over all feasible sets, of answers to 1e-6 N. One panel for
     each solver, with newton and, in grey, all the others.
+
+    Parameters
+    ----------
+    results : Results
+        With evidence for single problems: a run's own, not those that are committed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensionlab import plots
+    >>> from tensionlab.benchmark.run import Plan, run
+    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
+    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> figure = plots.plot_profile(results)
     """
     lines = _pooled(results)
     labels = list(lines)
@@ -179,6 +205,22 @@ def plot_accuracy(results: Results, *, ax: Axes | None = None) -> Figure | None:
     Across: the median call. Up: the error that 99 % of its answers do not exceed, of the wrench and the limits.
     A line leads from a baseline's default settings to its tight ones. With ``ax``, a panel of another figure is
     drawn into.
+
+    Parameters
+    ----------
+    results : Results
+        With evidence for single problems: a run's own, not those that are committed.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensionlab import plots
+    >>> from tensionlab.benchmark.run import Plan, run
+    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
+    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> figure = plots.plot_accuracy(results)
     """
     dots = []
     for line in _pooled(results).values():
@@ -196,6 +238,22 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
     """Draw the median, the 99.9 % quantile and the worst time of each entry, over all feasible sets.
 
     With ``ax``, a panel of another figure is drawn into.
+
+    Parameters
+    ----------
+    results : Results
+        With evidence for single problems: a run's own, not those that are committed.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensionlab import plots
+    >>> from tensionlab.benchmark.run import Plan, run
+    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
+    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> figure = plots.plot_worst(results)
     """
     lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
     with one_panel(ax, (7.5, 1.3 + 0.22 * len(lines))) as (figure, axes):
@@ -224,10 +282,24 @@ def plot_continuity(results: Results) -> Figure:
 
     Baselines are drawn at their defaults. A gap is where there is no answer.
 
+    Parameters
+    ----------
+    results : Results
+        With evidence for single problems: a run's own, not those that are committed.
+
     Raises
     ------
     InputError
         If there is no trajectory in the results.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tensionlab import plots
+    >>> from tensionlab.benchmark.run import Plan, run
+    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
+    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> figure = plots.plot_continuity(results)
     """
     rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]
     if not rows:

@@ -41,6 +41,20 @@ def plot_comparison(comparison: Comparison) -> Figure:
     Left: desired forces (blue circles) and the error of what the first row's solver rendered (red lines),
     between the directions of the cables. Right, a line per solver: statuses, largest error, largest angle
     error, time of a call.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        From `tensionlab.comparison.compare`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> from tensionlab.comparison.compare import compare
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> found = compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
+    >>> figure = plots.plot_comparison(found)
     """
     rows, spatial = comparison.rows, comparison.rig.dimension == 3
     names = [*dict.fromkeys(row.solver for row in rows), *comparison.missing]

@@ -31,6 +31,20 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
 
     The rig's vertical axis is upright. Body frames are drawn at the origin of the world, a planar rig in its
     plane. With ``ax``, a panel of another figure is drawn into, which for a rig in space has the projection "3d".
+
+    Parameters
+    ----------
+    rig : Rig
+        What is drawn.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> figure = plots.plot_rig(tl.load_rig("seven-modules"))
+    >>> plots.save_figure(figure, "rig.png")
     """
     spatial = rig.dimension == 3
     ends = rig.home + rig.attachments
@@ -115,6 +129,24 @@ def plot_brake_maps(maps: dict[str, BrakeMap], cables: Floats) -> Figure:
 
     Side by side, by their titles, maps over `map_normals` at one position; the structure matrix (3, m) there tells
     where the cables point.
+
+    Parameters
+    ----------
+    maps : mapping of str to BrakeMap
+        By their titles.
+    cables : (3, m) array
+        Structure matrix at the position of the maps.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> from tensionlab.haptics.brakes.choice import brake_map
+    >>> from tensionlab.plots.rig import map_normals
+    >>> rig = tl.load_rig("seven-modules")
+    >>> structure, strengths = rig.structure_matrix(rig.home), [186.0] * rig.m
+    >>> held = brake_map(structure, map_normals(), 60.0, rig.limits, strengths)
+    >>> figure = plots.plot_brake_maps({"brakes": held}, structure)
     """
     latitude, longitude = _grid()
     with new_figure((5.2 * len(maps), 3.6), dpi=110) as figure:

@@ -47,6 +47,11 @@ TIMES = ("start delay", "compute time", "oldest telemetry")
 def plot_run(run: Run) -> Figure:
     """Draw a run, from above: wrench, tension of each module, status and limiters, times.
 
+    Parameters
+    ----------
+    run : Run
+        From `tensionlab.hardware.read_run`.
+
     Examples
     --------
     >>> import numpy as np

@@ -65,6 +65,21 @@ def plot_scenario(played: ScenarioResult, rows: Sequence[Check] | None = None) -
     On the right, over time: its phases, the desired and the rendered force, the tension of each module, brakes and
     module-local effects. Below, the table of expected values, if there is one: these rows, or those of
     `check_scenario`. `InputError` if nothing was played.
+
+    Parameters
+    ----------
+    played : ScenarioResult
+        From `tensionlab.scenarios.play.play`.
+    rows : sequence of Check, optional
+        The table; left out: that of `check_scenario`.
+
+    Examples
+    --------
+    >>> from tensionlab import plots
+    >>> from tensionlab.scenarios import load_scenario
+    >>> from tensionlab.scenarios.play import play, simulate_modules
+    >>> recoil = load_scenario("recoil")
+    >>> figure = plots.plot_scenario(play(recoil, simulate_modules(recoil), seconds=0.5), ())
     """
     run, scenario = played.run, played.scenario
     if not len(run):
@@ -364,6 +379,19 @@ def plot_scenario_layouts(scenarios: Sequence[Scenario], note: str) -> Figure:
     """Draw where modules stand in the room and on the body, with the hand or the head where its script leads it.
 
     All layouts have one scale; the note stands beside the legend.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+        One a panel.
+    note : str
+        Beside the legend.
+
+    Examples
+    --------
+    >>> from tensionlab import plots
+    >>> from tensionlab.scenarios import load_scenario
+    >>> figure = plots.plot_scenario_layouts([load_scenario("bow"), load_scenario("weight")], "Proposals.")
     """
     rows = -(-(len(scenarios) + 1) // LAYOUT_COLUMNS)  # one more place, for the legend
     with style.new_figure((15.0, 3.7 * rows)) as figure:

@@ -133,10 +133,23 @@ def _plain_text(artist: Artist) -> Iterator[None]:
 def save_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure to a file, without dates or versions; the suffix chooses the format: png, pdf or svg.
 
+    Parameters
+    ----------
+    figure : Figure
+        What is written.
+    path : path
+        Of the file; one that is there is replaced.
+
     Raises
     ------
     InputError
         If the suffix is no such format.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> plots.save_figure(plots.plot_rig(tl.load_rig("floor-3")), "rig.svg")
     """
     suffix = Path(path).suffix.lower()
     if suffix not in METADATA:

@@ -30,6 +30,16 @@ def plot_forces(recording: Recording) -> Figure:
     """Draw the desired forces, and what the sensor measured, from the front and from above.
 
     Blue circles: desired forces. Red lines: from there to the measured force. What lies on the far side is pale.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a validation.
+
+    Examples
+    --------
+    >>> from tensionlab import datasets, plots
+    >>> figure = plots.plot_forces(datasets.load("recordings/paper-like-simulated"))
     """
     reach = 1.05 * float(np.abs([recording.desired, recording.measured]).max())
     with new_figure((9.0, 5.2)) as figure:
@@ -63,6 +73,19 @@ def plot_error_sphere(recording: Recording, rig: Rig) -> Figure:
 
     The sphere of directions is seen from above and from below, in Lambert's projection, which keeps areas: the
     middle is straight up or down, the rim is horizontal. Squares are the directions in which the cables pull.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a validation.
+    rig : Rig
+        That was validated.
+
+    Examples
+    --------
+    >>> from tensionlab import datasets, plots
+    >>> recording = datasets.load("recordings/paper-like-simulated")
+    >>> figure = plots.plot_error_sphere(recording, datasets.load("rigs/bartels2026-validation"))
     """
     found = deviations(recording.desired, recording.measured)
     angle, size = found.angle, found.magnitude - np.linalg.norm(recording.desired, axis=1)
@@ -152,6 +175,19 @@ def plot_what_if(trials: Trials, published: Published) -> Figure:
 
     A line each choice, in groups of what differs; choices that come out the same share one. Dotted: what the
     publication measured on its rig.
+
+    Parameters
+    ----------
+    trials : Trials
+        Of many simulated rigs.
+    published : Published
+        What the publication measured.
+
+    Examples
+    --------
+    >>> from tensionlab import datasets, plots
+    >>> trials = datasets.load("what-if/paper-like-simulated")
+    >>> figure = plots.plot_what_if(trials, datasets.load("published/bartels2026-validation"))
     """
     groups = {question: grouped(trials.of(question)) for question in QUESTIONS if trials.of(question)}
     ideal = trials.of(IDEAL)

@@ -76,6 +76,25 @@ def plot_volume(
 
     Parameters and errors as in `plot_slices`, the panel with the projection "3d"; also an `InputError` for a sweep
     that is not over a grid in space.
+
+    Parameters
+    ----------
+    swept : Dataset
+        From `tensionlab.sweep` over a grid.
+    level : float
+        Of the metric, in its unit.
+    metric : str, optional
+        Name of the variable; left out: the first.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> figure = plots.plot_volume(swept, level=0.5)
     """
     field = read_field(swept, metric)
     if ax is not None:
@@ -141,6 +160,23 @@ def plot_layouts(around: xarray.Dataset, target: xarray.Dataset, level: float) -
 
     Both data sets are of the same rigs and metric, from `tensionlab.sweep`: over a grid of all that is drawn, and
     over one of the target alone.
+
+    Parameters
+    ----------
+    around, target : Dataset
+        Over a grid of all that is drawn, and over one of the target alone.
+    level : float
+        Of the metric, in its unit.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> hand = tl.workspace.box([-0.1, 0.1], [0.2, 0.4], [-0.1, 0.1], step=0.1)
+    >>> target = tl.sweep(tl.load_rig("bartels2026-validation"), hand, "capacity-margin", progress=False)
+    >>> figure = plots.plot_layouts(swept, target, level=0.5)
     """
     wide, narrow = read_field(around), read_field(target)
     count = len(wide.names)
@@ -171,6 +207,22 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
 
     The line joins those that no other beats with as many modules or fewer. With ``ax``, a panel of another figure
     is drawn into.
+
+    Parameters
+    ----------
+    found : LayoutSearch
+        From `tensionlab.workspace.search_layout`.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4, 5))
+    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
+    >>> found = tl.workspace.search_layout(space, hand, tl.workspace.Objective(), generations=1, starts=1)
+    >>> figure = plots.plot_front(found)
     """
     with one_panel(ax, (6.5, 4.2)) as (figure, axes):
         for layouts, look in ((found.layouts, OFF_FRONT), (found.front, ON_FRONT)):

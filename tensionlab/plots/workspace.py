@@ -57,6 +57,14 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     ------
     InputError
         If there is no such variable or no grid; several rigs for one panel.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> figure = plots.plot_slices(swept)
     """
     field = read_field(swept, metric)
     if ax is not None:
@@ -84,6 +92,19 @@ def plot_metrics(swept: xarray.Dataset) -> Figure:
     """Draw every metric of a sweep, a row each, over a slice of space for each rig, a column each.
 
     Parameters and errors as in `plot_slices`.
+
+    Parameters
+    ----------
+    swept : Dataset
+        From `tensionlab.sweep` over a grid.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> figure = plots.plot_metrics(swept)
     """
     fields = [read_field(swept, str(name)) for name in swept.data_vars]
     rigs = len(fields[0].names)
@@ -151,6 +172,23 @@ def plot_shares(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
 
     Parameters and errors as in `plot_slices`, but any number of rigs is one panel. A pose without a value counts
     as one where nothing can be done.
+
+    Parameters
+    ----------
+    swept : Dataset
+        From `tensionlab.sweep` over a grid.
+    metric : str, optional
+        Name of the variable; left out: the first.
+    ax : Axes, optional
+        Panel of another figure to draw into.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> swept = tl.sweep(tl.load_rig("bartels2026-validation"), grid, "capacity-margin", progress=False)
+    >>> figure = plots.plot_shares(swept, "capacity-margin")
     """
     field = read_field(swept, metric)
     with one_panel(ax, (7.5, 5.0)) as (figure, axes):
@@ -261,6 +299,25 @@ def plot_anchor_count(published: list[xarray.Dataset], room: xarray.Dataset) -> 
     """Draw slices of published rigs, one a data set, and of rigs in one room, and what each share of it allows.
 
     All are from `tensionlab.sweep`, with the same metric.
+
+    Parameters
+    ----------
+    published : list of Dataset
+        One for each rig, from `tensionlab.sweep`.
+    room : Dataset
+        Of rigs in one room.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab import plots
+    >>> grid = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], 0.0, step=0.25)
+    >>> rigs = [tl.load_rig("bartels2026-validation"), tl.load_rig("seven-modules")]
+    >>> published = [tl.sweep(rig, grid, "capacity-margin", progress=False) for rig in rigs]
+    >>> counts = tl.workspace.vary(tl.ring_plus_top, side=1.0, count=[3, 4, 5])
+    >>> inside = tl.workspace.box([-1.0, 1.0], [0.0, 2.0], [-1.0, 1.0], step=0.5)
+    >>> room = tl.sweep(counts, inside, "capacity-margin", progress=False)
+    >>> figure = plots.plot_anchor_count(published, room)
     """
     singles, many = [read_field(swept) for swept in published], read_field(room)
     levels = shade_levels([*singles, many])

@@ -168,6 +168,11 @@ def is_split(effect: object) -> TypeGuard[SplitEffect]:
 def relative(motion: Motion, to: Motion) -> Motion:
     """Return the motion of one hand as seen from another: for what is between the two, such as a bow.
 
+    Parameters
+    ----------
+    motion, to : Motion
+        Of the one hand and of the other.
+
     Examples
     --------
     >>> import numpy as np

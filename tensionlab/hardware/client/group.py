@@ -215,12 +215,31 @@ def _collecting(failed: dict[ModuleClient, HardwareError], client: ModuleClient)
 def connect(rig: Rig, links: Mapping[str, str | Link]) -> ModuleGroup:
     """Connect to all modules of a rig, by the link of each or its URL, by name.
 
+    Parameters
+    ----------
+    rig : Rig
+        Whose modules are reached.
+    links : mapping of str to str or Link
+        A link of each module, or its URL, by the module's name.
+
     Raises
     ------
     LinkError
         A link cannot be opened; the others are closed again.
     HardwareError
         Names that are not those of the rig's modules.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import World, connect
+    >>> from tensionlab.hardware.simulation.links import SimulatedLink
+    >>> rig = tl.load_rig("floor-3")
+    >>> modules = World(rig).modules  # real ones have URLs: see `load_modules`
+    >>> links = {module.name: SimulatedLink(simulated) for module, simulated in zip(rig.modules, modules)}
+    >>> group = connect(rig, links)
+    >>> group.clients[0].hello().firmware
+    2
     """
     names = [module.name for module in rig.modules]
     for name in links:
@@ -255,6 +274,11 @@ def modules_to_toml(links: Mapping[str, str]) -> str:
 
 def load_modules(path: str | Path) -> dict[str, str]:
     """Return the link of each module of a modules file, by name.
+
+    Parameters
+    ----------
+    path : path
+        A TOML file; `tensionlab simulate` prints one.
 
     Raises
     ------

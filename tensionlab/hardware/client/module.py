@@ -82,6 +82,18 @@ class ModuleClient:
         Whether telemetry has reported, in ARMED or RUNNING, the number of the latest ARM or a set-point since.
     on_message : callable or None
         Called with each unrequested message.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.hardware import ModuleClient, World
+    >>> from tensionlab.hardware.simulation.links import SimulatedLink
+    >>> simulated = World(tl.load_rig("floor-3")).modules[0]
+    >>> client = ModuleClient("floor-1", SimulatedLink(simulated))  # or the URL of a real one
+    >>> client.arm()
+    >>> client.set_tension(2.0) > 0  # its sequence number
+    True
+    >>> client.stop()
     """
 
     def __init__(self, name: str, link: Link | str, seed: int | None = None) -> None:
