@@ -175,6 +175,11 @@ class Platform:
     com: Floats | None = None
     inertia: Floats | None = None
 
+    def __repr__(self) -> str:
+        com = "" if self.com is None else f", centre of mass at {display.vector(self.com)} m"
+        inertia = "" if self.inertia is None else f", inertia {display.vector(np.diag(self.inertia))} kg·m²"
+        return f"<Platform of {self.mass:g} kg{com}{inertia}>"
+
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):
             raise RigError(f'[platform]: key "mass" is {self.mass}; give a finite mass in kg, above zero')

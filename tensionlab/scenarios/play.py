@@ -64,8 +64,7 @@ class ScenarioResult:
         return f"<ScenarioResult {self.scenario.name}: {self.statistics.title}, {self.statistics.answers}>"
 
     def _repr_html_(self) -> str:
-        title = f"{self.scenario.title}: {self.statistics.title}"
-        return display.table(title, [], self.statistics.rows())
+        return self.statistics.table(f"{self.scenario.title}: {self.statistics.title}")
 
     def plot(self) -> Figure:
         """Draw layout, forces, tensions, brakes and expected values: `tensionlab.plots.plot_scenario`."""

@@ -49,6 +49,10 @@ class AlignedForces:
     forces: Floats
     score: ForceScore
 
+    def __repr__(self) -> str:
+        errors = f"{self.score.angle.mean.value:.1f}°, error vector {self.score.vector.mean.value:.2f} N"
+        return f"<AlignedForces turned by {self.angle:.1f}°: mean angle error {errors}>"
+
 
 @dataclass(frozen=True, eq=False)
 class ValidationResult:

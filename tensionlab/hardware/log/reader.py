@@ -391,7 +391,7 @@ class RunReport:
             f"{event.time:.3f} s, {event.kind} {event.module}".strip() + f": {event.text}" for event in self.events
         ]
         modules = display.table("", MODULE_HEADINGS, (module.cells for module in self.modules), notes[:MAX_EVENTS])
-        return display.table(title, [], self.statistics.rows()) + modules
+        return self.statistics.table(title) + modules
 
     def summary(self) -> dict[str, Any]:
         """Return it as plain numbers and texts, for JSON."""

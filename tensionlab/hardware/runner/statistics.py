@@ -98,7 +98,18 @@ class Statistics:
         return f"<Statistics of {self.title}: {self.answers}, {self.missed} missed>"
 
     def _repr_html_(self) -> str:
-        return display.table(self.title, [], self.rows())
+        return self.table(self.title)
+
+    def table(self, title: str) -> str:
+        """Return the lines in HTML, one for each status."""
+        answers: list[tuple[display.Mark | str, str]] = [
+            (display.status_mark(status), display.count(self.statuses[status], "cycle"))
+            for status in STATUSES
+            if self.statuses[status]
+        ]
+        if self.fallback_used:
+            answers.append(("by newton, as fallback of the solver", display.count(self.fallback_used, "cycle")))
+        return display.table(title, [], [*answers, *self.rows()[1:]])
 
     @property
     def title(self) -> str:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tensionlab import display
 from tensionlab.arrays import Floats, Integers, as_floats
 from tensionlab.errors import RigError
 from tensionlab.files.reading import brief
@@ -51,6 +52,10 @@ class Surface:
     corner: Floats
     edges: Floats
     frame: str = WORLD
+
+    def __repr__(self) -> str:
+        edges = ", ".join(map(display.vector, self.edges))
+        return f"<Surface {self.name}: from {display.vector(self.corner)} m along {edges} m>"
 
     def __post_init__(self) -> None:
         require_name(self.name, "surface", "name", "give every surface a name")
@@ -155,6 +160,12 @@ class Space:
     limits: tuple[float, float] = LIMITS
     fixed: tuple[Module, ...] = ()
     frames: Mapping[str, Frame] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        names = ", ".join(surface.name for surface in self.surfaces)
+        fixed = f", {len(self.fixed)} fixed" if self.fixed else ""
+        modules = " or ".join(map(str, self.counts))
+        return f"<Space: {modules} modules{fixed} on {names}, {display.extent(self.limits)} N>"
 
     def __post_init__(self) -> None:
         for key in ("surfaces", "counts", "fixed"):
