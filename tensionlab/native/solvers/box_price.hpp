@@ -31,7 +31,7 @@ struct BoxPrice {
   V cable(int i, const V& q, V& give) const {
     const V zero = V{}, one = zero + Real(1);
     const V wanted = reference[i] + q;
-    give = ((wanted > lower[i]) & (wanted < upper[i])) | (q == zero) ? one : zero;
+    give = (((wanted > lower[i]) & (wanted < upper[i])) | (q == zero)) ? one : zero;
     return smaller(larger(wanted, lower[i]), upper[i]);
   }
 

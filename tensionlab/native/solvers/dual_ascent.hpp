@@ -134,7 +134,7 @@ class DualAscent {
     V step = one, low = zero, high = zero + kFar;
     look(step);
     auto open = slope_ > zero;
-    full_ = (open & (magnitude(along_) <= kRoot * slope_)) | (error_ <= accepted_) ? one : zero;
+    full_ = ((open & (magnitude(along_) <= kRoot * slope_)) | (error_ <= accepted_)) ? one : zero;
     for (int round = 0; round < kSearchRounds; ++round) {
       open = open & (magnitude(along_) > kRoot * slope_) & (error_ > accepted_);
       if (!any(open)) return;
@@ -145,7 +145,7 @@ class DualAscent {
       const auto unbounded = high >= zero + kFar;
       const V patient = round % 3 == 2 ? middle : newton;  // Newton steps alone may creep
       const V next = unbounded ? (newton > Real(1.9) * step ? V(kLeap * step) : newton) : patient;
-      step = open ? ((next > low) & (next < high) ? next : middle) : step;
+      step = open ? (((next > low) & (next < high)) ? next : middle) : step;
       look(step);
     }
     step = open ? low : step;

@@ -174,7 +174,7 @@ class DualStep {
     const auto lost = doubtful & (outside > zero);
     // Before the root of the slope the dual has grown; beyond it that must be seen.
     const auto flat = (magnitude(slope) <= kFlat * first_slope_) & ((slope >= zero) | (value > last_value_));
-    const V take = (unseen_ > zero) | maximal | flat | lost | close | (magnitude(slope) <= root) ? one : zero;
+    const V take = ((unseen_ > zero) | maximal | flat | lost | close | (magnitude(slope) <= root)) ? one : zero;
 
     separated = lost ? one : zero;
     settled = zero;
@@ -244,7 +244,7 @@ class DualStep {
       const V tension = smaller(larger(wanted_[i], lower), upper);
       gap += larger(V(along * (lower - tension)), V(along * (upper - tension)));
     }
-    settled = maximal & (change <= 4 * noise) & (gap <= 4 * noise * norm) ? one : zero;
+    settled = (maximal & (change <= 4 * noise) & (gap <= 4 * noise * norm)) ? one : zero;
     const V least =
         problem_.gain * problem_.gain * larger(V(zero + kProximalFloor), V(kProximalShare * error / size_));
     const V less = smaller(proximal_, larger(V(kProximalFall * proximal_), least));

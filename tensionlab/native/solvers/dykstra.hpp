@@ -142,7 +142,7 @@ class Dykstra {
       gap += larger(V(along * (lower_[i] - tensions_[i])), V(along * (upper_[i] - tensions_[i])));
     }
     const V square = accepted_ * accepted_;
-    done_ = (error <= square) | (gap * gap <= square * distance) ? V{} + Real(1) : V{};
+    done_ = ((error <= square) | (gap * gap <= square * distance)) ? V{} + Real(1) : V{};
   }
 
   int m_, period_ = 8;  // iterations in a step; the test at its end costs about as much as two

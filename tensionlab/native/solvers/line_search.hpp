@@ -74,8 +74,8 @@ class LineSearch {
       const V pace = one / (along_[i] == zero ? zero + Real(1e-30) : along_[i]);
       const V at_lower = one + (problem_.lower[i] - wanted_[i]) * pace;
       const V at_upper = one + (problem_.upper[i] - wanted_[i]) * pace;
-      first = (at_lower > low) & (at_lower < first) ? at_lower : first;
-      first = (at_upper > low) & (at_upper < first) ? at_upper : first;
+      first = ((at_lower > low) & (at_lower < first)) ? at_lower : first;
+      first = ((at_upper > low) & (at_upper < first)) ? at_upper : first;
     }
     const V root = (low * high_slope - high * low_slope) / (high_slope - low_slope);
     return first < high ? first : root;

@@ -108,7 +108,7 @@ class NearestFace {
     dependent_ = open ? dependent : dependent_;
     steps_ += open_;
     const auto stopped = stop.cable >= zero;
-    flat_ = open & !stopped ? one : zero;
+    flat_ = (open & !stopped) ? one : zero;
     if (!any(stopped)) return;
     for (int i = 0; i < problem_.m; ++i) {
       const auto it = stopped & (stop.cable == zero + Real(i));

@@ -116,7 +116,7 @@ struct HalfSpaces {
       }
       const V reach = height / length;
       for (int l = 0; l < L; ++l) {
-        if (!read<double>(spans ? V{} + 1 : V{}, l)) continue;
+        if (read<double>(spans ? V{} + 1 : V{}, l) == 0) continue;
         double each[kMaxComponents];
         for (int k = 0; k < n; ++k) each[k] = read<double>(unit[k], l);
         add(row[l], used[l], each, read<double>(middle, l), read<double>(reach, l));
