@@ -113,6 +113,9 @@ class ModuleGroup:
         commands: dict[ModuleClient, Message] = {client: client.new_session() for client in self.clients}
         taut = dict(zip(self.clients, tensions, strict=True))
         _, failed = self._together(commands, Acknowledge, taut)
+        if again := [client for client, error in failed.items() if client.session_was_used(error)]:
+            _, still = self._together({client: client.new_session() for client in again}, Acknowledge, taut)
+            failed = {client: error for client, error in failed.items() if client not in again} | still
         for client in self.clients:
             client.forget_refusals()  # of set-points that were there before the module was armed
         for error in failed.values():

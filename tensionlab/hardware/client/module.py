@@ -102,7 +102,7 @@ class ModuleClient:
         self.session = 0
         self.telemetry: Received[Telemetry] | None = None
         self.stale_frames = self.repeated = 0
-        self.followed_since_arm = False
+        self.followed_since_arm = self._arm_repeated = False
         self.state: State | None = None
         self.faults = Fault(0)
         self.on_message: Callable[[Received[Message]], None] | None = None
@@ -177,11 +177,12 @@ class ModuleClient:
         if sequence is None:
             sequence = self._next_set_point() if isinstance(command, messages.Arm) else self._next()
             if isinstance(command, messages.Arm):
-                self._armed, self.followed_since_arm = sequence, False
+                self._armed, self.followed_since_arm, self._arm_repeated = sequence, False, False
             with self._arrived:
                 self._answers.pop(sequence, None)
             self.link.send(command.frame(sequence).pack())
             return sequence
+        self._arm_repeated |= isinstance(command, messages.Arm)
         # No answer: does the module speak protocol 1?
         self._listener = self._listener or messages.Protocol1Listener()
         frame = command.frame(sequence)
@@ -265,12 +266,24 @@ class ModuleClient:
 
     def arm(self) -> None:
         """Make the module pull with the taut minimum, and wait for set-points of a new session."""
-        self.command(self.new_session())
+        try:
+            self.command(self.new_session())
+        except ModuleFault as error:
+            if not self.session_was_used(error):
+                raise
+            self.command(self.new_session())
 
     def new_session(self) -> messages.Arm:
         """Draw a session, which a module accepts only once, and return the command that begins it."""
         self.session = self._random.randrange(1, 1 << 16)
         return messages.Arm(self.session)
+
+    def session_was_used(self, error: HardwareError) -> bool:
+        """Tell whether arming failed because an earlier host drew the same session: one in 65,535 does.
+
+        Not where the command was repeated: it may have armed the module, and been stopped since by somebody else.
+        """
+        return isinstance(error, ModuleFault) and error.code is Code.BAD_SESSION and not self._arm_repeated
 
     def wait(self, seconds: float) -> None:
         """Let time pass by the module's link: a simulated module runs meanwhile, a real one does so anyway."""

@@ -4,6 +4,7 @@ import threading
 from collections import Counter
 from functools import partial
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -183,6 +184,17 @@ def test_one_that_refuses_to_be_armed_is_told_and_the_others_may_be_armed():
     for index in (0, 2, 3):
         modules.group.clients[index].check()
     assert modules.group.stop() == {}
+
+
+def test_a_session_that_an_earlier_host_drew_too_is_drawn_again():
+    modules = Modules().pull()
+    assert modules.group.stop() == {}
+    chosen = modules.group.clients[::2]
+    for client, session in [(client, client.session) for client in chosen]:
+        client._random = Mock(**{"randrange.side_effect": [session, 4711]})
+    modules.group.arm([1.0] * RIG.m)
+    assert [client.session for client in chosen] == [4711, 4711]
+    assert set(modules.states) <= {State.ARMED, State.RUNNING}
 
 
 def test_modules_whose_links_close_release_and_a_broken_link_keeps_none_from_it():

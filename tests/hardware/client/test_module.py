@@ -4,6 +4,7 @@ from tensionlab.errors import LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import open_link
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.protocol.codes import Calibration, Code, State
+from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.simulation.links import SimulatedLink
 from tensionlab.hardware.simulation.simulated_module import STEP_S, SimulatedModule
 
@@ -40,6 +41,37 @@ def test_silence_makes_it_let_go_and_the_next_check_says_so(client):
         client.check()
     assert caught.value.module == "one"
     assert caught.value.code is State.TIMEOUT
+
+
+def test_a_session_that_an_earlier_host_drew_too_is_drawn_again(client):
+    for _ in range(2):  # the second host draws what the first one has drawn
+        with ModuleClient("one", SimulatedLink(client.link.module), seed=5) as host:
+            host.arm()
+            host.set_tension(2.0)
+            host.listen(0.02)
+            host.check()
+            host.stop()
+
+
+def test_a_module_that_was_stopped_before_arm_was_repeated_stays_stopped(client):
+    class LosesAnAnswer(SimulatedLink):
+        """A link whose first answer is lost, while another host stops the module."""
+
+        lost = False
+
+        def receive(self, timeout):
+            content = super().receive(timeout)
+            if content and not self.lost:
+                self.lost = True
+                self.module.receive(Stop().frame(9).pack())
+                self.module.transmit()
+                return b""
+            return content
+
+    with ModuleClient("one", LosesAnAnswer(client.link.module)) as host:
+        with pytest.raises(ModuleFault, match="refused Arm: BAD_SESSION"):
+            host.arm()
+        assert host.state is State.IDLE
 
 
 def test_what_a_module_refuses_is_an_error_with_its_code(client):
