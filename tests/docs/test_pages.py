@@ -37,6 +37,8 @@ DOCS = ROOT / "docs"
 PAGES = [
     *sorted((DOCS / "concepts").glob("*.md")),
     *sorted((DOCS / "how-to").glob("*.md")),
+    DOCS / "get-started" / "index.md",
+    DOCS / "index.md",
     DOCS / "which-solver.md",
 ]
 FENCE = re.compile(r"^```(?P<kind>[^\n`]*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
