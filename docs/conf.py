@@ -84,6 +84,7 @@ modindex_common_prefix = ["tensionlab."]
 
 html_theme = "pydata_sphinx_theme"
 html_title = "tensionlab"
+html_favicon = "static/icon.svg"
 html_static_path = ["static"]
 html_extra_path = ["extra"]
 html_css_files = ["site.css"]
@@ -92,7 +93,12 @@ html_copy_source = False
 templates_path = ["docs/templates"]  # seen from the root of the repository
 html_sidebars = {"docs/index": [], "docs/which-solver": [], "docs/glossary": [], "CHANGELOG": []}
 html_theme_options = {
-    "logo": {"text": "tensionlab"},
+    "logo": {
+        "text": "tensionlab",
+        "image_light": "static/icon.svg",
+        "image_dark": "static/icon.svg",
+        "alt_text": "",
+    },
     "navbar_align": "left",
     "header_links_before_dropdown": 7,
     "header_dropdown_text": "More",

@@ -281,7 +281,7 @@ def load_modules(path: str | Path) -> dict[str, str]:
     Parameters
     ----------
     path : path
-        A TOML file; `tensionlab simulate` prints one.
+        A TOML file; ``tensionlab simulate`` prints one.
 
     Raises
     ------
