@@ -208,7 +208,8 @@ def main() -> None:
     for key in ("sets", "solvers"):
         what[key] = None if what[key] is None else tuple(what[key])
     # Backends print to stdout as well; only messages may reach the process that reads it.
-    with os.fdopen(os.dup(1), "w") as messages, suppress(BrokenPipeError):
+    # What nobody reads any more is no error, nor when the file is closed.
+    with suppress(BrokenPipeError), os.fdopen(os.dup(1), "w") as messages:
         os.dup2(2, 1)
 
         def send(key: str, value: object) -> None:

@@ -1,8 +1,9 @@
 import json
+import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,7 +14,7 @@ from tensionlab import records
 from tensionlab.benchmark import results
 from tensionlab.benchmark.problem_sets import PROBLEM_SETS
 from tensionlab.benchmark.results import EVIDENCE
-from tensionlab.benchmark.run import ONE_THREAD, Plan, measure_here, plan, run
+from tensionlab.benchmark.run import ONE_THREAD, Plan, main, measure_here, plan, run
 from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
 
 
@@ -143,3 +144,21 @@ def test_results_that_their_folder_does_not_take_are_kept_elsewhere(tmp_path):
     assert kept != tmp_path / "gone"
     assert results.read(kept).sets.keys() == {"edge"}
     shutil.rmtree(kept)
+
+
+def test_a_measuring_process_ends_in_silence_where_nobody_hears_it(monkeypatch):
+    reader, writer = os.pipe()
+    os.close(reader)
+    heard = []
+
+    def measure(what, folder, call, progress):
+        heard.append(what)
+        progress(0.5)
+
+    order = {"plan": asdict(plan(quick=True)), "folder": "new", "call": "bench"}
+    monkeypatch.setattr("tensionlab.benchmark.run.measure_here", measure)
+    monkeypatch.setattr("tensionlab.benchmark.run.os.dup", lambda _: writer)
+    monkeypatch.setattr("tensionlab.benchmark.run.os.dup2", lambda *_: None)
+    monkeypatch.setattr(sys, "argv", ["run", json.dumps(order)])
+    main()
+    assert heard == [plan(quick=True)]
