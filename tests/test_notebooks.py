@@ -1,8 +1,10 @@
-"""The notebooks run from top to bottom without an error or a warning, and are committed without outputs."""
+"""The notebooks run from top to bottom without an error or a warning, their exercises can be solved, and they are
+committed without outputs. `tests/test_wheel.py` runs some of them where only the wheel and its extras are."""
 
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +16,7 @@ import nbformat
 import numpy as np
 import pytest
 from IPython.core.interactiveshell import InteractiveShell
-from IPython.core.pylabtools import activate_matplotlib
+from IPython.core.pylabtools import activate_matplotlib, select_figure_formats
 from IPython.utils.capture import capture_output
 from jupyter_client.kernelspec import KernelSpecManager
 from jupyter_client.manager import AsyncKernelManager
@@ -29,6 +31,66 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 INLINE = "module://matplotlib_inline.backend_inline"
 """The backend with which kernels show figures below their cells."""
+NO_IDIOMS = ("Image(", "root =", 'Path("..', "style.use", "set_printoptions", "rcParams")
+"""Pictures through files, what only a clone has, and settings that outlast their cell."""
+EXERCISE = re.compile(r"\d\. \S[^\n]*\n   \*Hint:\* [^\n]*\S")
+SOLUTIONS = {
+    "01_allocation": """
+found = tl.allocate(rig.structure_matrix(rig.home), [10.0, 5.0, 10.0], rig.limits, nearest="direction")
+assert round(15 * found.scale, 2) == 4.15
+worst = many.residual.argmax()
+assert many.status[worst] == tl.Status.NEAREST and abs(grid18()[worst, 1]) < 0.4  # nearly sideways
+assert tl.allocate(W, force, (0.0, 6.0)).status == tl.Status.EXACT
+""",
+    "02_solver_benchmark": """
+solved = table.loc["near-singular"].query("solved_1e9 == 1")
+assert ("newton", "proved") in solved.index and ("daqp", "tight") not in solved.index
+(row,) = (row for row in results.of_set("edge") if row.label == "qpsolvers:osqp, default")
+tried = [error for error in row.errors if error == error]
+assert sum(error > 1e-6 for error in tried) > len(tried) / 2 and max(tried) < 0.1
+times = table["median_s"].groupby(level=["solver", "problem_set"]).min().unstack()
+assert 1.3 < (times["edge"] / times["point"])["dykstra"] < 1.7
+""",
+    "03_workspace": """
+assert round(100 * float((swept["capacity-margin"] >= 2).mean()), 1) == 1.8
+stronger = tl.workspace.vary(rig, limits=[(0.5, 6), (0.5, 12)])
+medians = tl.workspace.summary(tl.sweep(stronger, cube, "capacity-margin")).to_pandas()["median"]
+assert 2.1 < medians[1] / medians[0] < 2.3  # the taut minimum costs less of it
+poses = tl.workspace.Grid(np.linspace(-4, 4, 81), np.linspace(-3, 3, 61), [1.0])
+assert tl.sweep(ipanema, poses, "wrench-closure")["wrench-closure"].sum() == 3477
+""",
+    "04_design_a_rig": """
+def distance(z):
+    metric = tl.workspace.BodyDistance((tl.workspace.Capsule([0.0, 1.55, z], radius=0.12),))
+    return tl.sweep(rig, task.target, metric)["body-distance"].min()
+assert distance(-0.9) < 0.2 < distance(-1.1)
+""",
+    "05_hardware": """
+run_data = exact.to_xarray()
+late = [float(abs(run_data.commanded.shift(cycle=k) - run_data.measured).mean()) for k in range(3)]
+assert late[1] < 1e-6 < 0.05 < min(late[0], late[2])
+slow, fast = (replay(each, ["newton"]).rows[1].jump_max for each in (exact, run("newton", rate=200.0)))
+assert fast < slow / 3
+def demand(state):
+    force = -20.0 * state.twist[:3]
+    return Demand(force * min(1.0, 3.0 / max(np.linalg.norm(force), 1e-9)))
+honey = run("newton")
+assert 0.8 < np.linalg.norm(honey.desired[-1]) < 1.2  # at 5 cm/s
+""",
+    "06_validation": """
+means = [measure("paper-like", 14, seed=seed).aligned["paper"].score.angle.mean.value for seed in (0, 2)]
+assert means[1] > 1.3 * means[0]
+errors = trials.to_pandas().query("question == 'error'")
+assert errors.groupby("choice")["vector"].median().idxmax() == "gain"
+worst = np.linalg.norm(result.aligned["paper"].forces - result.desired, axis=1).argmax()
+assert result.desired[worst][0] < -1.0
+""",
+    "07_scenarios": """
+half = lift(0.5)
+assert half.force[:, 2].min() > 0.58 * rendered.force[:, 2].min()
+""",
+}
+"""Solutions of the exercises that take no long search or play, and what they find."""
 
 
 def load(path: Path) -> Any:
@@ -54,6 +116,7 @@ def shell(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
         shell = InteractiveShell.instance(config=Config(HistoryManager={"enabled": False}))
         activate_matplotlib(INLINE)
         configure_inline_support(shell, INLINE)
+        select_figure_formats(shell, {"png"})  # which that does for the first shell of a process only
         yield shell
         plt.close("all")
         plt.switch_backend(backend)
@@ -75,14 +138,31 @@ def test_committed_without_outputs(path: Path) -> None:
 
 
 @each
+def test_reads_as_the_others_do(path: Path) -> None:
+    """A title, what to install, a story, and at the end exercises of two lines, with a hint."""
+    notebook = load(path)
+    first, last = notebook.cells[0].source, notebook.cells[-1].source
+    assert re.match(r"# \S.*\n\n(.|\n)*It needs `pip install \"?tensionlab[^`]* jupyterlab`\.", first)
+    assert 2 <= len(EXERCISE.findall(last.partition("## Exercises\n\n")[2])) <= 3
+    source = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code")
+    assert [idiom for idiom in NO_IDIOMS if idiom in source] == []
+
+
+@each
 def test_runs(path: Path, shell: InteractiveShell) -> None:
-    """Warnings are errors here."""
+    """Warnings are errors here. Pictures have words, for those who do not see them."""
     for cell in load(path).cells:
         if cell.cell_type == "code":
             with capture_output() as captured:
                 ran = shell.run_cell(cell.source)
             ran.raise_error()
             assert not captured.stderr, f"cell {cell.id} complains: {captured.stderr}"
+            pictures = sum("image/png" in output.data for output in captured.outputs)
+            words = cell.metadata.get("mystnb", {}).get("image", {}).get("alt", "")
+            assert pictures == bool(words), f"cell {cell.id} draws {pictures} figures; it is described: {words!r}"
+    with capture_output():
+        solved = shell.run_cell(SOLUTIONS[path.stem])
+    solved.raise_error()
 
 
 def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
@@ -100,15 +180,6 @@ def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.realtime  # a kernel in a process of its own
-def test_one_runs_in_a_kernel_of_its_own(folder: Path, tmp_path: Path) -> None:
-    notebook = load(NOTEBOOKS[0])
-    execute(notebook, folder, tmp_path)
-    for cell in notebook.cells:
-        for output in cell.get("outputs", []):
-            assert output.get("name") != "stderr", f"cell {cell.id} complains: {output.text}"
-
-
-@pytest.mark.realtime
 def test_figures_and_tables_show_once_in_a_kernel_with_or_without_pyplot(folder: Path, tmp_path: Path) -> None:
     sources = [
         "import tensionlab as tl; rig = tl.load_rig('tetra-4'); rig.plot()",

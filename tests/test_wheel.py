@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -104,6 +105,14 @@ COMPLETE = [
 """What works with all extras but that of the reference ..."""
 SUFFIXES = {".mcap", ".parquet", ".png", ".zarr"}
 """... and what it writes."""
+NOTEBOOK = """
+import json, pathlib, sys
+from IPython.core.interactiveshell import InteractiveShell
+shell = InteractiveShell.instance()
+for cell in json.loads(pathlib.Path(sys.argv[1]).read_text(encoding="utf-8"))["cells"]:
+    if cell["cell_type"] == "code":
+        shell.run_cell("".join(cell["source"])).raise_error()
+"""
 
 
 def required(name: str, extras: frozenset[str] = frozenset()) -> Iterator[importlib.metadata.Distribution]:
@@ -212,12 +221,32 @@ def test_what_needs_an_extra_names_it(told: dict[str, tuple[int, str, str]], com
     assert (code, len(last) <= 300, "Traceback" in err) == (2, True, False)
 
 
-@pytest.mark.slow
-def test_with_the_extras_all_verbs_work_in_another_folder(installed: Path, tmp_path: Path) -> None:
-    site = environment(tmp_path / "venv", required("tensionlab", EXTRAS))
+def with_extras(folder: Path, installed: Path, extras: frozenset[str], others: Iterable[str] = ()) -> Path:
+    """Return the Python of an environment in that folder: the wheel with these extras, and other distributions."""
+    more = [each for name in others for each in (importlib.metadata.distribution(name), *required(name))]
+    site = environment(folder / "venv", [*required("tensionlab", extras), *more])
     for part in installed.glob("lib/python*/site-packages/tensionlab*"):
         (site / part.name).symlink_to(part)
-    done = verbs(tmp_path / "venv" / "bin" / "python", COMPLETE)
+    return folder / "venv" / "bin" / "python"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stem", ["01_allocation", "03_workspace", "06_validation"])
+def test_a_notebook_needs_the_wheel_and_what_it_names(
+    installed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stem: str
+) -> None:
+    path = ROOT / "notebooks" / f"{stem}.ipynb"
+    first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
+    named = re.search(r"tensionlab\[([a-z,]+)\]", first)
+    extras = frozenset(named[1].split(",")) if named else frozenset()
+    monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
+    done = call(with_extras(tmp_path, installed, extras, ["ipykernel"]), "-c", NOTEBOOK, path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.slow
+def test_with_the_extras_all_verbs_work_in_another_folder(installed: Path, tmp_path: Path) -> None:
+    done = verbs(with_extras(tmp_path, installed, EXTRAS), COMPLETE)
     assert {command: (code, err) for command, (code, _, err) in done.items() if code} == {}
     assert all(out for _, out, _ in done.values())
     files = [
