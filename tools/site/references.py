@@ -56,7 +56,8 @@ def resolve(app: Any, env: Any, node: Any, contnode: nodes.TextElement) -> nodes
         return None
     target = node["reftarget"].lstrip(".~")
     domain = env.domains["py"]
-    listed = [name for name in domain.objects if name == target or name.endswith(f".{target}")]
+    end = target.removeprefix("tensionlab.")
+    listed = [name for name in domain.objects if name.endswith(f".{end}")]
     if len(pages := {domain.objects[name].node_id: name for name in listed}) == 1:
         (name,) = pages.values()
         entry = domain.objects[name]
