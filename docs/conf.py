@@ -97,7 +97,7 @@ html_theme_options = {
         "text": "tensionlab",
         "image_light": "static/icon.svg",
         "image_dark": "static/icon.svg",
-        "alt_text": "",
+        "alt_text": "Four cables that pull on one point",
     },
     "navbar_align": "left",
     "header_links_before_dropdown": 7,
