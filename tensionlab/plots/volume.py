@@ -131,12 +131,13 @@ def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
     ends = np.array([[axis[0], axis[-1]] for axis in field.axes.values()])
     low, high = np.minimum(ends[:, 0], anchors.min(axis=0)), np.maximum(ends[:, 1], anchors.max(axis=0))
     axes.view_init(elev=18, azim=-62, vertical_axis=field.up)
-    axes.set_box_aspect(high - low, zoom=0.9)
+    axes.set_box_aspect(high - low, zoom=0.78)
     for letter, a, b in zip("xyz", low, high, strict=True):
         axes.set(**{f"{letter}lim": (a, b), f"{letter}label": f"{letter} (m)"})
     shares = (high - low) / (high - low).max()
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), shares, strict=True):
         axis.set_pane_color("white")
+        axis.labelpad = 8
         axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
     triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
     if len(triangles):
