@@ -93,7 +93,7 @@ figures: .venv/dev.stamp
 
 # The site: out/site/index.html. Notebooks are run again where they have changed; a warning is an error.
 docs: .venv/docs.stamp
-	@rm -rf docs/reference/generated
+	@rm -rf docs/reference/generated out/site
 	@$(BIN)/sphinx-build --jobs 2 --keep-going --fail-on-warning --quiet -c docs -d build/site/doctrees . out/site
 	@echo "out/site/index.html"
 
