@@ -100,13 +100,18 @@ class Page:
         return found["result"].get("value")
 
     def wait(self, script: str) -> Any:
-        """Return the value of an expression as soon as it is true."""
+        """Return the value of an expression as soon as it is true, on this page or the one that comes after it."""
         end = time.monotonic() + TIMEOUT_S
-        while not (value := self.ask(script)):
+        while True:
+            try:
+                if value := self.ask(script):
+                    return value
+            except RuntimeError as error:
+                if "navigated" not in str(error):
+                    raise
             if time.monotonic() > end:
                 raise TimeoutError(f"never true: {script}")
             time.sleep(POLL_S)
-        return value
 
     def press(self, key: str, code: int, modifiers: int = 0) -> None:
         """Press a key; 2 is Ctrl."""

@@ -21,7 +21,7 @@ OTHERS = ("collections", "numpy", "xarray", "pandas", "matplotlib", "scipy", "do
 def house() -> frozenset[str]:
     """Return every name that the package knows: modules, classes, functions, constants, methods, fields."""
     names: set[str] = set()
-    for found in pkgutil.walk_packages(tensionlab.__path__, "tensionlab."):
+    for found in pkgutil.walk_packages([str(Path(tensionlab.__file__).parent)], "tensionlab."):
         if found.name.endswith("__main__"):
             continue
         try:
