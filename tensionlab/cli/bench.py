@@ -120,7 +120,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
         return
     from rich.text import Text
 
-    grid = output.table(f"{len(results.sets)} problem sets, {len(lines)} entries", COLUMNS, gap=1)
+    grid = output.table(COLUMNS, gap=1)
     for line in lines:
         name = Text(line.label, "bold" if line.built_in else "")
         if line.absent:
@@ -137,6 +137,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
             duration(line.batch_s),
         )
     console = output.console()
+    output.print_title(f"{len(results.sets)} problem sets, {len(lines)} entries")
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")

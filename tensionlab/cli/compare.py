@@ -111,11 +111,12 @@ def print_scores(
     console = output.console()
     narrow = console.width < output.PIPE_WIDTH
     shown = [column for column in (*STATUSES, *columns) if column[2] or not narrow]
-    grid = output.table(title, [heading for heading, _, _ in shown], gap=1)
+    grid = output.table([heading for heading, _, _ in shown], gap=1)
     for index, row in enumerate(rows):
         grid.add_row(*(text(row) for _, text, _ in shown), end_section=first_apart and index == 0)
     for name in missing:
         grid.add_row(name, "left out", style="dim")
+    output.print_title(title)
     console.print(grid)
     console.print()
     console.print(legend, style="dim")

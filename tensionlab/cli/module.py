@@ -229,7 +229,7 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
             ]
         )
     elif answers:
-        grid = output.table("", ("<parameter", *answers, "<unit"))
+        grid = output.table(("<parameter", *answers, "<unit"))
         if len(answers) == 1:
             grid.add_column("what it is")
         for each in named:

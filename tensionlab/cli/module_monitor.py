@@ -105,7 +105,7 @@ def _telemetry_table(clients: dict[str, ModuleClient], failed: dict[str, Hardwar
     from rich.console import Group
     from rich.text import Text
 
-    grid = output.table("", TELEMETRY, gap=1)
+    grid = output.table(TELEMETRY, gap=1)
     faults = Fault(0)
     limits: set[Limit] = set()
     for name, client in clients.items():

@@ -26,7 +26,6 @@ from tensionlab.model.rig import Rig
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 
 REFRESH_RATE_HZ = 5.0
@@ -106,7 +105,7 @@ def run(
     if json:
         output.print_json(statistics.summary())
     else:
-        output.console().print(summary_table(runner))
+        print_summary(runner)
     if failure is not None:
         typer.echo(f"tensionlab: {failure}", err=True)
     for name, why in statistics.unconfirmed.items():
@@ -169,22 +168,21 @@ def live_table(runner: Runner) -> RenderableType:
         figures.append(f"{statistics.missed} deadlines missed")
     title = f"{runner.rig.name}, {state.time:.1f} s: desired {desired}, measured {measured}"
     headings = ("<module", "commanded", "measured", "<limited by", "<state", "heat", "age")
-    return Group(
-        Text(title, style="bold"), output.table("", headings, rows), Text(" · ".join(figures), style="dim")
-    )
+    return Group(Text(title, style="bold"), output.table(headings, rows), Text(" · ".join(figures), style="dim"))
 
 
-def summary_table(runner: Runner) -> Table:
-    """Return a table of how a run went."""
+def print_summary(runner: Runner) -> None:
+    """Print how a run went."""
     damaged = [
         (f"damaged frames of {client.name}", str(client.bad_frames))
         for client in runner.modules.clients
         if client.bad_frames
     ]
     statistics = runner.statistics
-    table = output.table(f"{runner.rig.name}: {statistics.title}", ("<", "<"), [*statistics.rows(), *damaged])
+    table = output.table(("<", "<"), [*statistics.rows(), *damaged])
     table.show_header = False
-    return table
+    output.print_title(f"{runner.rig.name}: {statistics.title}")
+    output.console().print(table)
 
 
 def _components(wrench: Floats) -> str:

@@ -10,10 +10,10 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.cli.common import options, output
+from tensionlab.cli.common import options
 from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Solver
-from tensionlab.cli.run import summary_table
+from tensionlab.cli.run import print_summary
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.client_state import HAND, ClientState
 from tensionlab.haptics.bridge.events import RunEvents
@@ -136,7 +136,7 @@ def serve(
             runner.log = begin_log(log, loaded, solver, settings, links)
         failed = not _run(runner, seconds)
         events.note("ended", runner.statistics.ended)
-    output.console().print(summary_table(runner))
+    print_summary(runner)
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)
 

@@ -112,7 +112,7 @@ def console(*, stderr: bool = False) -> Console:
     return Screen(stderr=stderr, width=width, highlight=False, markup=False, emoji=False)
 
 
-def table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = 2) -> Table:
+def table(headings: Sequence[str], rows: Iterable[Sequence[Any]] = (), *, gap: int = 2) -> Table:
     """Return a table in the style of all verbs.
 
     Columns are for numbers, to the right and on one line; those whose heading begins with ``<`` are for text, to
@@ -123,9 +123,6 @@ def table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]] = (
     from rich.table import Table
 
     grid = Table(
-        title=title or None,
-        title_justify="left",
-        title_style="bold",
         box=box.SIMPLE_HEAD,
         padding=(0, gap - 1, 0, 0),
         pad_edge=False,
@@ -153,8 +150,15 @@ def _cell(value: Any) -> Any:
 
 
 def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any]], *, gap: int = 2) -> None:
-    """Print a table; parameters as `table`."""
-    console().print(table(title, headings, rows, gap=gap))
+    """Print a title, unless it is empty, and a table, whose parameters are those of `table`."""
+    if title:
+        print_title(title)
+    console().print(table(headings, rows, gap=gap))
+
+
+def print_title(title: str) -> None:
+    """Print the title of a table, on one line however narrow the table is."""
+    console().print(title, style="bold", soft_wrap=True)
 
 
 def print_json(value: Any = None, **keys: Any) -> None:
