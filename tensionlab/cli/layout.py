@@ -10,7 +10,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.files import writing
-from tensionlab.workspace.layout.search import Layout, LayoutSearch
+from tensionlab.workspace.layout.search import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
 
 layout = options.group("Find out where to put the modules.")
@@ -87,11 +87,10 @@ def _print(found: LayoutSearch, name: str) -> None:
     console = output.console()
     if len(found.layouts) > 1:
         console.print(f"{name}: the score is {found.objective.describe()}", soft_wrap=True)
-        headings = ("modules", "score", "worst\nmargin N", "<better than\nwith fewer")
         rows = [
             (each.rig.m, f"{each.score:.4g}", f"{each.worst:.4g}", each in found.front) for each in found.layouts
         ]
-        output.print_table("", headings, rows)
+        output.print_table("", SEARCH_HEADINGS, rows)
         console.print()
     best = found.best
     console.print(f"{best.rig.name}: {best.score:.4g} is {found.objective.describe()}", soft_wrap=True)
@@ -99,4 +98,4 @@ def _print(found: LayoutSearch, name: str) -> None:
         (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
         for module, lost in zip(best.rig.modules, best.contributions, strict=True)
     )
-    output.print_table("", ("<module", "<frame", "anchor\nm", "score lost\nwithout it"), places)
+    output.print_table("", LAYOUT_HEADINGS, places)

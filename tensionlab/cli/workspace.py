@@ -21,7 +21,7 @@ from tensionlab.workspace.metrics import description, make
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
-from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, Summary, summary
+from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, SUMMARY_HEADINGS, Summary, summary
 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 DRAWN_METRIC = "capacity-margin"
@@ -164,11 +164,7 @@ def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseLis
         rows.append((first, name, "" if unit == "1" else unit, *values, above, missing))
     axes = [each for each in where.coordinates() if each.name in "xyz"]
     region = ", ".join(f"{each.name} {each.values.min():g} to {each.values.max():g} m" for each in axes)
-    output.print_table(
-        f"{found[0][-1].poses:,} poses: {region}",
-        ("<rig", "<metric", "<unit", "min", "median", "max", "above 0", "no value"),
-        rows,
-    )
+    output.print_table(f"{found[0][-1].poses:,} poses: {region}", SUMMARY_HEADINGS, rows)
     console = output.console()
     console.print()
     for name, metric in metrics.items():

@@ -40,6 +40,10 @@ CLOUD_RADIUS_M = 1e-3
 SHARPNESS = (1.0, 0.1, 0.01)
 """From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right."""
 
+SEARCH_HEADINGS = ("modules", "score", "worst\nmargin N", "<better than\nwith fewer")
+LAYOUT_HEADINGS = ("<module", "<frame", "anchor\nm", "score lost\nwithout it")
+"""Of the tables in notebooks and on terminals."""
+
 Progress = Callable[[float], None]
 
 
@@ -77,7 +81,7 @@ class Layout:
             [module.name, module.frame, module.anchor.round(4), lost]
             for module, lost in zip(self.rig.modules, self.contributions, strict=True)
         ]
-        return display.table(self._title, ["<module", "<frame", "anchor\nm", "score lost\nwithout it"], rows)
+        return display.table(self._title, LAYOUT_HEADINGS, rows)
 
     @property
     def _title(self) -> str:
@@ -119,8 +123,8 @@ class LayoutSearch:
 
     def _repr_html_(self) -> str:
         rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
-        headings = ["modules", "score", "worst\nmargin N", "<better than\nwith fewer"]
-        return display.table(f"score: {self.objective.describe()}", headings, rows) + self.best._repr_html_()
+        title = f"score: {self.objective.describe()}"
+        return display.table(title, SEARCH_HEADINGS, rows) + self.best._repr_html_()
 
     def plot(self) -> Figure:
         """Draw the score against the number of modules: `tensionlab.plots.plot_front`."""

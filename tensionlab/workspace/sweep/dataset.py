@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 MEDIAN_SAMPLE = 4_000_000
 """Values that a median is taken of, at most; of a larger sweep every second one, or every third, and so on."""
+SUMMARY_HEADINGS = ("<rig", "<metric", "<unit", "min", "median", "max", "above 0", "no value")
+"""Of the table of a `SweepSummary`, in notebooks and on terminals."""
 
 
 def empty_dataset(plan: Plan) -> xarray.Dataset:
@@ -162,13 +164,12 @@ class SweepSummary:
         return f"<SweepSummary of {', '.join(metrics)} at {size}>"
 
     def _repr_html_(self) -> str:
-        headings = ("<rig", "<metric", "<unit", "min", "median", "max", "above 0", "no value")
         rows = [
             [rig, metric, unit.removeprefix("1"), each.min, each.median, each.max,
              "–" if np.isnan(each.above_zero) else f"{100 * each.above_zero:.1f} %", each.missing]
             for rig, metric, unit, each in self.rows
         ]  # fmt: skip
-        return display.table(f"{self._poses:,} poses", headings, rows)
+        return display.table(f"{self._poses:,} poses", SUMMARY_HEADINGS, rows)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each configuration and metric; MissingDependency if pandas is not installed."""
