@@ -292,9 +292,9 @@ def load_modules(path: str | Path) -> dict[str, str]:
     --------
     >>> from pathlib import Path
     >>> from tensionlab.hardware import load_modules
-    >>> _ = Path("modules.toml").write_text('modules = {left = "tcp://127.0.0.1:7000"}')
+    >>> _ = Path("modules.toml").write_text('modules = {left = "socket://127.0.0.1:7000"}')
     >>> load_modules("modules.toml")
-    {'left': 'tcp://127.0.0.1:7000'}
+    {'left': 'socket://127.0.0.1:7000'}
     """
     document = read_toml(path, "a modules file (*.toml)", HardwareError)
     for key in document:
