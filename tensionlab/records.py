@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     import pandas
 
 LIBRARIES = [
-    "tensionlab",
     "numpy",
     "scipy",
     "qpsolvers",
@@ -38,7 +37,7 @@ LIBRARIES = [
     "distributed",
     "mcap",
 ]
-"""Distributions whose version may change a result."""
+"""Other distributions whose version may change a result."""
 
 
 def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
@@ -51,7 +50,9 @@ def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
     """
     import importlib.metadata
 
-    versions = {}
+    from tensionlab import __version__
+
+    versions = {"tensionlab": __version__}
     for name in LIBRARIES:
         try:
             versions[name] = importlib.metadata.version(name)

@@ -1,3 +1,4 @@
+import importlib.metadata
 import json
 import platform
 import re
@@ -40,6 +41,14 @@ def test_a_manifest_says_how_to_repeat_the_result():
     assert manifest["processor"]
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", manifest["date"])
     assert records.manifest([])["seed"] is None
+
+
+def test_a_package_that_is_only_on_the_path_says_its_version(monkeypatch):
+    def nothing_is_installed(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", nothing_is_installed)
+    assert records.manifest([])["versions"] == {"tensionlab": tl.__version__}
 
 
 def test_the_commit_is_that_of_the_working_directory(tmp_path, monkeypatch):
