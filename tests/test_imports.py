@@ -237,7 +237,7 @@ def modules_imported(name: str) -> set[str]:
     found = set()
     for module in imported(ast.parse((PACKAGE / name).read_text()), types=True):
         package, *path = module.split(".")
-        if package != "tensionlab" or path[:1] == ["_native"]:
+        if package != "tensionlab" or path[:1] in (["_native"], ["__version__"]):
             continue
         for parts in (path, path[:-1]):
             if known := {"/".join(parts) + ".py", "/".join([*parts, "__init__.py"])} & set(NAMES):
