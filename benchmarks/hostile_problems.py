@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.rigs import unit_vectors
+from tensionlab.benchmarking.rigs import unit_vectors
 from tensionlab.solvers.base import Nearest, Problem
 
 SHAPES = ((1, 2), (2, 2), (2, 3), (2, 4), (3, 2), (3, 3), (3, 4), (3, 5), (3, 8), (6, 6), (6, 7), (6, 8))

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats, Integers
-from tensionlab.benchmark.optimum import at_limits, distance_bound, largest_limit
-from tensionlab.benchmark.rigs import near_singular, structures
+from tensionlab.benchmarking.optimum import at_limits, distance_bound, largest_limit
+from tensionlab.benchmarking.rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Nearest, Problem, Status
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import times
@@ -129,7 +129,7 @@ def stress(count: int, seed: int = 0, report: Callable[[str], None] = print) -> 
     Each batch draws its limits, wrench and reference (zero, the lower limits, the middle, or random). An answer is
     right if it is proved EXACT or NEAREST, keeps what `tensionlab.Allocation` promises of the status, and
     multipliers show that no other tensions that render the same are closer to the reference
-    (`tensionlab.benchmark.optimum`).
+    (`tensionlab.benchmarking.optimum`).
 
     Parameters
     ----------

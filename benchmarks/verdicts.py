@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.exact_check import flaw
 from benchmarks.hostile_problems import SHAPES, hostile_problems
-from tensionlab.benchmark.speed import instruction_set
+from tensionlab.benchmarking.speed import instruction_set
 from tensionlab.solvers.base import POLICIES, Answer, Problem, Status
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import times

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from benchmarks import highs
 from tensionlab.arrays import Floats
-from tensionlab.benchmark.rigs import structures
-from tensionlab.benchmark.speed import instruction_set, using_threads
+from tensionlab.benchmarking.rigs import structures
+from tensionlab.benchmarking.speed import instruction_set, using_threads
 from tensionlab.model.files import load_rig
 from tensionlab.workspace import capacity_margin, wrench_closure
 

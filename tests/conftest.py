@@ -52,7 +52,7 @@ def bench_folder(tmp_path_factory):
     """The folder of a tiny benchmark, measured once for all tests that read or draw one, whichever worker's."""
     from filelock import FileLock
 
-    from tensionlab.benchmark.run import Plan, run
+    from tensionlab.benchmarking.run import Plan, run
 
     root = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -81,6 +81,6 @@ def bench_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def bench_results(bench_folder):
     """Its results."""
-    from tensionlab.benchmark.results import read
+    from tensionlab.benchmarking.results import read
 
     return read(bench_folder)

@@ -7,7 +7,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab import display
-from tensionlab.benchmark.problem_sets import problem_set
+from tensionlab.benchmarking.problem_sets import problem_set
 from tensionlab.comparison.compare import compare
 from tensionlab.comparison.replay import replay
 from tensionlab.errors import MissingDependency

@@ -19,7 +19,7 @@ from packaging.requirements import Requirement
 
 import tensionlab
 from tensionlab import _native
-from tensionlab.benchmark.speed import describe_kernels
+from tensionlab.benchmarking.speed import describe_kernels
 
 ROOT = Path(__file__).parents[1]
 RIG = "bartels2026-validation"
@@ -39,7 +39,7 @@ search = { generations = 1, starts = 1 }
 VERBS = """
 import contextlib, dataclasses, io, json, sys
 from tensionlab.cli import main
-from tensionlab.benchmark import run
+from tensionlab.benchmarking import run
 make = run.plan
 run.plan = lambda *words: dataclasses.replace(make(*words), seconds=0.01, rounds=0)  # without the large batches
 found = []

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from tensionlab.benchmark import results
-from tensionlab.benchmark.report import (
+from tensionlab.benchmarking import results
+from tensionlab.benchmarking.report import (
     IDLE_SHARE,
     Column,
     count,
@@ -21,7 +21,7 @@ from tensionlab.benchmark.report import (
     newton,
     summary_table,
 )
-from tensionlab.benchmark.results import Results, Summary
+from tensionlab.benchmarking.results import Results, Summary
 from tensionlab.display import duration, percent
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.files import writing

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from tensionlab.benchmark.report import newton, table
-from tensionlab.benchmark.results import Results, Summary, summaries
+from tensionlab.benchmarking.report import newton, table
+from tensionlab.benchmarking.results import Results, Summary, summaries
 from tensionlab.display import duration, percent
 from tensionlab.solvers import make
 

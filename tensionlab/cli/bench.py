@@ -14,10 +14,10 @@ import typer
 
 from tensionlab import records
 from tensionlab.allocation import allocate
-from tensionlab.benchmark import report
-from tensionlab.benchmark import run as benchmark
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, qp_rows
-from tensionlab.benchmark.results import Results, read, summaries
+from tensionlab.benchmarking import report
+from tensionlab.benchmarking import run as benchmark
+from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set, qp_rows
+from tensionlab.benchmarking.results import Results, read, summaries
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
 from tensionlab.display import duration, percent

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
-from tensionlab.benchmark.entries import WRAPPERS
-from tensionlab.benchmark.report import newton as force
-from tensionlab.benchmark.statistics import jumps, maximum, profile, quantile
+from tensionlab.benchmarking.entries import WRAPPERS
+from tensionlab.benchmarking.report import newton as force
+from tensionlab.benchmarking.statistics import jumps, maximum, profile, quantile
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tensionlab.arrays import Floats
-    from tensionlab.benchmark.results import Results, Row
+    from tensionlab.benchmarking.results import Results, Row
 
 EXACT_N = 1e-6
 """An answer with an error up to this is exact, as the interface verifies."""
@@ -65,7 +65,7 @@ def plot_summary(results: Results, *, ax: Axes | None = None) -> Figure | None:
     Parameters
     ----------
     results : Results
-        From `tensionlab.benchmark.run`, or `tensionlab.datasets.load`.
+        From `tensionlab.benchmarking.run`, or `tensionlab.datasets.load`.
     ax : Axes, optional
         Panel of another figure to draw into.
 
@@ -164,7 +164,7 @@ def plot_profile(results: Results) -> Figure:
     --------
     >>> from pathlib import Path
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmark.run import Plan, run
+    >>> from tensionlab.benchmarking.run import Plan, run
     >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
     >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
     >>> figure = plots.plot_profile(results)
@@ -217,7 +217,7 @@ def plot_accuracy(results: Results, *, ax: Axes | None = None) -> Figure | None:
     --------
     >>> from pathlib import Path
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmark.run import Plan, run
+    >>> from tensionlab.benchmarking.run import Plan, run
     >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
     >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
     >>> figure = plots.plot_accuracy(results)
@@ -250,7 +250,7 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
     --------
     >>> from pathlib import Path
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmark.run import Plan, run
+    >>> from tensionlab.benchmarking.run import Plan, run
     >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
     >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
     >>> figure = plots.plot_worst(results)
@@ -296,7 +296,7 @@ def plot_continuity(results: Results) -> Figure:
     --------
     >>> from pathlib import Path
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmark.run import Plan, run
+    >>> from tensionlab.benchmarking.run import Plan, run
     >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
     >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
     >>> figure = plots.plot_continuity(results)

@@ -3,7 +3,7 @@ import re
 
 import pytest
 
-from tensionlab.benchmark import run as room
+from tensionlab.benchmarking import run as room
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 import typer
 
-from tensionlab.benchmark import run as bench
+from tensionlab.benchmarking import run as bench
 from tensionlab.cli import app
 from tensionlab.files import writing
 from tensionlab.files.tables import write_table

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.results import EVIDENCE
+from tensionlab.benchmarking.results import EVIDENCE
 from tensionlab.errors import InputError
 from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
 from tensionlab.plots.style import _cost, _distance, _places

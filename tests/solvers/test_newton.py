@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.benchmark.rigs import near_singular
+from tensionlab.benchmarking.rigs import near_singular
 from tests.support.examples import many
 
 LOWER, UPPER = 0.5, 6.0

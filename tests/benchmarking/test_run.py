@@ -11,10 +11,10 @@ import pytest
 
 import tensionlab as tl
 from tensionlab import records
-from tensionlab.benchmark import results
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS
-from tensionlab.benchmark.results import EVIDENCE
-from tensionlab.benchmark.run import ONE_THREAD, Plan, main, measure_here, plan, run
+from tensionlab.benchmarking import results
+from tensionlab.benchmarking.problem_sets import PROBLEM_SETS
+from tensionlab.benchmarking.results import EVIDENCE
+from tensionlab.benchmarking.run import ONE_THREAD, Plan, main, measure_here, plan, run
 from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
 
 
@@ -126,7 +126,7 @@ def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
     order = json.dumps({"plan": {"sets": ["point"], "solvers": ["newton"], "count": 5, "seconds": 0.01,
                                  "rounds": 0}, "folder": str(tmp_path), "call": []})  # fmt: skip
     script = (
-        "import os, sys; from tensionlab.benchmark import run as worker; "
+        "import os, sys; from tensionlab.benchmarking import run as worker; "
         "old = worker.measure_here; "
         "worker.measure_here = lambda *a: (os.write(1, b'loud\\n'), old(*a))[1]; worker.main()"
     )
@@ -156,9 +156,9 @@ def test_a_measuring_process_ends_in_silence_where_nobody_hears_it(monkeypatch):
         progress(0.5)
 
     order = {"plan": asdict(plan(quick=True)), "folder": "new", "call": "bench"}
-    monkeypatch.setattr("tensionlab.benchmark.run.measure_here", measure)
-    monkeypatch.setattr("tensionlab.benchmark.run.os.dup", lambda _: writer)
-    monkeypatch.setattr("tensionlab.benchmark.run.os.dup2", lambda *_: None)
+    monkeypatch.setattr("tensionlab.benchmarking.run.measure_here", measure)
+    monkeypatch.setattr("tensionlab.benchmarking.run.os.dup", lambda _: writer)
+    monkeypatch.setattr("tensionlab.benchmarking.run.os.dup2", lambda *_: None)
     monkeypatch.setattr(sys, "argv", ["run", json.dumps(order)])
     main()
     assert heard == [plan(quick=True)]

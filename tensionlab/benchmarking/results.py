@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tensionlab import display, records
 from tensionlab.arrays import Floats
-from tensionlab.benchmark import statistics
-from tensionlab.benchmark.entries import Entry
+from tensionlab.benchmarking import statistics
+from tensionlab.benchmarking.entries import Entry
 from tensionlab.errors import DataError
 from tensionlab.files.tables import from_mappings, read_parquet
 
@@ -135,7 +135,7 @@ class CallRow:
     """Seconds of one call for one problem.
 
     ``median_s`` and ``p999_s`` have the machine's interruptions in them, ``quiet_p999_s`` has few: it is the
-    99.9 % quantile of each problem's best time of `tensionlab.benchmark.speed.PASSES`.
+    99.9 % quantile of each problem's best time of `tensionlab.benchmarking.speed.PASSES`.
     """
 
     components: int

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 
 import tensionlab as tl
-from tensionlab.benchmark.optimum import _bound, distance_bound, excess_error, optimum
+from tensionlab.benchmarking.optimum import _bound, distance_bound, excess_error, optimum
 from tensionlab.solvers.base import POLICIES, Problem
 from tests.support.batch import problem, random_problem
 from tests.support.problems import Case, batches, random_cases

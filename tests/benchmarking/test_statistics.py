@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tensionlab.benchmark.statistics import (
+from tensionlab.benchmarking.statistics import (
     jumps,
     maximum,
     profile,

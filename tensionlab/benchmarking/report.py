@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from typing import TypeVar
 
-from tensionlab.benchmark.results import Results, Row, Summary, summaries
-from tensionlab.benchmark.speed import PASSES
+from tensionlab.benchmarking.results import Results, Row, Summary, summaries
+from tensionlab.benchmarking.speed import PASSES
 from tensionlab.display import duration, percent
 
 Of = TypeVar("Of")

@@ -13,7 +13,7 @@ import qpbenchmark
 import qpsolvers
 
 import tensionlab as tl
-from tensionlab.benchmark.problem_sets import problem_set, qp_rows
+from tensionlab.benchmarking.problem_sets import problem_set, qp_rows
 from tensionlab.cli import main
 
 README = Path(__file__).parents[2] / "datasets" / "problems" / "README.md"

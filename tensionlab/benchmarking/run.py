@@ -22,10 +22,10 @@ from typing import Any
 import numpy as np
 
 from tensionlab import records
-from tensionlab.benchmark import results, speed
-from tensionlab.benchmark.entries import entries
-from tensionlab.benchmark.evaluation import Effort, evaluate_set
-from tensionlab.benchmark.problem_sets import PROBLEM_SETS, problem_set, require_known
+from tensionlab.benchmarking import results, speed
+from tensionlab.benchmarking.entries import entries
+from tensionlab.benchmarking.evaluation import Effort, evaluate_set
+from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set, require_known
 from tensionlab.errors import InputError, TensionlabError, WriteError
 from tensionlab.files import writing
 from tensionlab.operating_system import OWN_GROUP
@@ -51,10 +51,10 @@ BATCH_SHARE = 0.15
 class Plan:
     """Problem sets, entries and effort of a benchmark.
 
-    ``sets`` are names in `PROBLEM_SETS`, ``solvers`` as in `tensionlab.benchmark.entries.entries`; ``count``
+    ``sets`` are names in `PROBLEM_SETS`, ``solvers`` as in `tensionlab.benchmarking.entries.entries`; ``count``
     problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Effort`. ``batch``,
-    ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of `tensionlab.benchmark.speed`;
-    with no rounds they are left out.
+    ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of
+    `tensionlab.benchmarking.speed`; with no rounds they are left out.
     """
 
     sets: tuple[str, ...]
@@ -183,7 +183,7 @@ def _write(folder: Path, rows: Sequence[results.Row], manifest: dict[str, Any]) 
 
 
 def _speed(what: Plan, progress: Callable[[float], None]) -> tuple[list[results.BatchRow], list[results.CallRow]]:
-    """Return the measurements of `tensionlab.benchmark.speed`, none if there are no rounds."""
+    """Return the measurements of `tensionlab.benchmarking.speed`, none if there are no rounds."""
     if not what.rounds:
         return [], []
     cases = [(n, m, reachable) for n, m in speed.SHAPES for reachable in (True, False)]
