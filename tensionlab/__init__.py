@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 from tensionlab import datasets, workspace
 from tensionlab.allocation import Allocation, Allocator, allocate
+from tensionlab.benchmarking.run import benchmark
+from tensionlab.comparison.compare import compare
 from tensionlab.errors import (
     DataError,
     InputError,
@@ -75,7 +77,9 @@ __all__ = [
     "Unreachable",
     "allocate",
     "alternate_corners",
+    "benchmark",
     "box_corners",
+    "compare",
     "datasets",
     "load_rig",
     "plots",

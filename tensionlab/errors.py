@@ -96,7 +96,7 @@ class UnknownSolver(TensionlabError, LookupError):  # noqa: N818 - pinned name
 
 
 class PluginError(TensionlabError, ImportError):
-    """Solver that another distribution offers and that cannot be used; the message names the distribution.
+    """Solver of another distribution or module that cannot be used; the message names where it is from.
 
     Examples
     --------

@@ -21,10 +21,8 @@ def verify(problem: Problem, answer: Answer) -> Verified:
 
     Nothing in the answer is believed; where a policy needs a separating direction that it lacks, one is derived.
     """
-    size, n, m = problem.structure.shape
-    tensions = _writable(answer.tensions)
-    if tensions.shape != (size, m):
-        raise ShapeError(f"the solver returned tensions of shape {tensions.shape}, not {(size, m)}")
+    size, n, _ = problem.structure.shape
+    tensions = _writable(require_answer(problem, answer).tensions)
     proposed = answer.separation is not None
     separation = _writable(answer.separation) if answer.separation is not None else np.zeros((size, n))
     wrench, residual, status, scale, flawed = _certify(problem, tensions, separation)
@@ -41,6 +39,17 @@ def verify(problem: Problem, answer: Answer) -> Verified:
         failures = {row: answer.failures.get(row, "the solver returned NaN") for row in failed}
     iterations = np.asarray(answer.iterations, dtype=np.int64)
     return Verified(tensions, wrench, residual, status, scale, iterations, separation, failures)
+
+
+def require_answer(problem: Problem, answer: Answer) -> Answer:
+    """Return what a solver returned; TypeError or ShapeError if that is no answer to the whole batch."""
+    if not isinstance(answer, Answer):
+        raise TypeError(f"the solver returned {type(answer).__name__}; return Answer(tensions, iterations)")
+    size, _, m = problem.structure.shape
+    for name, shape in (("tensions", (size, m)), ("iterations", (size,))):
+        if np.shape(getattr(answer, name)) != shape:
+            raise ShapeError(f"the solver returned {name} of shape {np.shape(getattr(answer, name))}, not {shape}")
+    return answer
 
 
 def _writable(array: Floats | None) -> Floats:

@@ -44,7 +44,7 @@ def test_the_guide_names_what_the_tests_use() -> None:
 
 @pytest.mark.usefixtures("dual_ascent")
 def test_the_comparison_knows_it() -> None:
-    assert ("dual-ascent", "force") in select_solvers()[0]
+    assert ("dual-ascent", "force") in {run[:2] for run in select_solvers()[0]}
 
 
 @pytest.mark.usefixtures("dual_ascent")

@@ -43,7 +43,7 @@ ALLOWED = {
     "datasets": {"model", "workspace", "benchmarking", "validation"},
     "plots": ABOVE | {"comparison", "benchmarking", "validation"},
     "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots"},
-    "__init__": ABOVE | {"plots"},
+    "__init__": ABOVE | {"comparison", "benchmarking", "plots"},
     "__main__": {"cli"},
 }
 # Folders of a room that may not enter these of its others.

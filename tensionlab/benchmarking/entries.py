@@ -1,4 +1,4 @@
-"""Entries of the benchmark: built-in solvers through the interface, and baselines on the plain program."""
+"""Entries of the benchmark: solvers through the interface, and baselines on the plain program."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, UnknownSolver, needs
-from tensionlab.solvers import every_solver, make
+from tensionlab.solvers import every_solver, make, name_solvers
 from tensionlab.solvers.base import POLICIES, Answer, Nearest, Problem, Solver
 from tensionlab.solvers.convex import PlainConvex
 from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import Baseline, Reply, finite_tensions
 from tensionlab.solvers.quadratic import BACKENDS, TIGHT, PlainProgram
+from tensionlab.verification import require_answer
 
 Setting = Literal["proved", "default", "tight"]
 LEAST_SQUARES = Newton.objective
@@ -39,9 +40,9 @@ NAN = float("nan")
 class Entry:
     """A solver with a setting.
 
-    The name is one of `tensionlab.SOLVERS` or `BASELINES`. A built-in solver is "proved": through the interface,
-    its answer verified. A baseline has its defaults, or is as accurate ("tight") as its options make it.
-    ``missing`` says why an entry cannot take part.
+    The name is one of `BASELINES`, or as in `tensionlab.solvers.select_solvers`. A solver is "proved": the
+    instance runs through the interface, its answers verified. A baseline, which has no instance, has its defaults,
+    or is as accurate ("tight") as its options make it. ``missing`` says why an entry cannot take part.
     """
 
     solver: str
@@ -49,6 +50,7 @@ class Entry:
     nearest: Nearest | None
     objective: str
     missing: str = ""
+    instance: Solver | None = field(default=None, compare=False, repr=False)
 
     @property
     def comparable(self) -> bool:
@@ -61,8 +63,10 @@ class Entry:
         return self.nearest or POLICIES[0]
 
 
-def entries(reachable: Literal["all", "none", "mixed"], solvers: Sequence[str] | None = None) -> list[Entry]:
-    """Return the entries of a problem set, of the named solvers or of all.
+def entries(
+    reachable: Literal["all", "none", "mixed"], solvers: Sequence[str | Solver] | None = None
+) -> list[Entry]:
+    """Return the entries of a problem set: of the solvers and baselines given, by name or as instances, or of all.
 
     Where every wrench is feasible a solver runs once, with the policy that is its own; elsewhere it runs with each
     policy that it honours. Baselines run at their defaults and, if they have such options, tight. A built-in
@@ -72,16 +76,14 @@ def entries(reachable: Literal["all", "none", "mixed"], solvers: Sequence[str] |
     if solvers is None:
         wrappers = () if reachable == "all" else POLICY_WRAPPERS
         names = [name for name in installed if name.partition(":")[0] not in WRAPPERS or name in wrappers]
-        names += BASELINES
-    else:
-        names = list(dict.fromkeys(solvers))
+        solvers = [*names, *BASELINES]
     found: list[Entry] = []
-    for name in names:
+    for name, instance in name_solvers(solvers).items():
         if name in BASELINES:
             found += _baseline_entries(name)
             continue
         try:
-            solver = make(name)
+            solver = instance or make(name)
         except UnknownSolver as error:
             unknown = str(error).partition(";")[0]
             raise UnknownSolver(
@@ -89,7 +91,7 @@ def entries(reachable: Literal["all", "none", "mixed"], solvers: Sequence[str] |
             ) from None
         missing = "" if installed.get(name, True) else "not installed"
         policies = solver.policies[: 1 if reachable == "all" else len(POLICIES)] or (None,)
-        found += [Entry(name, "proved", policy, solver.objective, missing) for policy in policies]
+        found += [Entry(name, "proved", policy, solver.objective, missing, solver) for policy in policies]
     return found
 
 
@@ -137,21 +139,22 @@ class Driver(Protocol):
 
 def driver(entry: Entry) -> Driver:
     """Return the driver of an entry."""
-    if entry.setting == "proved":
-        return _BuiltIn(make(entry.solver), entry.nearest)
-    return _Baseline(_baseline(entry.solver, entry.setting))
+    if entry.instance is not None:
+        return _Interface(entry.instance, entry.nearest)
+    return _Baseline(_baseline(entry.solver, "tight" if entry.setting == "tight" else "default"))
 
 
 @dataclass
-class _BuiltIn:
-    """Driver of a built-in solver: one `Allocator` for each set of limits, prepared as for a control loop."""
+class _Interface:
+    """Driver of a solver: one `Allocator` for each set of limits, prepared as for a control loop."""
 
     solver: Solver
     nearest: Nearest | None
     prepared: dict[tuple[int, bytes, bytes], Allocator] = field(default_factory=dict)
 
     def answers(self, problem: Problem) -> Answer:
-        return self.solver.solve(replace(problem, nearest=self.nearest))
+        problem = replace(problem, nearest=self.nearest)
+        return require_answer(problem, self.solver.solve(problem))
 
     def call(self, problem: Problem, row: int) -> CallTimes:
         structure, wrench = problem.structure[row], problem.wrench[row]

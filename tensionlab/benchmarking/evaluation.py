@@ -13,6 +13,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +24,10 @@ from tensionlab.arrays import Floats
 from tensionlab.benchmarking import statistics
 from tensionlab.benchmarking.entries import WRAPPERS, Driver, Entry, driver
 from tensionlab.benchmarking.optimum import Optimum, excess_error, optimum
-from tensionlab.benchmarking.problem_sets import Group, ProblemSet
+from tensionlab.benchmarking.problem_sets import ProblemSet, problem_of
 from tensionlab.benchmarking.results import Evidence, Row, Trajectory, empty_evidence, summarise
 from tensionlab.errors import TensionlabError
-from tensionlab.solvers import make
+from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import Answer, Nearest, Problem, Status
 from tensionlab.verification import verify
 
@@ -88,27 +89,14 @@ def evaluate_set(
             progress(0.4 * (done + 1) / len(present))
         _time_calls(answered, evidence, effort.repeats, rng, lambda share: progress(0.4 + 0.5 * share))
         for done, entry in enumerate(present):
-            if entry.setting == "proved" and entry.solver.partition(":")[0] not in WRAPPERS:
-                evidence[entry].batch_s = _time_batch(entry, answered[entry][1], effort.seconds / 4)
+            if entry.instance is not None and entry.solver.partition(":")[0] not in WRAPPERS:
+                allocator = partial(Allocator, solver=entry.instance, nearest=entry.nearest)
+                evidence[entry].batch_s = _time_batch(allocator, answered[entry][1], effort.seconds / 4)
             progress(0.9 + 0.1 * (done + 1) / len(present))
     absent = {each: replace(empty_evidence(scale, 1), note=each.missing) for each in entries if each.missing}
     rows = [summarise(problems.name, each, (evidence | absent)[each]) for each in entries]
     return Evaluation(
         rows, {policy: int(sum(each.verified.sum() for each in best[policy])) for policy in policies}
-    )
-
-
-def problem_of(group: Group) -> Problem:
-    """Return the problems of a group: reference 0, no weights, no policy yet."""
-    size, n, m = group.structure.shape
-    return Problem(
-        structure=group.structure,
-        wrench=group.wrench,
-        lower=np.broadcast_to(group.lower, (size, m)),
-        upper=np.broadcast_to(group.upper, (size, m)),
-        reference=np.zeros((size, m)),
-        weights=np.ones(n),
-        nearest=None,
     )
 
 
@@ -157,9 +145,14 @@ def _answers(
             began = time.perf_counter()
             found = runs.answers(block.problem)
             call = runs.call(block.problem, 0).call
-        except (TensionlabError, ValueError) as error:
+        except Exception as error:
             evidence.refused[block.rows] = True
-            evidence.note = evidence.note or f"refuses some: {str(error).partition('; ')[0]}"
+            if isinstance(error, (TensionlabError, ValueError)):
+                evidence.note = evidence.note or f"refuses some: {str(error).partition('; ')[0]}"
+            elif entry.instance is None or is_built_in(entry.solver):
+                raise
+            else:  # the code of others may raise anything
+                evidence.note = evidence.note or f"breaks on some: {type(error).__name__}: {error}"
             continue
         if spent <= effort.seconds:
             answered.append(block)
@@ -241,7 +234,7 @@ def _time_calls(
         gc.unfreeze()
 
 
-def _time_batch(entry: Entry, blocks: list[Block], seconds: float) -> float:
+def _time_batch(allocator: Callable[..., Allocator], blocks: list[Block], seconds: float) -> float:
     """Return the time of a problem in one large batch, in s, as the median of three.
 
     Problems of one shape are one batch, repeated until it has `BATCH` of them, or fewer for a slow solver.
@@ -252,9 +245,9 @@ def _time_batch(entry: Entry, blocks: list[Block], seconds: float) -> float:
 
     def spend(arrays: list[Floats], size: int) -> float:
         structure, wrench, lower, upper = (array[np.arange(size) % len(array)] for array in arrays)
-        allocator = Allocator((lower, upper), make(entry.solver), nearest=entry.nearest)
+        prepared = allocator((lower, upper))
         began = time.perf_counter()
-        allocator(structure, wrench)
+        prepared(structure, wrench)
         return time.perf_counter() - began
 
     total, count = 0.0, 0

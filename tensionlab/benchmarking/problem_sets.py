@@ -6,9 +6,10 @@ The objective of all of them is the least ``|t|²`` of tensions t inside their l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from tensionlab.benchmarking.rigs import Stream, border_path, near_singular, str
 from tensionlab.errors import InputError
 from tensionlab.model.directions import forces, grid18
 from tensionlab.model.files import load_rig
+from tensionlab.solvers.base import Nearest, Problem
 from tensionlab.workspace import half_spaces
 
 LOWER, UPPER = 0.5, 6.0
@@ -76,17 +78,34 @@ def problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
     There are about as many as the count, spread evenly over the groups, at least one in each. `published` always
     has 364, and `trajectory` at least 50 a group.
     """
-    require_known([name])
+    if name not in PROBLEM_SETS:
+        raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
     if count < 1 or seed < 0:
         raise InputError(f"problem set {name!r}: count {count} must be 1 or more, and seed {seed} 0 or more")
     return PROBLEM_SETS[name](count, seed)
 
 
-def require_known(names: Iterable[str]) -> None:
-    """Refuse names of problem sets that do not exist."""
-    for name in names:
-        if name not in PROBLEM_SETS:
-            raise InputError(f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}")
+def problem_of(group: Group, nearest: Nearest | None = None) -> Problem:
+    """Return the problems of a group, with this policy: reference 0, no weights."""
+    size, n, m = group.structure.shape
+    return Problem(
+        structure=group.structure,
+        wrench=group.wrench,
+        lower=np.broadcast_to(group.lower, (size, m)),
+        upper=np.broadcast_to(group.upper, (size, m)),
+        reference=np.zeros((size, m)),
+        weights=np.ones(n),
+        nearest=nearest,
+    )
+
+
+def checksum(problems: ProblemSet) -> str:
+    """Return a checksum of all problems, by which two benchmarks know that they measured the same."""
+    digest = hashlib.blake2b(digest_size=16)
+    for group in problems.groups:
+        for array in problem_of(group).arrays:
+            digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
 
 
 def _published(count: int, seed: int) -> ProblemSet:
@@ -204,8 +223,12 @@ def _rendered(stream: Stream, structure: Floats, limits: tuple[Floats, Floats] |
     lower, upper = limits or (np.full(stream.m, LOWER), np.full(stream.m, UPPER))
     tensions = stream.rng.uniform(lower, upper, size=(stream.size, stream.m))
     wrench = (structure @ tensions[..., None])[..., 0]
-    label = f"m = {stream.m}" if stream.n == 3 else f"n = {stream.n}, m = {stream.m}"
-    return Group(label, structure, wrench, lower, upper)
+    return Group(size_label(stream.n, stream.m), structure, wrench, lower, upper)
+
+
+def size_label(n: int, m: int) -> str:
+    """Return the label of a group of n wrench components and m cables."""
+    return f"m = {m}" if n == 3 else f"n = {n}, m = {m}"
 
 
 def _scaled(group: Group, factor: Floats) -> Group:
@@ -222,35 +245,3 @@ def largest_scale(structure: Floats, wrench: Floats, lower: Floats, upper: Float
     along = (normals @ wrench[..., None])[..., 0]
     factors = np.divide(offsets, along, out=np.full(along.shape, np.inf), where=along > 0.0)
     return np.asarray(factors.min(axis=1))
-
-
-def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
-    """Return the problems of a set as rows of quadratic programs, for benchmarks of QP solvers.
-
-    Each is ``minimise x'Px/2 + q'x subject to Ax = b, lb <= x <= ub`` of the tensions x, so that P is the
-    identity, q zero, A the structure matrix, b the wrench. In the columns that qpbenchmark's `ParquetTestSet`
-    reads: matrices row by row in one list, G and h None because there are no other inequalities. The name is of
-    set, group and row. For readers that know the set there are ``group`` and ``path_mm``, as in `Group`.
-    """
-    rows: list[dict[str, Any]] = []
-    for group in problems.groups:
-        size, _, m = group.structure.shape
-        lower, upper = (np.broadcast_to(each, (size, m)) for each in (group.lower, group.upper))
-        identity, zeros = np.eye(m).ravel(), np.zeros(m)
-        rows += [
-            {
-                "name": f"{problems.name}/{group.label}/{row}",
-                "P": identity,
-                "q": zeros,
-                "G": None,
-                "h": None,
-                "A": group.structure[row].ravel(),
-                "b": group.wrench[row],
-                "lb": lower[row],
-                "ub": upper[row],
-                "group": group.label,
-                "path_mm": None if group.path_mm is None else float(group.path_mm[row]),
-            }
-            for row in range(size)
-        ]
-    return rows

@@ -1,7 +1,7 @@
 """One benchmark from plan to results, in a process of its own (`main`) whose libraries use one thread.
 
 Numerical libraries read how many threads they may use when they are loaded, and the calling process has loaded
-them already.
+them already. Only instances of solvers are measured in the calling process, because no other has them.
 """
 
 from __future__ import annotations
@@ -13,9 +13,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +26,18 @@ from tensionlab import records
 from tensionlab.benchmarking import results, speed
 from tensionlab.benchmarking.entries import entries
 from tensionlab.benchmarking.evaluation import Effort, evaluate_set
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set, require_known
+from tensionlab.benchmarking.problem_files import find_problem_set
+from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, checksum
 from tensionlab.errors import InputError, TensionlabError, WriteError
 from tensionlab.files import writing
 from tensionlab.operating_system import OWN_GROUP
+from tensionlab.solvers import Solver, name_solvers
 
+KERNEL_THREADS = "TENSIONLAB_NUM_THREADS"
+"""Variable of the environment, read with each batch, that says how many threads tensionlab's kernels use."""
 ONE_THREAD = dict.fromkeys(
     (
-        "TENSIONLAB_NUM_THREADS",
+        KERNEL_THREADS,
         "OMP_NUM_THREADS",
         "OPENBLAS_NUM_THREADS",
         "MKL_NUM_THREADS",
@@ -51,14 +56,14 @@ BATCH_SHARE = 0.15
 class Plan:
     """Problem sets, entries and effort of a benchmark.
 
-    ``sets`` are names in `PROBLEM_SETS`, ``solvers`` as in `tensionlab.benchmarking.entries.entries`; ``count``
+    ``sets`` are as in `find_problem_set`, ``solvers`` as in `tensionlab.benchmarking.entries.entries`; ``count``
     problems in each set; the seed of problems and shuffles; ``seconds`` and ``repeats`` as in `Effort`. ``batch``,
     ``rounds`` and ``calls`` are the problems in a batch, rounds, and single calls of
     `tensionlab.benchmarking.speed`; with no rounds they are left out.
     """
 
     sets: tuple[str, ...]
-    solvers: tuple[str, ...] | None = None
+    solvers: tuple[str | Solver, ...] | None = None
     count: int = 1000
     seed: int = 0
     seconds: float = 3.0
@@ -71,9 +76,8 @@ class Plan:
         """Check the plan before any work."""
         if not self.sets:
             raise InputError(f"no problem set is named; choose one of {', '.join(PROBLEM_SETS)}")
-        if self.solvers is not None and not self.solvers:
-            raise InputError("no solver is named; leave the option out for all of them")
-        require_known(self.sets)
+        for name in self.sets:
+            find_problem_set(name, 1)
         if self.count < 1 or self.seed < 0 or not self.seconds > 0 or self.repeats < 1:
             raise InputError(
                 f"count {self.count} and repeats {self.repeats} must be 1 or more, seconds {self.seconds} "
@@ -81,20 +85,89 @@ class Plan:
             )
         entries("none", self.solvers)
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """The same in words and numbers."""
+        names = None if self.solvers is None else list(name_solvers(self.solvers))
+        return {**vars(self), "solvers": names}
+
 
 def plan(
     sets: Sequence[str] | None = None,
-    solvers: Sequence[str] | None = None,
+    solvers: Sequence[str | Solver] | None = None,
     count: int | None = None,
     seed: int = 0,
     quick: bool = False,
 ) -> Plan:
-    """Return the plan of a full benchmark, or of a quick one of two minutes."""
+    """Return the plan of a full benchmark, or of a quick one of two minutes.
+
+    The batches are those of the exact solver, and are left out where some solvers are chosen.
+    """
     names = tuple(PROBLEM_SETS) if sets is None else tuple(dict.fromkeys(sets))
-    chosen = None if solvers is None else tuple(solvers)
+    chosen = None if solvers is None else tuple(solvers) if name_solvers(solvers) else ()
+    rounds = 0 if chosen is not None else 3 if quick else 7
     if quick:
-        return Plan(names, chosen, count or 60, seed, seconds=0.1, repeats=2, batch=20_000, rounds=3, calls=1000)
-    return Plan(names, chosen, count or 1000, seed)
+        return Plan(names, chosen, count or 60, seed, 0.1, repeats=2, batch=20_000, rounds=rounds, calls=1000)
+    return Plan(names, chosen, count or 1000, seed, rounds=rounds)
+
+
+def benchmark(
+    solvers: Sequence[str | Solver] | None = None,
+    sets: Sequence[str] | None = None,
+    *,
+    count: int | None = None,
+    seed: int = 0,
+    quick: bool = False,
+    out: str | PathLike[str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> results.Results:
+    """Measure accuracy, speed and the worst case of solvers on sets of problems.
+
+    Names are measured in a process of its own, whose libraries use one thread; as soon as one solver is an
+    instance, all are measured in this process, with the threads that it has. ``"module:Class"`` is a name.
+
+    Parameters
+    ----------
+    solvers : sequence of str or Solver, optional
+        Names, as `tensionlab solvers` lists them, ``"module:Class"``, baselines, such as "daqp" or
+        "qpsolvers:osqp", and instances; left out: all solvers and baselines by name.
+    sets : sequence of str, optional
+        Names, as `tensionlab problems list` has them, and files or folders of problems, as
+        `tensionlab.benchmarking.problem_files.read_problem_set` reads; left out: all by name.
+    count : int, optional
+        Problems in each set; 1000 if left out, or 60 where it is to be quick.
+    seed : int
+        Of the problems and their order.
+    quick : bool
+        Spend 0.1 s on each solver and set, and not 3 s.
+    out : path, optional
+        Folder for ``results.parquet`` and ``manifest.json``; made if it is not there.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    Results
+        Shows itself in a notebook; `plot()` and `to_pandas()`.
+
+    Raises
+    ------
+    InputError, UnknownSolver, PluginError, DataError
+        Before any work: solvers, sets or numbers that cannot be used.
+    MissingDependency
+        If pyarrow (extra ``data``) is not installed, which results are kept with.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> results = tl.benchmark([tl.Newton(), "closed-form"], ["edge"], count=12, quick=True)
+    >>> [(row.label, f"{row.solved_1e6:.0%}") for row in results.rows]
+    [('newton', '100%'), ('closed-form', '100%')]
+    """
+    what = plan(sets, solvers, count, seed, quick)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary if out is None else out)
+        return run(what, folder, sys.orig_argv, progress or (lambda _: None))
 
 
 def run(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> results.Results:
@@ -106,11 +179,15 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     """Run a benchmark in a process of its own, and return the folder with its results.
 
     `results.FILE` and ``manifest.json`` go to the folder, which is made if it is not there; if they cannot be
-    written there in the end, to a temporary one. The call is the command line, for the manifest.
+    written there in the end, to a temporary one. The call is the command line, for the manifest. A plan with
+    instances of solvers is measured in this process.
     """
     writing.require_folder(folder, parents=True)
     writing.make_folder(folder)
-    order = json.dumps({"plan": dataclasses.asdict(what), "folder": str(folder), "call": list(call)})
+    if not all(isinstance(each, str) for each in what.solvers or ()):
+        with _one_kernel_thread():
+            return measure_here(what, folder, call, progress)
+    order = json.dumps({"plan": what.record, "folder": str(folder), "call": list(call), "path": sys.path})
     command = [sys.executable, "-m", __name__, order]
     kept = folder
     # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
@@ -138,6 +215,19 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
     return kept
 
 
+@contextmanager
+def _one_kernel_thread() -> Iterator[None]:
+    """Have tensionlab's own kernels use one thread."""
+    before = os.environ.get(KERNEL_THREADS)
+    os.environ[KERNEL_THREADS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[KERNEL_THREADS]
+        if before is not None:
+            os.environ[KERNEL_THREADS] = before
+
+
 def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[float], None]) -> Path:
     """Run a benchmark in this process, write results and manifest, and return their folder."""
     wall, processor = time.perf_counter(), time.process_time()
@@ -146,7 +236,7 @@ def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callab
     sets = {}
     effort, rng = Effort(what.seconds, what.repeats), np.random.default_rng(what.seed)
     for done, name in enumerate(what.sets):
-        problems = problem_set(name, what.count, what.seed)
+        problems = find_problem_set(name, what.count, what.seed)
         takers = entries(problems.reachable, what.solvers)
         evaluation = evaluate_set(problems, takers, effort, rng, _within(progress, share * done, share))
         rows += evaluation.rows
@@ -156,13 +246,14 @@ def measure_here(what: Plan, folder: Path, call: Sequence[str], progress: Callab
             "groups": [[group.label, len(group.structure)] for group in problems.groups],
             "problems": sum(len(group.structure) for group in problems.groups),
             "verified": evaluation.verified,
+            "checksum": checksum(problems),
         }
     busy = (time.process_time() - processor) / (time.perf_counter() - wall)
     batch_rows, call_rows = _speed(what, progress)
     manifest = records.manifest(call, what.seed)
     manifest["bench"] = {
         "sets": sets,
-        "plan": dataclasses.asdict(what),
+        "plan": what.record,
         "instruction_set": speed.instruction_set(),
         "processor_share": busy,
         "threads": {name: os.environ.get(name) for name in ONE_THREAD},
@@ -204,6 +295,7 @@ def _within(progress: Callable[[float], None], start: float, share: float) -> Ca
 def main() -> None:
     """Run the benchmark of the first argument; print JSON lines: shares done, then the folder or the error."""
     order = json.loads(sys.argv[1])
+    sys.path += [each for each in order["path"] if each not in sys.path]
     what = order["plan"]
     for key in ("sets", "solvers"):
         what[key] = None if what[key] is None else tuple(what[key])

@@ -16,7 +16,8 @@ from tensionlab import records
 from tensionlab.allocation import allocate
 from tensionlab.benchmarking import report
 from tensionlab.benchmarking import run as benchmark
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set, qp_rows
+from tensionlab.benchmarking.problem_files import find_problem_set, qp_rows
+from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, problem_set
 from tensionlab.benchmarking.results import Results, read, summaries
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
@@ -166,7 +167,7 @@ def show(
     json: Json = False,
 ) -> None:
     """Show the groups of a set: their size, how many problems are feasible, how near to singular they are."""
-    found = problem_set(name, count, seed)
+    found = find_problem_set(name, count, seed)
     groups = []
     for group in found.groups:
         statuses = allocate(group.structure, group.wrench, (group.lower, group.upper)).counts()
@@ -203,7 +204,7 @@ def export(
     seed: Seed = 0,
 ) -> None:
     """Write a set as quadratic programs to a Parquet file, as qpbenchmark's ParquetTestSet reads them."""
-    found = problem_set(name, count, seed)
+    found = find_problem_set(name, count, seed)
     rows = qp_rows(found)
     manifest = output.manifest(seed)
     description = {"set": found.name, "title": found.title, "reachable": found.reachable, "count": count}

@@ -17,7 +17,7 @@ from tensionlab.display import duration, short
 from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
 from tensionlab.model.rig import Rig
-from tensionlab.solvers import make, select_solvers
+from tensionlab.solvers import Solver, select_solvers
 from tensionlab.solvers.base import POLICIES, Nearest, Status
 
 if TYPE_CHECKING:
@@ -157,18 +157,49 @@ def compare(
     position: ArrayLike | None = None,
     directions: ArrayLike | None = None,
     magnitude: float = 1.5,
-    solvers: Sequence[str] | None = None,
+    solvers: Sequence[str | Solver] | None = None,
     nearest: Nearest | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Compare solvers, named as in `select_solvers`, on the same forces and with the same verification.
+    """Compare solvers on the same forces, with the same verification.
 
-    Every answer comes from an `Allocator`. The optimum that `gap_max` refers to is newton's answer for the same
+    Every answer comes from an `Allocator`. The optimum that ``gap_max`` refers to is newton's answer for the same
     policy. The solvers are timed in turns of a few calls, so that a slow moment of the machine hits all of them.
 
-    The forces have a magnitude in N, by default that of the published validation, and directions (K, d), by
-    default `grid18`, or `circle` for a planar rig. They act at the rig's home unless a position, in m, is given.
-    ``progress`` is called with the share that is done.
+    Parameters
+    ----------
+    rig : Rig
+        Its body frames stay at rest.
+    position : (d,) array, optional
+        Where the forces act, in m; left out: the rig's home.
+    directions : (K, d) array, optional
+        Directions of the forces; left out: the 182 of `grid18`, or 72 on a circle for a planar rig.
+    magnitude : float
+        Size of each force, in N; that of the published validation if left out.
+    solvers : sequence of str or Solver, optional
+        Names, as `tensionlab solvers` lists them or ``"module:Class"``, and instances; left out: all by name.
+    nearest : {"force", "tension", "direction"}, optional
+        Only this policy for infeasible wrenches; left out: each that a solver honours.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    Comparison
+        Shows itself in a notebook; `plot()` and `to_pandas()`.
+
+    Raises
+    ------
+    InputError, UnknownSolver, MissingDependency, PluginError
+        Before any work: a solver that cannot be used or does not serve the rig, a magnitude that is none.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation-0.3m")
+    >>> result = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=50), "newton"], nearest="tension")
+    >>> [(row.solver, row.exact, row.nearest_count) for row in result.rows]
+    [('dykstra(iteration_limit=50)', 2, 27), ('newton', 153, 29)]
     """
     runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
@@ -179,7 +210,7 @@ def compare(
         raise InputError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
     forces = magnitude * np.asarray(directions, dtype=np.float64)
     wrenches = direction_sets.forces(forces, rig.n, rig.dimension)
-    allocators = [Allocator(rig.limits, make(name), nearest=policy) for name, policy in runs]
+    allocators = [Allocator(rig.limits, solver, nearest=policy) for _, policy, solver in runs]
 
     def seconds(allocator: Allocator, wrench: Floats) -> float:
         start = time.perf_counter()
@@ -208,10 +239,10 @@ def compare(
 
     optima = {
         policy: Allocator(rig.limits, "newton", nearest=policy)(structure, wrenches)
-        for policy in {policy or POLICIES[0] for _, policy in runs}
+        for policy in {run.nearest or POLICIES[0] for run in runs}
     }
     rows = []
-    for column, ((name, policy), found) in enumerate(zip(runs, allocations, strict=True)):
+    for column, ((name, policy, _), found) in enumerate(zip(runs, allocations, strict=True)):
         optimum = optima[policy or POLICIES[0]]
         gaps = abs(found.tensions - optimum.tensions)
         row = Row(

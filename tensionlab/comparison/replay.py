@@ -13,7 +13,7 @@ from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.compare import Column, Score, finite, score, scores_table
 from tensionlab.display import short
 from tensionlab.hardware.log.reader import Run
-from tensionlab.solvers import make, select_solvers
+from tensionlab.solvers import Selected, Solver, select_solvers
 from tensionlab.solvers.base import Nearest
 
 if TYPE_CHECKING:
@@ -78,18 +78,18 @@ class Replay:
 
 
 def replay(
-    run: Run, solvers: Sequence[str] | None = None, progress: Callable[[float], None] | None = None
+    run: Run, solvers: Sequence[str | Solver] | None = None, progress: Callable[[float], None] | None = None
 ) -> Replay:
     """Allocate the demands of a run again, by other solvers.
 
     Each gets the desired wrenches, at the poses where the run was, with the run's limits and the modules that took
-    part. Where the run would have gone with other answers is not simulated. Names are as in `select_solvers`;
+    part. Where the run would have gone with other answers is not simulated. Solvers are as in `select_solvers`;
     ``progress`` is called with the share that is done.
     """
     runs, missing = select_solvers(solvers, None, (run.rig.n, run.rig.m))
-    own: dict[str, Nearest | None] = {}
-    for name, policy in runs:  # a solver's own policy is its first
-        own.setdefault(name, policy)
+    own: dict[str, Selected] = {}
+    for each in runs:  # a solver's own policy is its first
+        own.setdefault(each.name, each)
     kept = np.isfinite(run.desired).all(axis=1)
     wrenches, structure = run.solver_wrench[kept], run.structure[kept]
     rendering = (run.active & np.isnan(run.impedances[:, :, 0]))[kept]  # not those that were lost, nor springs
@@ -112,8 +112,8 @@ def replay(
     arrays = {name: values[kept] for name, values in vars(run.allocation).items() if name != "failures"}
     rows = [row(run.setup.solver, run.setup.nearest, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
     limits = np.where(rendering, run.setup.lower, 0.0), np.where(rendering, run.setup.upper, 0.0)
-    for done, (name, policy) in enumerate(own.items(), start=1):
-        found = Allocator(limits, make(name), nearest=policy)(structure, wrenches)
+    for done, (name, policy, solver) in enumerate(own.values(), start=1):
+        found = Allocator(limits, solver, nearest=policy)(structure, wrenches)
         rows.append(row(name, policy, found, 0))
         if progress:
             progress(done / len(own))

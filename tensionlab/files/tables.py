@@ -218,8 +218,10 @@ def read_parquet(path: str | PathLike[str], what: str, error: type[TensionlabErr
     return ParquetTable(str(path), table, manifest)
 
 
-def read_npz(path: str | PathLike[str], what: str, error: type[TensionlabError]) -> dict[str, Floats]:
-    """Return the arrays of numbers in an NPZ file.
+def read_npz(
+    path: str | PathLike[str], what: str, error: type[TensionlabError], absent: Collection[str] = ()
+) -> dict[str, Floats]:
+    """Return the arrays of numbers in an NPZ file; without those that may be ``absent``, and are None.
 
     Each is unpacked up to a bound, and its header checked against what was unpacked, before there is an array: a
     small file may claim, or unpack to, more than the memory.
@@ -235,12 +237,19 @@ def read_npz(path: str | PathLike[str], what: str, error: type[TensionlabError])
                 if content is None or len(content) > left:
                     raise error(f"{path}: its arrays have more than {MAX_VALUES:,} values; give fewer")
                 left -= len(content)
+                if member.removesuffix(".npy") in absent and _is_none(content):
+                    continue
                 arrays[member.removesuffix(".npy")] = _array(content, f"{path}: {member:.40}", error)
     except TensionlabError:
         raise
     except Exception as problem:  # whatever a decoder raises over damaged bytes
         raise error(f"{path}: a damaged file ({type(problem).__name__}); give {what}") from None
     return arrays
+
+
+def _is_none(content: bytes) -> bool:
+    """Return whether an NPY file has a single Python object, as NumPy writes None."""
+    return b"'descr': '|O'" in content[:128] and b"'shape': ()" in content[:128]
 
 
 def _array(content: bytes, where: str, error: type[TensionlabError]) -> Floats:

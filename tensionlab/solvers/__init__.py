@@ -1,4 +1,4 @@
-"""Solvers by name: the table of built-in ones, plug-ins, and the selection for a comparison.
+"""Solvers by name: the table of built-in ones, plug-ins, classes of modules, and the selection for a comparison.
 
 Plug-ins are solvers of other distributions, in the entry point group ``tensionlab.solvers``. None of their code
 runs before one is wanted by its name, or all solvers are listed.
@@ -7,10 +7,12 @@ runs before one is wanted by its name, or all solvers are listed.
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, cast, get_args
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 from tensionlab import variants
 from tensionlab.errors import InputError, MissingDependency, PluginError, UnknownSolver
@@ -59,26 +61,53 @@ PARTS: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
 
 
 def make(name: str) -> Solver:
-    """Return a solver by its name in `SOLVERS`, or that of a plug-in.
+    """Return a solver by its name in `SOLVERS`, that of a plug-in, or ``module:Class``.
 
     What follows a colon sets the solver's first hyper-parameter: ``"qp:osqp"`` is
-    ``QuadraticProgram(backend="osqp")``.
+    ``QuadraticProgram(backend="osqp")``, ``"my_solver:MySolver:200"`` the class of a module with its first set. A
+    module is looked for on Python's path, to which the working directory is added.
 
     Raises
     ------
     UnknownSolver, PluginError, ValueError
-        If there is no such name, if what another distribution offers under it cannot be used, or if the solver
-        refuses the hyper-parameter.
+        If there is no such name, if what another distribution or module offers under it cannot be used, or if the
+        solver refuses the hyper-parameter.
     """
-    family = name.partition(":")[0]
+    family, _, rest = name.partition(":")
     found = SOLVERS.get(family)
     names: Iterable[str] = SOLVERS
     if found is None:
         offered = offered_plugins()
-        found = _load_only(offered[family]) if family in offered else None
         names = [*SOLVERS, *offered]
+        if family in offered:
+            found = _load_only(offered[family])
+        elif rest and _is_module(family):
+            found, name = _load_class(family, rest.partition(":")[0]), rest
+        elif rest[:1].isupper():
+            raise UnknownSolver(
+                f"no solver and no module is called {family!r}; module:Class, as in my_solver:MySolver, is looked "
+                f"for on Python's path and in {Path.cwd()}"
+            )
     solver: Solver = variants.make(name, found, names, "solver", UnknownSolver)
     return solver
+
+
+def is_built_in(name: str) -> bool:
+    """Return whether a solver of this name comes with tensionlab."""
+    return name.partition(":")[0] in SOLVERS
+
+
+def title_of(solver: Solver) -> str:
+    """Return what an instance is called: its class, or built-in name, and hyper-parameters other than defaults."""
+    kind = type(solver)
+    name = next((family for family, known in SOLVERS.items() if known is kind), kind.__name__)
+    settings: tuple[Field[Any], ...] = fields(kind) if is_dataclass(kind) else ()
+    changed: list[str] = []
+    for each in settings:
+        value = getattr(solver, each.name)
+        if each.init and repr(value) != repr(each.default):
+            changed.append(f"{each.name}={value!r}")
+    return f"{name}({', '.join(changed)})" if changed else name
 
 
 def fused(solver: Solver) -> FusedSolver | None:
@@ -117,34 +146,62 @@ def _built_in() -> dict[str, bool]:
     return names
 
 
+class Selected(NamedTuple):
+    """Run of a comparison: a solver with a policy, which is None if it honours none; and what it is called."""
+
+    name: str
+    nearest: Nearest | None
+    solver: Solver
+
+
+def name_solvers(solvers: Sequence[str | Solver]) -> dict[str, Solver | None]:
+    """Return the solvers by what they are called, in their order, each once: instances; None for a name.
+
+    InputError if there is none, or something is neither a name nor an instance.
+    """
+    if isinstance(solvers, str) or not isinstance(solvers, Sequence):
+        raise InputError(f"solvers is {solvers!r:.60}; give a list of names and instances, such as ['newton']")
+    if not solvers:
+        raise InputError("no solver is named; leave the option out for all, or see `tensionlab solvers`")
+    found: dict[str, Solver | None] = {}
+    for each in solvers:
+        if isinstance(each, type):
+            raise InputError(f"solvers has the class {each.__name__}; give an instance, {each.__name__}()")
+        if not isinstance(each, str) and (lacks := _lacks(each)):
+            raise InputError(
+                f"solvers has {each!r:.60}, which lacks {', '.join(lacks)}; give names in tensionlab.SOLVERS, or "
+                "instances of solvers, as tensionlab.solvers.Solver says"
+            )
+        found |= {each: None} if isinstance(each, str) else {title_of(each): each}
+    return found
+
+
 def select_solvers(
-    solvers: Sequence[str] | None = None, nearest: str | None = None, size: tuple[int, int] | None = None
-) -> tuple[list[tuple[str, Nearest | None]], dict[str, str]]:
+    solvers: Sequence[str | Solver] | None = None,
+    nearest: str | None = None,
+    size: tuple[int, int] | None = None,
+) -> tuple[list[Selected], dict[str, str]]:
     """Choose which solvers run with which policies.
 
-    All policies of all solvers, unless some solvers are named, or one policy, which then only those run that
-    honour it. ``size`` is n wrench components and m cables, for solvers that do not serve every size.
+    All policies of all solvers, unless some solvers are given, by name or as instances, or one policy, which then
+    only those run that honour it. ``size`` is n wrench components and m cables, for solvers that do not serve
+    every size.
 
-    Returns solver and policy, None if it honours none, of every run, in the order given; and the solvers left out,
-    with the reason: a library is not installed, a plug-in is broken, or the solver does not serve this size. A
-    solver that is named is never left out: what is in its way is an `InputError`, `UnknownSolver`,
-    `MissingDependency` or `PluginError`.
+    Returns every run, in the order given; and the solvers left out, with the reason: a library is not installed, a
+    plug-in is broken, or the solver does not serve this size. A solver that is given is never left out: what is in
+    its way is an `InputError`, `UnknownSolver`, `MissingDependency` or `PluginError`.
     """
     if nearest is not None and nearest not in POLICIES:
         raise InputError(f"nearest={nearest!r} is no policy; choose one of {', '.join(POLICIES)}")
-    if isinstance(solvers, str):
-        raise InputError(f"solvers is {solvers!r}; give a list of names, such as [{solvers!r}]")
     usable = every_solver() if solvers is None else _built_in()
-    names = list(usable) if solvers is None else list(dict.fromkeys(solvers))
-    if not names:
-        raise InputError("no solver is named; leave the option out for all, or see `tensionlab solvers`")
-    runs: list[tuple[str, Nearest | None]] = []
+    wanted = dict.fromkeys(usable) if solvers is None else name_solvers(solvers)
+    runs: list[Selected] = []
     missing: dict[str, str] = {}
-    for name in names:
+    for name, instance in wanted.items():
         if solvers is None and not usable[name]:
-            missing[name] = "not installed" if name.partition(":")[0] in SOLVERS else "broken"
+            missing[name] = "not installed" if is_built_in(name) else "broken"
             continue
-        solver = make(name)
+        solver = instance or make(name)
         if not usable.get(name, True):
             extra = "reference" if name == "cvxpy" else "solvers"
             raise MissingDependency(f'{name} is not installed: pip install "tensionlab[{extra}]"')
@@ -153,9 +210,9 @@ def select_solvers(
                 raise InputError(f"solver {name} does not serve this rig: {reason}")
             missing[name] = reason
         elif nearest is None:
-            runs += [(name, policy) for policy in solver.policies] or [(name, None)]
+            runs += [Selected(name, policy, solver) for policy in solver.policies or (None,)]
         elif solvers is not None or nearest in solver.policies:
-            runs.append((name, resolve_policy(solver, nearest, f"solver {name}")))
+            runs.append(Selected(name, resolve_policy(solver, nearest, f"solver {name}"), solver))
     return runs, missing
 
 
@@ -203,17 +260,37 @@ def _load_only(entries: list[EntryPoint]) -> type[Any]:
     return _load(entry)
 
 
+def _is_module(name: str) -> bool:
+    """Return whether there is a module of this name, on Python's path or in the working directory."""
+    if not all(part.isidentifier() for part in name.split(".")):
+        return False
+    here = str(Path.cwd())
+    if here not in {str(Path(each).resolve()) for each in sys.path}:
+        sys.path.append(here)  # last, so that nothing there takes the place of a library
+    try:
+        return find_spec(name) is not None
+    except (ModuleNotFoundError, ValueError):  # of the package that it would be in; __main__
+        return False
+
+
+def _load_class(module: str, name: str) -> type[Any]:
+    """Load the class of a module, and check that it is a solver."""
+    from importlib.metadata import EntryPoint
+
+    return _load(EntryPoint(name, f"{module}:{name}", PLUGIN_GROUP))
+
+
 @functools.cache
 def _load(entry: EntryPoint) -> type[Any]:
     """Load the class of an entry point, once, and check that it is a solver."""
-    where = f"solver {entry.name!r} of {_origins([entry])} ({entry.value})"
+    where = f"solver {entry.name!r}" + (f" of {_origins([entry])}" if entry.dist else "") + f" ({entry.value})"
     try:
         found = entry.load()
         if isinstance(found, type):
             found()
     except Exception as error:  # the code of others may raise anything
         raise PluginError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
-    lacks = [name for name, kind in PARTS.items() if not isinstance(getattr(found, name, None), kind)]
+    lacks = _lacks(found)
     if not (isinstance(found, type) and is_dataclass(found)) or lacks:
         what = f"lacks {', '.join(lacks)}" if lacks else "is no dataclass"
         raise PluginError(f"{where} {what}; tensionlab.solvers.base says what a solver is")
@@ -223,17 +300,26 @@ def _load(entry: EntryPoint) -> type[Any]:
     return solver_class
 
 
+def _lacks(solver: object) -> list[str]:
+    """Return what a class or an instance lacks to be a solver."""
+    return [name for name, kind in PARTS.items() if not isinstance(getattr(solver, name, None), kind)]
+
+
 __all__ = [
     "SOLVERS",
     "Answer",
     "Nearest",
     "Problem",
+    "Selected",
     "Solver",
     "Status",
     "every_solver",
     "find_plugins",
     "fused",
+    "is_built_in",
     "make",
+    "name_solvers",
     "offered_plugins",
     "select_solvers",
+    "title_of",
 ]

@@ -119,7 +119,7 @@ def mean_noise(deviation: float, seed: int, protocol: Protocol) -> Floats:
 
 def study_solvers(rig: Rig) -> dict[str, str | Solver]:
     """Return the solvers that serve the rig, and Dykstra's algorithm cut short."""
-    found: dict[str, str | Solver] = {name: name for name, _ in select_solvers(size=(rig.n, rig.m))[0]}
+    found: dict[str, str | Solver] = {run.name: run.name for run in select_solvers(size=(rig.n, rig.m))[0]}
     return found | {f"dykstra, {count} iterations": Dykstra(iteration_limit=count) for count in ITERATION_LIMITS}
 
 

@@ -3,7 +3,8 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,7 +13,7 @@ import pytest
 import tensionlab as tl
 from tensionlab import records
 from tensionlab.benchmarking import results
-from tensionlab.benchmarking.problem_sets import PROBLEM_SETS
+from tensionlab.benchmarking.problem_sets import PROBLEM_SETS, checksum, problem_set
 from tensionlab.benchmarking.results import EVIDENCE
 from tensionlab.benchmarking.run import ONE_THREAD, Plan, main, measure_here, plan, run
 from tensionlab.errors import DataError, InputError, TensionlabError, UnknownSolver
@@ -94,7 +95,7 @@ def test_a_plan_covers_everything_unless_told_otherwise():
     assert full.solvers is None
     assert (quick.count, quick.seed) == (7, 5)
     assert quick.seconds < full.seconds
-    assert plan(["edge", "edge"], ["newton"]) == Plan(("edge",), ("newton",))
+    assert plan(["edge", "edge"], ["newton"]) == Plan(("edge",), ("newton",), rounds=0)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +117,45 @@ def test_unknown_solvers_too():
         plan(solvers=["newtown"])
 
 
+@dataclass(frozen=True)
+class Halves:
+    """Half the exact tensions, and no answer for 6 cables."""
+
+    objective: ClassVar[str] = "nothing"
+    policies: ClassVar[tuple[str, ...]] = ()
+
+    def solve(self, problem):
+        exact = tl.Newton().solve(replace(problem, nearest="force"))
+        return exact.tensions if problem.lower.shape[1] == 6 else replace(exact, tensions=0.5 * exact.tensions)
+
+
+def test_a_solver_of_ones_own_is_measured_and_its_mistakes_are_in_the_table(tmp_path):
+    what = Plan(("edge",), (Halves(), "newton"), count=12, seconds=0.05, repeats=1, rounds=0)
+    found = run(what, tmp_path, [], lambda done: None)
+    own, exact = found.rows
+    assert (own.label, own.setting, exact.solved_1e6) == ("Halves", "proved", 1.0)
+    assert found.manifest["bench"]["plan"]["solvers"] == ["Halves", "newton"]
+    assert own.solved_1e6 == 0.0
+    np.testing.assert_array_less(0.1, own.error_max)  # half of what is needed renders half of it
+    mistake = "the solver returned ndarray; return Answer(tensions, iterations)"
+    assert (own.refused, own.note) == (2, f"breaks on some: TypeError: {mistake}")
+    assert os.environ.get("TENSIONLAB_NUM_THREADS") is None
+
+
+def test_a_class_of_a_module_is_measured_in_the_process_of_its_own(tmp_path, monkeypatch):
+    (tmp_path / "mine.py").write_text("from tensionlab import Newton\nclass Mine(Newton):\n    pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    what = Plan(("edge",), ("mine:Mine",), count=6, seconds=0.01, repeats=1, rounds=0)
+    found = run(what, tmp_path / "out", [], lambda done: None)
+    assert [row.label for row in found.rows] == ["mine:Mine"]
+    assert found.manifest["bench"]["threads"] == ONE_THREAD
+
+
+def test_the_same_problems_have_the_same_checksum():
+    sums = [checksum(problem_set("edge", 6, seed)) for seed in (0, 0, 1)]
+    assert sums[0] == sums[1] != sums[2]
+
+
 def test_a_measuring_process_that_breaks_is_an_error(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", "false")
     with pytest.raises(TensionlabError, match="status 1"):
@@ -124,7 +164,7 @@ def test_a_measuring_process_that_breaks_is_an_error(tmp_path, monkeypatch):
 
 def test_what_backends_print_does_not_disturb_the_progress(tmp_path):
     order = json.dumps({"plan": {"sets": ["point"], "solvers": ["newton"], "count": 5, "seconds": 0.01,
-                                 "rounds": 0}, "folder": str(tmp_path), "call": []})  # fmt: skip
+                                 "rounds": 0}, "folder": str(tmp_path), "call": [], "path": []})  # fmt: skip
     script = (
         "import os, sys; from tensionlab.benchmarking import run as worker; "
         "old = worker.measure_here; "
@@ -155,7 +195,7 @@ def test_a_measuring_process_ends_in_silence_where_nobody_hears_it(monkeypatch):
         heard.append(what)
         progress(0.5)
 
-    order = {"plan": asdict(plan(quick=True)), "folder": "new", "call": "bench"}
+    order = {"plan": asdict(plan(quick=True)), "folder": "new", "call": "bench", "path": []}
     monkeypatch.setattr("tensionlab.benchmarking.run.measure_here", measure)
     monkeypatch.setattr("tensionlab.benchmarking.run.os.dup", lambda _: writer)
     monkeypatch.setattr("tensionlab.benchmarking.run.os.dup2", lambda *_: None)

@@ -154,6 +154,17 @@ def test_the_polygon_takes_part_where_the_rig_is_one_for_it():
         compare(tl.load_rig(RIGS / "cube-8.toml"), solvers=["polygon"])
 
 
+def test_an_instance_is_compared_beside_names():
+    result = tl.compare(
+        tl.load_rig("bartels2026-validation-0.3m"), solvers=[tl.Dykstra(iteration_limit=2), "newton"]
+    )
+    rows = rows_of(result)
+    cut_short, exact = rows["dykstra(iteration_limit=2)", "tension"], rows["newton", "tension"]
+    assert exact.exact == 153
+    assert cut_short.exact < 153
+    assert cut_short.residual_max > exact.residual_max
+
+
 def test_modules_on_a_body_are_compared_with_the_body_at_the_origin():
     rig = tl.load_rig(RIGS / "body-mounted.toml")
     result = compare(rig, solvers=["newton"], nearest="force")

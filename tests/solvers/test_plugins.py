@@ -1,6 +1,7 @@
 """Solvers of other distributions: found when asked for, never before, and harmless when broken."""
 
 import json
+import re
 import subprocess
 import sys
 from itertools import count
@@ -71,8 +72,8 @@ def test_a_solver_of_another_distribution_is_one_like_any(offer):
     assert found.tensions.tolist() == [2.0, 2.0]
     assert make("fixed:3.5").newtons == 3.5
     assert every_solver()["fixed"]
-    assert ("fixed", None) in select_solvers()[0]
-    assert select_solvers(["fixed"]) == ([("fixed", None)], {})
+    assert "fixed" in {run.name for run in select_solvers()[0]}
+    assert select_solvers(["fixed"]) == ([("fixed", None, make("fixed"))], {})
     assert "fixed" not in tl.SOLVERS
 
 
@@ -126,8 +127,8 @@ def test_a_broken_solver_is_an_error_only_when_asked_for(offer, capsys, text, ta
     assert every_solver()["fixed"] is False
     runs, missing = select_solvers()
     assert "fixed" in missing
-    assert "fixed" not in {name for name, _ in runs}
-    assert select_solvers(["newton"], "force") == ([("newton", "force")], {})
+    assert "fixed" not in {run.name for run in runs}
+    assert select_solvers(["newton"], "force") == ([("newton", "force", tl.Newton())], {})
     with pytest.raises(SystemExit) as left:
         main(["solvers", "--json"])
     assert not left.value.code
@@ -148,6 +149,41 @@ def test_a_name_with_a_colon_is_left_out(offer):
     offer("fixed:2")
     assert every_solver()["fixed:2"] is False
     assert "fixed:2" in select_solvers()[1]
+
+
+@pytest.fixture
+def beside(tmp_path, monkeypatch):
+    """A module of this text in the working directory; its name."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [each for each in sys.path if each])
+
+    def call(text=GOOD):
+        name = f"fable_{next(NUMBER)}"
+        Path(f"{name}.py").write_text(text)
+        return name
+
+    return call
+
+
+def test_a_class_of_a_module_in_the_working_directory_is_a_solver(beside):
+    name = beside()
+    found = tl.allocate([[1.0, -1.0]], [0.0], (1.0, 5.0), solver=f"{name}:Fixed:3.5")
+    assert found.tensions.tolist() == [3.5, 3.5]
+    assert select_solvers([f"{name}:Fixed"])[0][0].solver.newtons == 2.0
+    assert sys.path[-1] == str(Path.cwd())  # nothing there takes the place of a library
+
+
+def test_a_class_that_is_no_solver_and_a_module_that_is_not_there_are_told_apart(beside):
+    name = beside(GOOD.replace("def solve", "def slove"))
+    with pytest.raises(PluginError, match=rf"solver 'Fixed' \({name}:Fixed\) lacks solve"):
+        make(f"{name}:Fixed")
+    with pytest.raises(PluginError, match=f"module '{name}' has no attribute 'Fixt'"):
+        make(f"{name}:Fixt")
+    for module in ("fable", "no.fable", "fable.py"):
+        with pytest.raises(UnknownSolver, match=f"no solver and no module is called '{re.escape(module)}'"):
+            make(f"{module}:Fixed")
+    with pytest.raises(UnknownSolver, match="did you mean 'qp'"):
+        make("qpp:osqp")
 
 
 def printed(folder, script):

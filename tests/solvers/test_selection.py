@@ -1,7 +1,8 @@
 import pytest
 
+import tensionlab as tl
 from tensionlab import solvers as room
-from tensionlab.errors import MissingDependency, UnknownSolver
+from tensionlab.errors import InputError, MissingDependency, UnknownSolver
 from tensionlab.solvers import SOLVERS, every_solver, make, select_solvers
 
 
@@ -14,26 +15,25 @@ def test_every_name_makes_a_solver_and_every_family_is_there():
 
 def test_every_solver_runs_with_every_policy_it_honours():
     runs, missing = select_solvers()
-    assert {name for name, _ in runs} | set(missing) == set(every_solver())
-    for name, policy in runs:
+    assert {run.name for run in runs} | set(missing) == set(every_solver())
+    for name, policy, _ in runs:
         honoured = make(name).policies
         assert policy in honoured if honoured else policy is None
-    assert {policy for name, policy in runs if name == "newton"} == {"force", "tension", "direction"}
+    assert {policy for name, policy, _ in runs if name == "newton"} == {"force", "tension", "direction"}
 
 
 def test_one_policy_leaves_out_those_that_do_not_honour_it():
     runs, _ = select_solvers(nearest="force")
-    assert {policy for _, policy in runs} == {"force"}
-    names = {name for name, _ in runs}
+    assert {policy for _, policy, _ in runs} == {"force"}
+    names = {run.name for run in runs}
     assert {"newton", "cvxpy"} <= names
     assert not {"dykstra", "pseudoinverse:middle", "closed-form"} & names
 
 
 def test_order_is_kept_and_repeats_are_not():
-    assert select_solvers(["closed-form", "dykstra", "closed-form"]) == (
-        [("closed-form", None), ("dykstra", "tension")],
-        {},
-    )
+    runs, missing = select_solvers(["closed-form", "dykstra", "closed-form"])
+    assert [run[:2] for run in runs] == [("closed-form", None), ("dykstra", "tension")]
+    assert not missing
 
 
 @pytest.mark.parametrize(
@@ -57,10 +57,35 @@ def test_a_solver_that_does_not_serve_the_size_is_left_out_by_default_and_refuse
         missing["polygon:1-norm"]
         == "8 cables for 3 wrench components have redundancy 5, and a polygon has 2 dimensions"
     )
-    assert "polygon:1-norm" not in {name for name, _ in runs}
-    assert ("polygon:1-norm", None) in select_solvers(size=(6, 8))[0]
+    assert "polygon:1-norm" not in {run.name for run in runs}
+    assert "polygon:1-norm" in {run.name for run in select_solvers(size=(6, 8))[0]}
     with pytest.raises(ValueError, match=r"polygon does not serve this rig: .*redundancy 5"):
         select_solvers(["newton", "polygon"], size=(3, 8))
+
+
+def test_instances_are_called_by_their_class_and_what_is_not_the_default():
+    given = [tl.Dykstra(), tl.Dykstra(iteration_limit=2), "newton", tl.QuadraticProgram("osqp"), tl.Dykstra()]
+    runs, _ = select_solvers(given, "tension")
+    assert [run.name for run in runs] == [
+        "dykstra",
+        "dykstra(iteration_limit=2)",
+        "newton",
+        "qp(backend='osqp')",
+    ]
+    assert runs[1].solver is given[1]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ([tl.Newton], r"the class Newton; give an instance, Newton\(\)"),
+        ([3.0], "3.0, which lacks objective, policies, solve"),
+        (tl.Newton(), "give a list of names and instances"),
+    ],
+)
+def test_what_is_no_solver_is_refused_in_words(given, message):
+    with pytest.raises(InputError, match=message):
+        select_solvers(given)
 
 
 def test_unknown_names_are_unknown_solvers():
@@ -73,6 +98,6 @@ def test_a_backend_that_is_not_installed_is_left_out_by_default_and_refused_by_n
     runs, missing = select_solvers()
     assert "qp:daqp" in missing
     assert "qp:clarabel" not in missing
-    assert not set(missing) & {name for name, _ in runs}
+    assert not set(missing) & {run.name for run in runs}
     with pytest.raises(MissingDependency, match=r"qp:daqp.*tensionlab\[solvers\]"):
         select_solvers(["newton", "qp:daqp"])

@@ -23,7 +23,7 @@ RIG = tl.load_rig(RIGS / "bartels2026-validation.toml")
 QUICK = Protocol(hold=0.14, settle=0.1)
 FEW = Protocol(hold=0.4, directions=grid18()[::15])
 THREE = Protocol(hold=0.14, settle=0.1, directions=grid18()[::70])
-SOLVERS = list(dict.fromkeys(name for name, _ in select_solvers(size=(RIG.n, RIG.m))[0]))
+SOLVERS = list(dict.fromkeys(run.name for run in select_solvers(size=(RIG.n, RIG.m))[0]))
 
 
 def run(protocol, errors, solver="newton", rig=RIG, seed=0):

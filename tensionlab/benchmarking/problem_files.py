@@ -1,0 +1,231 @@
+"""Problem sets on disk: quadratic programs as qpbenchmark keeps them, in a Parquet file or a folder of NPZ files.
+
+A program is ``minimise x'Px/2 + q'x subject to Gx <= h, Ax = b, lb <= x <= ub``. It is a problem of tension
+allocation if P is diagonal and positive, there is no G, and all bounds are finite: with ``t = D x + q/D``, D the
+square root of P, it asks for the least ``|t|²`` inside limits that renders ``W t = w``, ``W = A/D``,
+``w = b + A (q/P)``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from tensionlab.arrays import Floats, check_size
+from tensionlab.benchmarking.optimum import optimum
+from tensionlab.benchmarking.problem_sets import (
+    PROBLEM_SETS,
+    Group,
+    ProblemSet,
+    problem_of,
+    problem_set,
+    size_label,
+)
+from tensionlab.errors import DataError, InputError, ShapeError
+from tensionlab.files.tables import read_npz, read_parquet
+
+KIND = "quadratic programs: a Parquet file, or a folder of NPZ files"
+KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+"""Of a program, as in qpsolvers and qpbenchmark; P left out is the identity, and q zero."""
+
+
+class Program(NamedTuple):
+    """Quadratic program from outside: where it was, its arrays by `KEYS`, its group, its place on a path in mm."""
+
+    where: str
+    arrays: Mapping[str, Floats]
+    group: str | None = None
+    path_mm: float | None = None
+
+
+def find_problem_set(name: str, count: int, seed: int = 0) -> ProblemSet:
+    """Return the problems of a set, by its name in `PROBLEM_SETS` or its path, as `read_problem_set` reads it.
+
+    Of a path, an even selection of about as many as the count; the seed has no meaning there.
+    """
+    if name in PROBLEM_SETS:
+        return problem_set(name, count, seed)
+    if not Path(name).exists():
+        raise InputError(
+            f"no problem set is called {name!r}; choose one of {', '.join(PROBLEM_SETS)}, or give {KIND}"
+        )
+    return read_problem_set(name, count)
+
+
+def read_problem_set(path: str | PathLike[str], count: int | None = None) -> ProblemSet:
+    """Read problems of tension allocation from quadratic programs.
+
+    Read are a Parquet file as of qpbenchmark's ``ParquetTestSet``, with a row for each program, and a folder of
+    NPZ files as of qpsolvers' ``Problem.save``, in it or in its folder ``data``, as qpbenchmark's repositories
+    have them. What is no problem of tension allocation is left out, and counted in the title.
+
+    Parameters
+    ----------
+    path : path
+        A Parquet file with the columns A, b, lb and ub, and perhaps P, q, G, h, name, group and path_mm, matrices
+        row by row in one list; or a folder.
+    count : int, optional
+        Read an even selection of about so many; all if left out.
+
+    Raises
+    ------
+    DataError
+        If there are no programs, none is a problem of tension allocation, or one is damaged; says which and why.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from tensionlab.benchmarking.problem_files import read_problem_set
+    >>> tug_of_war = {"A": np.array([[1.0, -1.0]]), "b": np.array([2.0])}
+    >>> np.savez("tug.npz", P=2 * np.eye(2), q=np.zeros(2), lb=np.ones(2), ub=np.full(2, 5.0), **tug_of_war)
+    >>> read_problem_set(".")
+    <ProblemSet .: 1 problems in 1 groups, 1 of 1 quadratic programs>
+    """
+    programs = list(_in_folder(Path(path)) if Path(path).is_dir() else _in_parquet(path))
+    found: dict[str, list[tuple[Floats, Floats, Floats, Floats, float | None]]] = {}
+    left_out: Counter[str] = Counter()
+    for each in programs:
+        problem = _allocation(each)
+        if isinstance(problem, str):
+            left_out[problem] += 1
+        else:
+            label = each.group or size_label(*problem[0].shape)
+            found.setdefault(label, []).append((*problem, each.path_mm))
+    reasons = ", ".join(f"{number} with {reason}" for reason, number in left_out.most_common())
+    if not found:
+        what = f"none of its {len(programs)} programs is a problem of tension allocation: {reasons}"
+        raise DataError(f"{path}: {what if programs else 'no programs'}; give {KIND}")
+    share = 1.0 if count is None else min(1.0, count / (len(programs) - left_out.total()))
+    groups = [_group(f"{path}: {label}", label, rows, share) for label, rows in found.items()]
+    kept = f"{len(programs) - left_out.total()} of {len(programs)} quadratic programs"
+    title = f"{kept}; left out: {reasons}" if reasons else kept
+    return ProblemSet(str(path), title, tuple(groups), _reachable(groups))
+
+
+def _in_folder(folder: Path) -> Iterator[Program]:
+    """Yield the programs in the NPZ files of a folder, or of its folder ``data``."""
+    for place in (folder, folder / "data"):
+        if files := sorted(place.glob("*.npz")):
+            for file in files:
+                yield Program(str(file), read_npz(file, KIND, DataError, absent=KEYS))
+            return
+
+
+def _in_parquet(path: str | PathLike[str]) -> Iterator[Program]:
+    """Yield the programs in the rows of a Parquet file."""
+    for number, row in enumerate(read_parquet(path, KIND, DataError).columns.to_pylist(), start=1):
+        where = f"{path}: row {number}"
+        arrays = {key: _numbers(row[key], f"{where}: {key}") for key in KEYS if row.get(key) is not None}
+        label, length = row.get("group"), row.get("path_mm")
+        yield Program(where, arrays, None if label is None else str(label), length)
+
+
+def _numbers(values: Any, where: str) -> Floats:
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise DataError(f"{where} is no list of numbers; give a matrix row by row in one list") from None
+
+
+def _allocation(program: Program) -> tuple[Floats, Floats, Floats, Floats] | str:
+    """Return structure, wrench and limits of a program; why it is no problem of tension allocation, if it is none.
+
+    DataError if its arrays do not fit each other.
+    """
+    where, arrays = program.where, program.arrays
+    if "lb" not in arrays or "ub" not in arrays:
+        return "an unbounded variable"
+    if "A" not in arrays or "b" not in arrays:
+        return "no equations"
+    lower, upper, wrench = (arrays[key].ravel() for key in ("lb", "ub", "b"))
+    n, m = wrench.size, lower.size
+    weights = arrays.get("P", np.eye(m))
+    linear = arrays.get("q", np.zeros(m)).ravel()
+    for name, array, size in (
+        ("ub", upper, m),
+        ("q", linear, m),
+        ("P", weights, m * m),
+        ("A", arrays["A"], n * m),
+    ):
+        if array.size != size:
+            fits = f"with {m} in lb and {n} in b it must have {size}"
+            raise DataError(f"{where}: {name} has {array.size} entries; {fits}")
+    diagonal = np.diag(weights := weights.reshape(m, m))
+    if "G" in arrays:
+        return "inequalities"
+    if not np.array_equal(weights, np.diag(diagonal)):
+        return "P not diagonal"
+    if not (diagonal > 0.0).all():
+        return "P not positive"
+    if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
+        return "an unbounded variable"
+    try:
+        check_size(n, m)
+    except ShapeError:
+        return "too many variables or equations"
+    root, equations = np.sqrt(diagonal), arrays["A"].reshape(n, m)
+    offset = linear / root
+    found = (
+        equations / root,
+        wrench + equations @ (linear / diagonal),
+        root * lower + offset,
+        root * upper + offset,
+    )
+    if not all(np.isfinite(each).all() for each in found) or (lower > upper).any():
+        raise DataError(f"{where}: A, b and q must be finite, and lb nowhere above ub")
+    return found
+
+
+def _group(where: str, label: str, rows: Sequence[Any], share: float) -> Group:
+    """Return the programs of a group, or an even selection; of a path all, because a jump needs neighbours."""
+    *_, lengths = zip(*rows, strict=True)
+    path = None if None in lengths else np.array(lengths, dtype=np.float64)
+    if path is None and share < 1.0:
+        rows = [rows[i] for i in np.linspace(0, len(rows) - 1, max(1, round(share * len(rows)))).astype(int)]
+    if len({row[0].shape for row in rows}) > 1:
+        raise DataError(f"{where}: its programs differ in size; give each size a group of its own")
+    structure, wrench, lower, upper = (np.array(column) for column in list(zip(*rows, strict=True))[:4])
+    return Group(label, structure, wrench, lower, upper, path)
+
+
+def _reachable(groups: Sequence[Group]) -> Literal["all", "none", "mixed"]:
+    """Return which of the wrenches can be rendered, as the exact solver proves."""
+    flags = np.concatenate([optimum(problem_of(group, "force")).reachable for group in groups])
+    return "all" if flags.all() else "mixed" if flags.any() else "none"
+
+
+def qp_rows(problems: ProblemSet) -> list[dict[str, Any]]:
+    """Return the problems of a set as rows of quadratic programs, for benchmarks of QP solvers.
+
+    Each is ``minimise x'Px/2 + q'x subject to Ax = b, lb <= x <= ub`` of the tensions x, so that P is the
+    identity, q zero, A the structure matrix, b the wrench. In the columns that qpbenchmark's `ParquetTestSet`
+    reads: matrices row by row in one list, G and h None because there are no other inequalities. The name is of
+    set, group and row. For readers that know the set there are ``group`` and ``path_mm``, as in `Group`.
+    """
+    rows: list[dict[str, Any]] = []
+    for group in problems.groups:
+        size, _, m = group.structure.shape
+        lower, upper = (np.broadcast_to(each, (size, m)) for each in (group.lower, group.upper))
+        identity, zeros = np.eye(m).ravel(), np.zeros(m)
+        rows += [
+            {
+                "name": f"{problems.name}/{group.label}/{row}",
+                "P": identity,
+                "q": zeros,
+                "G": None,
+                "h": None,
+                "A": group.structure[row].ravel(),
+                "b": group.wrench[row],
+                "lb": lower[row],
+                "ub": upper[row],
+                "group": group.label,
+                "path_mm": None if group.path_mm is None else float(group.path_mm[row]),
+            }
+            for row in range(size)
+        ]
+    return rows
