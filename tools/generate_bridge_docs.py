@@ -64,8 +64,10 @@ messages. This page is generated from the code, by `make generated`.
 """
 
 
-EFFECTS_ABOUT = """Parameters that are left out have their default. Vectors have as many components as the
-rig has axes: on a rig in the plane, give two, also in place of defaults.
+EFFECTS_ABOUT = """Parameters that are left out have their default. Directions (`normal`, `axis`, `direction`,
+`gravity`) have theirs for Z up, and are turned with the rig's `up`: with Y up, a wall whose normal is left
+out has `[0, 1, 0]`. Vectors have as many components as the rig has axes: on a rig in the plane, give two,
+also in place of defaults.
 """
 CLIENTS: tuple[type[Message], ...] = (*IN, Body)
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.options import Json, Plot
 from tensionlab.files import writing
 from tensionlab.workspace.layout.search import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
@@ -33,6 +33,7 @@ def search(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
+    plot: Plot = None,
     json: Json = False,
 ) -> None:
     """Search for the best places of modules.
@@ -57,6 +58,10 @@ def search(
             for each in found.layouts
             if files and writer.write_text(each.rig.name, files[each.rig.m], each.to_toml())
         ]
+        if plot:
+            from tensionlab.plots import plot_search, save_figure
+
+            writer.write("plot", plot, lambda path: save_figure(plot_search(task.space, task.target, found), path))
         if json:
             output.print_json(
                 space=task.name,

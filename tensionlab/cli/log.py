@@ -14,7 +14,7 @@ from tensionlab.cli.common.options import Json, Rows
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.comparison import replay as replays
 from tensionlab.comparison.replay import COLUMNS
-from tensionlab.display import duration
+from tensionlab.display import count, duration
 from tensionlab.hardware.log import reader
 from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
 
@@ -102,7 +102,7 @@ def replay(
                 rig=run.rig.name, cycles=found.cycles, rows=rows, left_out=found.missing, manifest=manifest
             )
             return
-        title = f"{run.rig.name}, {run.rig.m} modules: {found.cycles} cycles of {path.name}"
+        title = f"{run.rig.name}, {count(run.rig.m, 'module')}: {count(found.cycles, 'cycle')} of {path.name}"
         own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
         print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
 

@@ -134,7 +134,8 @@ class Comparison:
     def title(self) -> str:
         """Rig, and number and size of the forces."""
         size = f"{np.linalg.norm(self.wrenches[0]):g} N at {display.vector(self.position)} m"
-        return f"{self.rig.name}, {self.rig.m} modules: {len(self.wrenches)} forces of {size}"
+        modules, forces = display.count(self.rig.m, "module"), display.count(len(self.wrenches), "force")
+        return f"{self.rig.name}, {modules}: {forces} of {size}"
 
     def __repr__(self) -> str:
         return f"<Comparison of {display.count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"

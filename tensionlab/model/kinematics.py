@@ -42,6 +42,19 @@ def exponential(vector: Floats) -> Floats:
     return turn
 
 
+def turn_axes(before: Floats, after: Floats) -> Floats:
+    """Return the rotation (d, d) that turns one axis, a signed unit vector (d,), to another.
+
+    The axes take each other's places in turn (x y z, y z x), two with a minus where signs differ.
+    """
+    old, new = int(np.abs(before).argmax()), int(np.abs(after).argmax())
+    rotation = np.roll(np.eye(after.size), new - old, axis=0)
+    rotation[new] *= before[old] * after[new]
+    if np.linalg.det(rotation) < 0.0:
+        rotation[(new + 1) % after.size] *= -1.0
+    return rotation
+
+
 def fit_rotation(source: Floats, target: Floats) -> Floats:
     """Return the rotation (d, d) that turns vectors (K, d) closest to others, without mirroring.
 

@@ -230,6 +230,20 @@ def require_name(value: object, where: str, key: str, remedy: str) -> None:
         )
 
 
+def require_up(up: object, dimension: int) -> None:
+    """Refuse what is no axis of space, or of the plane, that can point up."""
+    known = [*"xyz"[:dimension], *(f"-{axis}" for axis in "xyz"[:dimension])]
+    if up not in known:
+        raise RigError(f'key "up" is {brief(up)}; give the axis that points up: {", ".join(known)}')
+
+
+def upward(up: str, dimension: int) -> Floats:
+    """Return the unit vector (d,) along an axis that points up."""
+    vector = np.zeros(dimension)
+    vector["xyz".index(up[-1])] = -1.0 if up.startswith("-") else 1.0
+    return vector
+
+
 def vector(values: ArrayLike, where: str, key: str) -> Floats:
     """Turn the coordinates of one point into a read-only array, or say what is wrong with them."""
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,7 +24,9 @@ from tensionlab.model.module import (
     Platform,
     TensionLimits,
     require_name,
+    require_up,
     same,
+    upward,
     vector,
 )
 from tensionlab.model.pose import Frames
@@ -98,8 +100,8 @@ class Rig:
         if not self.modules:
             raise RigError('key "modules" is empty; give at least one module')
         d = self.dimension
-        if self.up is not None and self.up not in (known := [*"xyz"[:d], *(f"-{axis}" for axis in "xyz"[:d])]):
-            raise RigError(f'key "up" is {brief(self.up)}; give the axis that points up: {", ".join(known)}')
+        if self.up is not None:
+            require_up(self.up, d)
         if self.home.size != d:
             raise RigError(f'key "home" has {self.home.size} coordinates; a {self.kind} rig needs {d}')
         numbers: dict[str, int] = {}
@@ -191,9 +193,42 @@ class Rig:
         """
         if self.up is None:
             raise RigError(f'rig "{self.name}": key "up" is missing; give the axis that points up, as in up = "z"')
-        upward = np.zeros(self.dimension)
-        upward["xyz".index(self.up[-1])] = -1.0 if self.up.startswith("-") else 1.0
-        return upward
+        return upward(self.up, self.dimension)
+
+    def turned(self, up: str) -> Rig:
+        """Return the same rig in axes of which another points up.
+
+        Its axes take each other's places in turn: what was ahead stays ahead, as from Y up, facing Z, to Z up,
+        facing X. RigError if the rig does not say which axis is up, or has no such axis.
+
+        Parameters
+        ----------
+        up : str
+            As `Rig.up`.
+
+        Examples
+        --------
+        >>> import tensionlab as tl
+        >>> rig = tl.load_rig("bartels2026-validation")
+        >>> rig.home, rig.turned("z").home
+        (array([0. , 0.3, 0. ]), array([0. , 0. , 0.3]))
+        """
+        require_up(up, self.dimension)
+        rotation = kinematics.turn_axes(self.upward, upward(up, self.dimension))
+
+        def turn(point: Floats) -> Floats:
+            return rotation @ point + 0.0  # no minus zero
+
+        modules = tuple(
+            replace(each, anchor=turn(each.anchor), attachment=turn(np.asarray(each.attachment)))
+            for each in self.modules
+        )
+        platform = self.platform
+        if platform is not None and platform.com is not None:
+            platform = replace(platform, com=turn(platform.com))
+        if platform is not None and platform.inertia is not None and self.dimension == 3:
+            platform = replace(platform, inertia=rotation @ platform.inertia @ rotation.T)
+        return replace(self, modules=modules, home=turn(self.home), platform=platform, up=up)
 
     @property
     def weight(self) -> Floats | None:

@@ -8,7 +8,7 @@ from tensionlab.plots.run import plot_run
 from tensionlab.plots.scenario import plot_scenario, plot_scenario_layouts
 from tensionlab.plots.style import METADATA, save_figure, styled
 from tensionlab.plots.validation import plot_error_sphere, plot_forces, plot_what_if
-from tensionlab.plots.volume import plot_front, plot_layouts, plot_volume
+from tensionlab.plots.volume import plot_front, plot_layouts, plot_search, plot_volume
 from tensionlab.plots.workspace import plot_anchor_count, plot_metrics, plot_shares, plot_slices
 
 __all__ = [
@@ -29,6 +29,7 @@ __all__ = [
     "plot_run",
     "plot_scenario",
     "plot_scenario_layouts",
+    "plot_search",
     "plot_shares",
     "plot_slices",
     "plot_summary",

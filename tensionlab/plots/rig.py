@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from tensionlab.model.rig import Rig
 
 
+MARGIN_INCHES = 0.5
+"""Above and below a rig in space, for the title and the legend."""
 MAP_ROWS, MAP_COLUMNS = 61, 121
 """Of the grid of normals of a brake map."""
 
@@ -51,27 +53,13 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
     with one_panel(ax, (7.5, 7.0), "3d" if spatial else None) as (figure, axes):
         everything = np.concatenate([rig.anchors, ends])
         low, high = everything.min(axis=0), everything.max(axis=0)
-        # Room for the names between the anchors and the axes.
-        margin = np.full(rig.dimension, (0.2 if spatial else 0.1) * float((high - low).max()))
+        floor = frame_panel(axes, low, high, rig.vertical)
         if spatial:
             up = "xyz".index(rig.vertical)
-            margin[up] /= 4
-        for name, lowest, highest in zip("xyz", low - margin, high + margin, strict=False):
-            axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})
-        if spatial:
-            axes.view_init(elev=18, azim=-62, vertical_axis="xyz"[up])  # before the aspect, which depends on it
-            axes.set_box_aspect(high - low + 2 * margin, zoom=0.85)
-            for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-                axis.set_pane_color("white")
-                axis.labelpad = 10
-                axes.locator_params(nbins=4)
             for anchor in rig.anchors:  # a thread to the floor shows where an anchor is
                 foot = anchor.copy()
-                foot[up] = low[up] - margin[up]
+                foot[up] = floor[up]
                 axes.plot(*zip(anchor, foot, strict=True), color="#BBBBBB", linewidth=0.8, linestyle=":")
-        else:
-            axes.set_aspect("equal")
-            axes.grid()
         for anchor, end in zip(rig.anchors, ends, strict=True):
             axes.plot(*zip(anchor, end, strict=True), color=GREY, linewidth=1.1)
             axes.plot(*zip(rig.home, end, strict=True), color=RED, linewidth=1.1, alpha=0.5)
@@ -90,7 +78,48 @@ def plot_rig(rig: Rig, *, ax: Axes | None = None) -> Figure | None:
             ("cable", {"color": GREY, "linewidth": 1.1}),
             ("platform, home" if rig.attachments.any() else "home", {"color": RED, "marker": "o", "ls": ""}),
         ])  # fmt: skip
-    return figure if ax is None else None
+    if ax is not None:
+        return None
+    if spatial:
+        _crop(figure, axes)
+    return figure
+
+
+def frame_panel(axes: Any, low: Floats, high: Floats, vertical: str) -> Floats:
+    """Frame what is between two corners (d,), with room for names beside it; return the lowest corner shown."""
+    spatial = low.size == 3
+    margin = np.full(low.size, (0.2 if spatial else 0.1) * float((high - low).max()))
+    if spatial:
+        margin["xyz".index(vertical)] /= 4
+    low, high = low - margin, high + margin
+    for name, lowest, highest in zip("xyz", low, high, strict=False):
+        axes.set(**{f"{name}lim": (lowest, highest), f"{name}label": f"{name} (m)"})
+    if not spatial:
+        axes.set_aspect("equal")
+        axes.grid()
+        return low
+    axes.view_init(elev=18, azim=-62, vertical_axis=vertical)  # before the aspect, which depends on it
+    axes.set_box_aspect(high - low, zoom=0.85)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_pane_color("white")
+        axis.labelpad = 10
+        axes.locator_params(nbins=4)
+    return low
+
+
+def _crop(figure: Figure, axes: Any) -> None:
+    """Leave out what a panel in space has white above and below: it is square, however flat the rig is."""
+    figure.draw_without_rendering()  # projects what is drawn
+    width, height = figure.get_size_inches()
+    parts = [*axes.lines, *axes.texts, axes.xaxis, axes.yaxis, axes.zaxis]
+    boxes = [box for part in parts if (box := part.get_tightbbox()) is not None]
+    bottom, top = min(box.y0 for box in boxes) / figure.dpi, max(box.y1 for box in boxes) / figure.dpi
+    shorter = top - bottom + 2 * MARGIN_INCHES
+    if shorter < height:
+        left, low, across, along = axes.get_position(original=True).bounds
+        place = [left, (low * height - bottom + MARGIN_INCHES) / shorter, across, along * height / shorter]
+        figure.set_size_inches(width, shorter)
+        axes.set_position(np.round(place, 6))
 
 
 def _label_anchors(axes: Any, rig: Rig) -> None:

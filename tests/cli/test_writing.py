@@ -72,6 +72,7 @@ RECIPES = {
     ("rig import", "--out"): ("rig import --caspr bodies.xml cables.xml", ".toml"),
     ("rig export", "--mjcf"): (f"rig export {CUBE}", ".xml"),
     ("layout search", "--out"): ("layout search space.toml", ".toml"),
+    ("layout search", "--plot"): ("layout search space.toml", ".png"),
     ("log export", "--to"): ("log export run.mcap", ".nc"),
     ("log plot", "--plot"): ("log plot run.mcap", ".png"),
     ("log replay", "--out"): ("log replay run.mcap --solver closed-form", ".parquet"),

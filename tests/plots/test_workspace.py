@@ -90,6 +90,18 @@ def test_pictures_of_a_planar_rig(tmp_path):
         save_figure(plot_volume(found), tmp_path / "v.svg")
 
 
+def test_a_panel_of_nothing_is_grey_beside_one_of_something():
+    """Three modules on the floor hold nothing anywhere."""
+    grid = tl.workspace.box((-0.4, 0.4), (0.2, 0.6), (0, 0), step=0.2)
+    rigs = [tl.load_rig("floor-3"), tl.load_rig("bartels2026-validation")]
+    swept = tl.sweep(rigs, grid, "capacity-margin", progress=False)
+    for figure in (plot_slices(swept), plot_slices(swept.isel(rig=[0]))):
+        figure.canvas.draw()
+        pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+        column, row = figure.axes[0].transData.transform([-0.3, 0.55]).astype(int)
+        assert pixels[len(pixels) - row, column].tolist() == [0xE4] * 3
+
+
 def test_what_cannot_be_drawn_is_refused(tmp_path, swept):
     with pytest.raises(InputError, match='no metric "margin"; it has capacity-margin, condition-number'):
         save_figure(plot_slices(swept, "margin"), tmp_path / "s.svg")

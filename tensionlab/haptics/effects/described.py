@@ -3,35 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from tensionlab.errors import EffectError, RigError
+from tensionlab.arrays import Floats
+from tensionlab.errors import EffectError
 from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
-from tensionlab.haptics.effects.parameters import require_dimension
-from tensionlab.haptics.effects.tools import GRAVITY_M_S2, Weight
+from tensionlab.haptics.effects.parameters import Vector, bounds, require_dimension
+from tensionlab.haptics.effects.tools import Weight
+from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
+
+Z_UP = np.array([0.0, 0.0, 1.0])
+"""As the defaults of effects have it."""
 
 
 def effect_of(name: str, given: object, rig: Rig) -> Effect:
     """Return the effect that a client or a file describes, by its ``kind`` and parameters.
 
-    Those left out have their default, and a weight pulls down. The rig's space has as many axes as all vectors
-    components, and it says which of them is up. Raise `EffectError`, naming the effect and the parameter.
+    Those left out have their default, turned with what is up: weights pull down and walls lie flat by the rig's
+    ``up``. The rig's space has as many axes as all vectors components. Raise `EffectError`, naming the effect and
+    the parameter.
     """
     where = f"effect {name!r}"
     kind, parameters = _kind(where, given, EFFECTS)
+    written = dict(parameters)
     if isinstance(solid := parameters.get("field"), Mapping):
         shape, edges = _kind(f"{where}: field", {"kind": "sphere", **solid}, SOLIDS)
         parameters["field"] = read(f"{where}: field", shape, edges)
-    if kind is Weight and "gravity" not in parameters:
-        parameters["gravity"] = _gravity(where, rig)
+    if kind is Weight and rig.up is None and "gravity" not in written:
+        raise EffectError(f'{where}: rig "{rig.name}": key "up" is missing; give gravity, in m/s², or that key')
     effect: Effect = read(where, kind, parameters)
+    if rig.up not in (None, "z"):
+        up = rig.upward
+        effect = _turned(effect, written, turn_axes(Z_UP, up) if up.size == 3 else np.outer(up, Z_UP))
     require_dimension(effect, rig.dimension, where)
     return effect
 
@@ -42,11 +53,20 @@ def prepare() -> None:
         _adapter(kind)
 
 
-def _gravity(where: str, rig: Rig) -> tuple[float, ...]:
-    try:
-        return tuple((-GRAVITY_M_S2 * rig.upward).tolist())
-    except RigError as error:
-        raise EffectError(f"{where}: {error}; or give gravity, in m/s²") from None
+def _turned(part: Any, written: object, rotation: Floats) -> Any:
+    """Return an effect, or a part of one, with those of its directions turned that no table gives."""
+    table = written if isinstance(written, Mapping) else {}
+    changed = {}
+    for name, bound in bounds(type(part)).items():
+        if isinstance(bound, Vector) and bound.oriented and name not in table:
+            turned = rotation @ np.array(getattr(part, name)) + 0.0  # no minus zero
+            if turned.any():  # in the plane, what is level has no place
+                changed[name] = tuple(turned.tolist())
+    for each in fields(part):
+        value = getattr(part, each.name)
+        if is_dataclass(value):
+            changed[each.name] = _turned(value, table.get(each.name), rotation)
+    return replace(part, **changed)
 
 
 def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, dict[str, Any]]:

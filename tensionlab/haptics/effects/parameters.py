@@ -50,12 +50,16 @@ class Range:
 
 @dataclass(frozen=True)
 class Vector:
-    """Physical range of each component of a vector of the rig's dimension, and its least length."""
+    """Physical range of each component of a vector of the rig's dimension, and its least length.
+
+    The default of one that is ``oriented`` holds where Z is up, and is turned for other rigs.
+    """
 
     unit: str
     low: float
     high: float
     shortest: float = 0.0
+    oriented: bool = False
 
     def allows(self, value: Any) -> bool:
         """Tell whether a value is a vector of this range."""
@@ -116,8 +120,8 @@ Share = Annotated[Number, Range("", 0.0, 1.0)]
 FrictionCoefficient = Annotated[Number, Range("", 0.0, 10.0)]
 Point = Annotated[Components, Vector("m", -FAR_M, FAR_M)]
 Edges = Annotated[Components, Vector("m", 1e-4, FAR_M)]
-Direction = Annotated[Components, Vector("", -1e6, 1e6, shortest=1e-6)]
-Gravity = Annotated[Components, Vector("m/s²", -100.0, 100.0)]
+Direction = Annotated[Components, Vector("", -1e6, 1e6, shortest=1e-6, oriented=True)]
+Gravity = Annotated[Components, Vector("m/s²", -100.0, 100.0, oriented=True)]
 Times = Annotated[Components, Many(Range("s", -CLOCK_S, CLOCK_S))]
 
 

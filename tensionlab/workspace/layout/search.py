@@ -37,6 +37,8 @@ CLOUD_POINTS = 100
 """To surround small targets with."""
 CLOUD_RADIUS_M = 1e-3
 """From the target."""
+DECIMALS = 6
+"""Of coordinates in the rigs that are found: micrometres."""
 SHARPNESS = (1.0, 0.1, 0.01)
 """From blunt to sharp: how closely shares are followed. Blunt ones lead further, sharp ones count right."""
 
@@ -390,7 +392,7 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Places,
     places = Places(places.surfaces[order], places.along[order])
     modules = (*_modules(space, places), *space.fixed)
     limits = space.tension_limits(len(places.surfaces))
-    anchors = space.anchors(places)
+    anchors = space.anchors(places).round(DECIMALS)
     found = target_margins(anchors, limits, target)
     score = float(objective.score(found))
     lost = []
@@ -403,7 +405,8 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Places,
         name=name,
         kind="point" if space.dimension == 3 else "planar-point",
         modules=modules,
-        home=target.mean(axis=0),
+        home=target.mean(axis=0).round(DECIMALS) + 0.0,
+        up=space.up,
         description=f"A layout found by search: {score:.4g} is {objective.describe()}.",
         source="tensionlab layout search",
     )
@@ -420,6 +423,7 @@ def _modules(space: Space, places: Places) -> list[Module]:
         while f"{surface.name} {number}" in taken:
             number += 1
         taken.add(f"{surface.name} {number}")
-        anchor = surface.corner + along[: len(surface.edges)] @ surface.edges
-        modules.append(Module(f"{surface.name} {number}", anchor, *space.limits, frame=surface.frame))
+        anchor = (surface.corner + along[: len(surface.edges)] @ surface.edges).round(DECIMALS) + 0.0
+        name = f"{surface.name} {number}"
+        modules.append(Module(name, anchor, *space.limits, frame=surface.frame, **space.hardware))
     return modules

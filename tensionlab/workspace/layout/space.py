@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,11 @@ from tensionlab.errors import RigError
 from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
-from tensionlab.model.module import WORLD, Module, TensionLimits, require_name, vector
+from tensionlab.model.module import WORLD, Module, TensionLimits, require_name, require_up, vector
 from tensionlab.model.pose import Frame
 
+HARDWARE = ("brake", "newton_per_ampere", "spool_radius")
+"""What modules may have beside their limits."""
 GENE_BORDER = 0.15
 """Share of an edge's genes that stands for each of its two ends: good places are often there."""
 
@@ -142,6 +144,10 @@ class Space:
         How many modules to put on them, beside the fixed ones: each number is searched for.
     limits : (lower, upper)
         Tension limits of the modules that are put, in N.
+    hardware : mapping of str to float
+        What else they have, as in `Module`: ``brake``, ``newton_per_ampere``, ``spool_radius``.
+    up : str or None
+        Axis of the world that points up, for the rigs that are found, as in `Rig`.
     fixed : tuple of Module
         Modules that stay where they are.
     frames : mapping of name to Frame
@@ -160,6 +166,8 @@ class Space:
     limits: tuple[float, float] = LIMITS
     fixed: tuple[Module, ...] = ()
     frames: Mapping[str, Frame] = field(default_factory=dict)
+    hardware: Mapping[str, Any] = field(default_factory=dict)
+    up: str | None = None
 
     def __repr__(self) -> str:
         names = ", ".join(surface.name for surface in self.surfaces)
@@ -191,6 +199,11 @@ class Space:
         lower, upper = self.limits
         if not (np.isfinite([lower, upper]).all() and 0 <= lower <= upper):
             raise RigError(f'key "limits" is {lower} to {upper}; give 0 <= lower <= upper, both in N')
+        if unknown := set(self.hardware) - set(HARDWARE):
+            raise RigError(f'key "hardware" has "{min(unknown):.40}"; it may have {", ".join(HARDWARE)}')
+        Module("put", np.zeros(d), lower, upper, **self.hardware)  # refuses what no module has
+        if self.up is not None:
+            require_up(self.up, d)
         _ = self.placed  # refuses frames that are missing
 
     @property

@@ -15,17 +15,19 @@ from pydantic import Field
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.files.named import find
 from tensionlab.files.reading import brief, read_toml
-from tensionlab.model import kinematics
+from tensionlab.model import kinematics, schema
 from tensionlab.model.module import MAX_LENGTH, Module
 from tensionlab.model.pose import Frame
 from tensionlab.model.schema import ModuleTable, Table, check
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.search import LayoutSearch, Progress, search_layout
-from tensionlab.workspace.layout.space import Space, Surface, room
+from tensionlab.workspace.layout.space import HARDWARE, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 
 MAX_ROTATION_RAD = 100.0
 """Of a frame, about each axis: beyond some turns an angle is a mistake."""
+ROOM_UP = "y"
+"""Axis of `room` that points up."""
 MAX_POSES = 1_000_000
 """Positions of a target: a search looks at each of them thousands of times."""
 
@@ -59,8 +61,8 @@ class FrameTable(Table):
     )
 
 
-class LimitsTable(Table):
-    """Table ``[limits]``."""
+class LimitsTable(schema.LimitsTable):
+    """Table ``[limits]``: of the modules that are put, and defaults of those that stay."""
 
     lower: float = Field(description="the smallest tension in N, a number")
     upper: float = Field(description="the largest tension in N, a number")
@@ -94,6 +96,7 @@ class SpaceFile(Table):
 
     name: str = Field(min_length=1, description="a name in quotes")
     description: str = Field("", description="a text in quotes")
+    up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
     counts: list[int] = Field(min_length=1, description="how many modules to put, a list of whole numbers")
     limits: LimitsTable = Field(description="a [limits] table")
     target: TargetTable = Field(description="a [target] table")
@@ -154,13 +157,17 @@ def _space(table: SpaceFile) -> Space:
             surfaces.append(faces[name])
     if not surfaces:
         raise RigError("no place for modules; give a [room] table or [[surfaces]] tables")
-    limits = table.limits.model_dump()
+    if table.room is not None and table.up not in (None, ROOM_UP):
+        raise RigError(f'key "up" is {brief(table.up)}; a [room] has Y up, so leave it out, or write [[surfaces]]')
+    limits = table.limits.model_dump(exclude_none=True)
     return Space(
         surfaces=tuple(surfaces),
         counts=tuple(table.counts),
         limits=(table.limits.lower, table.limits.upper),
         fixed=tuple(Module(**{**limits, **each.model_dump(exclude_none=True)}) for each in table.modules),
         frames={each.name: _frame(each) for each in table.frames},
+        hardware={key: limits[key] for key in HARDWARE if key in limits},
+        up=table.up if table.room is None else ROOM_UP,
     )
 
 

@@ -93,9 +93,25 @@ def test_a_weight_pulls_down_by_the_rig(up, gravity):
     assert effect_of("it", {"kind": "weight", "gravity": [1, 0, 0]}, rig).gravity == (1.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("up", ["x", "y", "-y"])
+def test_directions_that_are_left_out_turn_with_what_is_up(up):
+    """A floor is a floor, and friction acts along it, whichever axis points up."""
+    rig = dataclasses.replace(RIG, up=up)
+    upward = tuple(rig.upward.tolist())
+    assert effect_of("it", {"kind": "wall", "plane": {"point": [0, 0, 1]}}, rig).plane == Plane(
+        (0.0, 0.0, 1.0), upward
+    )
+    assert effect_of("it", {"kind": "wall", "plane": {"normal": [0, 0, 1]}}, rig).plane.normal == (0.0, 0.0, 1.0)
+    assert effect_of("it", {"kind": "water"}, rig).surface.normal == upward
+    assert effect_of("it", {"kind": "vibrating"}, rig).axis == upward
+    ripples = effect_of("it", {"kind": "textured"}, rig).ripples.direction
+    assert math.hypot(*ripples) == 1.0
+    assert rig.upward @ ripples == 0.0
+
+
 def test_a_rig_that_does_not_say_what_is_up_has_no_weights():
     rig = dataclasses.replace(RIG, up=None)
-    with pytest.raises(EffectError, match=r"effect 'it': rig .* key \"up\" is missing; .* or give gravity"):
+    with pytest.raises(EffectError, match=r"effect 'it': rig .* key \"up\" is missing; give gravity"):
         effect_of("it", {"kind": "weight"}, rig)
     assert effect_of("it", {"kind": "weight", "gravity": [0, 0, -9.81]}, rig).gravity[2] == -9.81
 

@@ -5,7 +5,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import InputError, ShapeError
-from tensionlab.model.files import rig_from_toml
+from tensionlab.model.files import rig_from_toml, rig_to_toml
 from tensionlab.model.module import Module
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
 from tensionlab.workspace.layout import search
@@ -69,6 +69,24 @@ def test_a_module_without_which_nothing_can_be_rendered_has_all_of_the_score_and
     found = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=2, starts=2).best
     assert found.score > 0.0  # three cables in the plane: without any of them, not even the force zero
     assert found.contributions == pytest.approx([found.score] * 3)
+
+
+def test_where_nothing_is_rendered_no_module_loses_more_than_the_score_or_nothing():
+    """One cable in the plane pulls one way: its score is below zero, and so is what is left without it."""
+    for count in (1, 2):
+        found = search_layout(Space(WALLS, (count,), LIMITS), [[0, 0]], Objective(), generations=1, starts=1).best
+        assert found.score <= 0.0
+        assert max(found.contributions) <= 0.0
+
+
+def test_the_rig_has_what_the_modules_have_and_which_axis_is_up():
+    hardware = {"brake": 186.0, "spool_radius": 0.0195}
+    space = Space(WALLS, (3,), LIMITS, hardware=hardware, up="-y")
+    rig = search_layout(space, [[0.3, 0], [-0.1, 0], [-0.2, 0]], Objective(), generations=1, starts=1).best.rig
+    assert {(module.brake, module.spool_radius) for module in rig.modules} == {(186.0, 0.0195)}
+    assert rig.up == "-y"
+    assert rig.home.tolist() == [0.0, 0.0], "three thirds of a rounding error are no position"
+    assert "e-" not in rig_to_toml(rig)
 
 
 def test_the_text_of_a_layout_is_the_rig_with_the_score_above_it():
