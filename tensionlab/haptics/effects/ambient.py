@@ -21,7 +21,7 @@ class Viscous(parameters.Parameters):
     Parameters
     ----------
     damping : float
-        b in N s/m; water's 2 is a default of this project.
+        Damping b, in N s/m; water's 2 is a default of this project.
 
     Examples
     --------
@@ -46,11 +46,11 @@ class Spring(parameters.Parameters):
     Parameters
     ----------
     centre : tuple of d floats
-        In m.
+        Point to which it pulls, in m.
     stiffness : float
-        K in N/m; 30, which a link of 30 ms can bear, is a default of this project.
+        Stiffness K, in N/m; 30, which a link of 30 ms can bear, is a default of this project.
     damping : float
-        B in N s/m; 0.
+        Damping B, in N s/m; 0.
 
     Examples
     --------
@@ -97,13 +97,13 @@ class Water(parameters.Parameters):
     Parameters
     ----------
     surface : Plane
-        Its normal is up.
+        Surface of the water; its normal is up.
     linear : float
-        b in N s/m; 2 is a default of this project.
+        Linear drag b, in N s/m; 2 is a default of this project.
     quadratic : float
-        c in N s²/m²; 3 is a default of this project.
+        Quadratic drag c, in N s²/m²; 3 is a default of this project.
     lift : float
-        F_b in N; 1 is a default of this project.
+        Lift F_b, in N; 1 is a default of this project.
     mixing : float
         Depth from which on all of it is there, in m; 2 cm is a default of this project.
 
@@ -141,11 +141,11 @@ class Vibration(parameters.Parameters):
     Parameters
     ----------
     axis : tuple of d floats
-        Its length does not matter.
+        Direction in which it shakes; its length does not matter.
     amplitude : float
-        A in N; 1 is a default of this project.
+        Amplitude A, in N; 1 is a default of this project.
     frequency : float
-        f in Hz; 40 is a default of this project.
+        Frequency f, in Hz; 40 is a default of this project.
 
     Examples
     --------

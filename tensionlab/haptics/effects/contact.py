@@ -32,7 +32,7 @@ class Plane(parameters.Parameters):
     point : tuple of d floats
         Any point of it, in m.
     normal : tuple of d floats
-        Out of it; its length does not matter.
+        Direction out of it; its length does not matter.
 
     Examples
     --------
@@ -67,9 +67,9 @@ class Wall(parameters.Parameters):
     Parameters
     ----------
     stiffness : float
-        K in N/m. 300, on the module, is a default of this project.
+        Stiffness K of the spring, in N/m. 300, on the module, is a default of this project.
     damping : float
-        B in N s/m; 2 is a default of this project.
+        Damping B on the way in, in N s/m; 2 is a default of this project.
 
     Examples
     --------
@@ -117,13 +117,13 @@ class Magnet(parameters.Parameters):
     Parameters
     ----------
     max_force : float
-        F_max in N; 3 is a default of this project.
+        Largest pull F_max, in N; 3 is a default of this project.
     reach : float
-        h_max in m; 0.10 is a default of this project.
+        Distance h_max at which the pull begins, in m; 0.10 is a default of this project.
     stiffness : float
-        K in N/m; the wall's 300 is a default of this project.
+        Stiffness K at the surface, in N/m; the wall's 300 is a default of this project.
     damping : float
-        b in N s/m; 1 is a default of this project.
+        Damping b, in N s/m; 1 is a default of this project.
 
     Examples
     --------
@@ -197,11 +197,15 @@ class Friction(parameters.Parameters):
     Parameters
     ----------
     load : float
-        F_n in N, where nothing else presses; 1 is a default of this project.
-    static, dynamic : float
-        mu_s and mu_d; 0.5 and 0.35 are defaults of this project.
-    stiffness, damping : float
-        s0 in N/m and s1 in N s/m; 400 and 2 are defaults of this project.
+        Force F_n that presses, in N, where nothing else does; 1 is a default of this project.
+    static : float
+        Friction coefficient mu_s while it sticks; 0.5 is a default of this project.
+    dynamic : float
+        Friction coefficient mu_d while it slides; 0.35 is a default of this project.
+    stiffness : float
+        Stiffness s0 of the bristle, in N/m; 400 is a default of this project.
+    damping : float
+        Damping s1 of the bristle, in N s/m; 2 is a default of this project.
 
     Examples
     --------
@@ -269,13 +273,14 @@ class Ripples(parameters.Parameters):
     Parameters
     ----------
     direction : tuple of d floats
-        Across the ripples; what of it is along the surface's normal is left out.
+        Direction across the ripples; what of it is along the surface's normal is left out.
     period : float
-        l in m; 4 mm is a default of this project.
+        Length l of one ripple, in m; 4 mm is a default of this project.
     height : float
-        A in m; 0.3 mm is a default of this project.
+        Height A of the ripples, in m; 0.3 mm is a default of this project.
     stiffness : float
-        In N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this project.
+        Largest stiffness of a valley, in N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this
+        project.
 
     Examples
     --------
@@ -314,11 +319,11 @@ class Texture:
     Parameters
     ----------
     wall : Wall
-        Runs on a module.
+        Wall that presses; it runs on a module.
     friction : Friction
-        Its load is the wall's push.
+        Friction along it; its load is the wall's push.
     ripples : Ripples
-        Theirs is, too.
+        Ripples across it; their load is the wall's push, too.
 
     Examples
     --------

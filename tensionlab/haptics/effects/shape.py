@@ -55,9 +55,9 @@ class Sphere(parameters.Parameters):
     Parameters
     ----------
     centre : tuple of d floats
-        In m.
+        Centre, in m.
     radius : float
-        In m.
+        Radius, in m.
 
     Examples
     --------
@@ -86,9 +86,9 @@ class Box(parameters.Parameters):
     Parameters
     ----------
     centre : tuple of d floats
-        In m.
+        Centre, in m.
     size : tuple of d floats
-        Its edges, in m.
+        Lengths of its edges, in m.
 
     Examples
     --------
@@ -161,9 +161,9 @@ class VirtualCoupling(parameters.Parameters):
     Parameters
     ----------
     stiffness : float
-        K_c in N/m; 400 is a default of this project.
+        Stiffness K_c, in N/m; 400 is a default of this project.
     damping : float
-        B_c in N s/m; 0.
+        Damping B_c, in N s/m; 0.
 
     Examples
     --------
@@ -202,10 +202,10 @@ class Shape:
     Parameters
     ----------
     field : callable
-        Signed distance field. What it is of may be round or square, not rough: it should be correct to a
+        Signed distance field of the solid. That may be round or square, not rough: the field should be correct to a
         micrometre at the surface.
     coupling : VirtualCoupling
-        K and B. All of it runs on a module, as a wall that touches the shape at the proxy.
+        Spring and damper, K and B. All of it runs on a module, as a wall that touches the shape at the proxy.
 
     Examples
     --------

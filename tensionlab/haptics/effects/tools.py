@@ -36,17 +36,17 @@ class Weight(parameters.Parameters):
     Parameters
     ----------
     mass : float
-        m in kg. 0.5 is a default of this project; 6 N, the most of one module right below, is 0.61 kg.
+        Mass m, in kg. 0.5 is a default of this project; 6 N, the most of one module right below, is 0.61 kg.
     gravity : tuple of d floats
-        g in m/s². Left out of a message or a file, it points down, by the rig's ``up``.
+        Gravity g, in m/s². Left out of a message or a file, it points down, by the rig's ``up``.
     cutoff : float
-        Of the low-pass, in Hz; 10 is a default of this project.
+        Cutoff of the low-pass on the acceleration, in Hz; 10 is a default of this project.
     limit : float
-        Of each component of a, in m/s²; 5 is a default of this project.
+        Limit of each component of the acceleration, in m/s²; 5 is a default of this project.
     grasped : float
         When it was taken, in s, on the motion's clock; -inf: long ago.
     ramp : float
-        How long it then takes to be there, in s; 0.1 is a default of this project.
+        Time in which its force then rises, in s; 0.1 is a default of this project.
 
     Examples
     --------
@@ -88,15 +88,17 @@ class Recoil(parameters.Parameters):
     Parameters
     ----------
     shots : tuple of float
-        When, in s, on the motion's clock, in order; the last few will do.
+        Times of the shots, in s, on the motion's clock, in order; the last few will do.
     direction : tuple of d floats
-        Where the hand is kicked; its length does not matter.
+        Direction in which the hand is kicked; its length does not matter.
     peak : float
-        F_p in N; 5.5 is a default of this project.
-    rise, fade : float
-        t_r and tau in s; 5 ms and 60 ms are defaults of this project.
+        Largest force F_p of a shot, in N; 5.5 is a default of this project.
+    rise : float
+        Time t_r in which the force rises, in s; 5 ms is a default of this project.
+    fade : float
+        Time constant tau with which it fades, in s; 60 ms is a default of this project.
     rate : float
-        Most shots a second; 10 is a default of this project.
+        Largest rate of shots, in 1/s; 10 is a default of this project.
 
     Examples
     --------
@@ -157,24 +159,30 @@ class Bow(parameters.Parameters):
     ----------
     brace : float
         Distance of the string undrawn, in m; 0.20 is a default of this project.
-    initial, stiffness : float
-        F_0 in N and k in N/m; 1 and 8.3 are defaults of this project.
+    initial : float
+        Pull F_0 at which the draw begins, in N; 1 is a default of this project.
+    stiffness : float
+        Stiffness k, in N/m; 8.3 is a default of this project.
     most : float
-        F_max in N; 6 is a default of this project.
+        Largest pull F_max, in N; 6 is a default of this project.
     draw_length : float
-        x_d in m, where it is fully drawn, and a brake may lock; 0.60 is a default of this project.
+        Draw x_d, in m, where it is fully drawn, and a brake may lock; 0.60 is a default of this project.
     let_off : float
         Share of the pull that a compound bow takes back, 0.6 to 0.8; 0: none, the default.
     valley : float
-        Share of the draw length at which it begins to; 0.75 is a default of this project.
+        Share of the draw length at which the let-off begins; 0.75 is a default of this project.
     loosed : float
         When the string was released, in s, on the motion's clock; inf: not yet.
     slack : float
-        Tension after that, in N; 0.5, the modules' least, is a default of this project.
+        Tension after the release, in N; 0.5, the modules' least, is a default of this project.
     loose : float
-        How long the fall takes, in s; 10 ms is a default of this project.
-    hum, frequency, fade : float
-        A in N, f in Hz and time constant in s; 1, 60 and 50 ms are defaults of this project.
+        Time in which the pull then falls, in s; 10 ms is a default of this project.
+    hum : float
+        Amplitude A of the string's hum, in N; 1 is a default of this project.
+    frequency : float
+        Frequency f of the hum, in Hz; 60 is a default of this project.
+    fade : float
+        Time constant with which the hum fades, in s; 50 ms is a default of this project.
 
     Examples
     --------
