@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import MISSING, fields, is_dataclass
+import json
+import math
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from tensionlab.haptics.bridge.admission import (
+    COMMAND_PATH,
+    EVENTS_PATH,
+    MAX_CLIENTS,
+    PAGE_PATH,
+    SCHEMA_PATH,
+    STATE_PATH,
+)
 from tensionlab.haptics.bridge.command import (
     BYTES_AT_ONCE,
     BYTES_PER_S,
@@ -15,12 +24,12 @@ from tensionlab.haptics.bridge.command import (
     READ_SHARE,
     SILENCE_S,
 )
-from tensionlab.haptics.bridge.messages import IN, KINDS, MAX_MESSAGE_BYTES, OUT, PROTOCOL, Body, Message
+from tensionlab.haptics.bridge.messages import EXAMPLES, IN, KINDS, MAX_MESSAGE_BYTES, OUT, PROTOCOL, Body, Message
 from tensionlab.haptics.bridge.osc import MAX_DEPTH, MAX_MESSAGES
-from tensionlab.haptics.bridge.server import COMMAND_PATH, EVENTS_PATH, MAX_CLIENTS, MAX_REFUSED
+from tensionlab.haptics.bridge.schema import REFERENCE, first_line, json_text, message_schema, schema_text
+from tensionlab.haptics.bridge.server import MAX_REFUSED, STATE_PERIOD_S
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S
-from tensionlab.haptics.effects.parameters import MAX_COUNT, Many, Vector, bounds
 from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 
 HEAD = f"""# The bridge
@@ -31,11 +40,14 @@ messages. This page is generated from the code, by `make generated`.
 - `ws://127.0.0.1:8765{COMMAND_PATH}` takes frames, 50 to 120 a second, and answers each with exactly one message:
   the state, or why the frame was refused. One client commands, by WebSocket or OSC; a second one is refused.
   A client in command that sends nothing valid for {SILENCE_S:g} s loses its place.
-- `ws://127.0.0.1:8765{EVENTS_PATH}` sends what happens, and takes nothing. There are at most
-  {MAX_CLIENTS} clients.
+- `ws://127.0.0.1:8765{EVENTS_PATH}` sends what happens, and takes nothing; `{STATE_PATH}` sends the state as well,
+  every {STATE_PERIOD_S:g} s. There are at most {MAX_CLIENTS} clients.
+- `http://127.0.0.1:8765{PAGE_PATH}` is a page that shows the state live, and `{SCHEMA_PATH}` beside it is the JSON
+  Schema of all messages for this rig, with its bodies, its dimension and its defaults. The one for all rigs is
+  `examples/bridge/schema.json`.
 - Every message is one JSON object, {MAX_MESSAGE_BYTES // 1024} KiB at most. The first one to every client is a
-  `welcome`. Units are SI; axes are those of the rig (its file says which one is up; Unity's are left-handed: turn
-  one round).
+  `welcome`. Units are SI; axes are those of the rig (the welcome says which one is up; Unity's are left-handed:
+  turn one round).
 - The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind. One that
   would have to be faster than {MAX_HAND_SPEED_M_S:g} m/s has been put elsewhere, and is at rest there.
 - What is stiff or vibrates runs on the modules whose cables lie within 45 degrees of it. The rest is the host's,
@@ -51,91 +63,94 @@ messages. This page is generated from the code, by `make generated`.
   connection, and so do as many of what is too much without a calm while between.
 - The desired force is at most twice what all cables together pull. Effects that fail while they are rendered are
   removed, their force fades, and their client is dismissed with the reason; the loop goes on.
-- Pages of this machine may connect, and programs; other pages only with `--page`. Beyond this machine
-  (`--host 0.0.0.0`) a token is needed: `?token=...` or `Authorization: Bearer ...`. The server has it from
+- Pages of this machine may connect, and programs; other pages only with `--page`. A URL has to call this machine
+  `127.0.0.1`, `localhost` or `[::1]`, so that no foreign page can have its own name lead here. Beyond this machine
+  (`--host 0.0.0.0`) a token is needed instead: `?token=...` or `Authorization: Bearer ...`. The server has it from
   `--token-file FILE` or the environment, `TENSIONLAB_BRIDGE_TOKEN`.
+- When a client connects, goes or is refused, there is a line on stderr and a `client` event.
 - The same comes in over OSC (`--osc PORT`): `/body/hand x y z`, `/effect/NAME KIND parameter value ...`,
-  `/effect/NAME` alone to take it away, `/stop`. Nothing is answered; what is ignored is reported on stderr and as
-  `ignored` events. All that one machine sends is one client's. A datagram has {MAX_MESSAGES} messages at most, in
-  bundles {MAX_DEPTH} deep. OSC has no token, so only this machine is listened to, unless `--osc-host` says
-  otherwise.
+  `/effect/NAME` alone to take it away, `/stop`. Nothing is answered; what is refused is a line on stderr and a
+  `refused` event, with the reason. All that one machine sends is one client's. A datagram has {MAX_MESSAGES}
+  messages at most, in bundles {MAX_DEPTH} deep. OSC has no token, so only this machine is listened to, unless
+  `--osc-host` says otherwise.
 
 `examples/bridge/` has clients in Python, JavaScript and C#; the C# one is not run by the tests.
 """
 
 
-EFFECTS_ABOUT = """Parameters that are left out have their default. Directions (`normal`, `axis`, `direction`,
-`gravity`) have theirs for Z up, and are turned with the rig's `up`: with Y up, a wall whose normal is left
-out has `[0, 1, 0]`. Vectors have as many components as the rig has axes: on a rig in the plane, give two,
-also in place of defaults.
+EFFECTS_ABOUT = """An effect is an object with its `kind` and parameters, as in each example, which has all at
+their defaults. What is left out has its default. Directions (`normal`, `axis`, `direction`, `gravity`) have
+theirs for Z up, and are turned with the rig's `up`: with Y up, a wall whose normal is left out has `[0, 1, 0]`.
+Vectors have as many components as the rig has axes: on a rig in the plane, give two, also in place of defaults.
+Times (`shots`, `grasped`, `loosed`) are on the clock of the run, which is the `time` of the state.
 """
 CLIENTS: tuple[type[Message], ...] = (*IN, Body)
+SCHEMA_FILE = "examples/bridge/schema.json"
 
 
 def document() -> str:
     """Return the text of BRIDGE.md."""
+    definitions = message_schema()["$defs"]
     parts = [HEAD, "## Messages of a client\n"]
     parts += [_message(kind) for kind in CLIENTS]
     parts += ["## Messages of the bridge\n", *(_message(kind) for kind in OUT)]
     parts += ["## Kinds of events\n", "| Kind | Meaning |", "| --- | --- |"]
     parts += [*(f"| `{kind}` | {meaning} |" for kind, meaning in KINDS.items()), ""]
     parts += ["## Effects\n", EFFECTS_ABOUT]
-    parts += [_effect(name, kind) for name, kind in EFFECTS.items()]
+    parts += [_effect(name, definitions) for name in EFFECTS]
     parts += ["## Solids\n", "Of the `field` of a shaped effect: `kind`, sphere if left out, and parameters.\n"]
-    parts += [_effect(name, kind) for name, kind in SOLIDS.items()]
+    parts += [_effect(name, definitions) for name in SOLIDS]
     return "\n".join(parts)
 
 
 def _message(kind: type[Message]) -> str:
     name = kind.model_fields["type"].default if "type" in kind.model_fields else kind.__name__.lower()
-    rows = [f"### {name}\n", f"{_first_line(kind)}\n", "| Key | Meaning |", "| --- | --- |"]
+    rows = [f"### {name}\n", f"{first_line(kind)}\n", "| Key | Meaning |", "| --- | --- |"]
     for key, field in kind.model_fields.items():
         if key == "type":
             rows.append(f'| `type` | `"{field.default}"` |')
             continue
         said = "left out" in (field.description or "")
         needed = "" if said or field.is_required() or kind not in CLIENTS else "; may be left out"
-        rows.append(f"| `{key}` | {field.description or 'text'}{needed} |")
-    return "\n".join(rows) + "\n"
+        rows.append(f"| `{key}` | {field.description}{needed} |")
+    return "\n".join(rows) + "\n" + (_example(EXAMPLES[kind]) if kind in EXAMPLES else "")
 
 
-class Row(NamedTuple):
-    """Parameter, that of a part after a dot: its name, default, unit and range."""
-
-    name: str
-    default: Any
-    unit: str
-    values: str
+def _effect(name: str, definitions: Mapping[str, Any]) -> str:
+    effect = definitions[name]
+    rows = [f"### {name}\n", f"{effect['description']}\n", "| Parameter | Meaning | Default | Range |"]
+    rows += ["| --- | --- | --- | --- |", *_rows(effect, definitions)]
+    return "\n".join(rows) + "\n" + _example(effect["examples"][0])
 
 
-def _effect(name: str, kind: type) -> str:
-    rows = [f"### {name}\n", f"{_first_line(kind)}\n", "| Parameter | Default | Unit | Range |"]
-    rows += ["| --- | --- | --- | --- |"]
-    rows += [f"| `{row.name}` | `{row.default}` | {row.unit} | {row.values} |" for row in _rows(kind)]
-    return "\n".join(rows) + "\n"
+def _example(example: Mapping[str, Any]) -> str:
+    return f"\n```json\n{json_text(example)}\n```\n"
 
 
-def _rows(kind: type, above: str = "") -> Iterator[Row]:
-    for each in fields(kind):
-        default = each.default_factory() if each.default_factory is not MISSING else each.default
-        if is_dataclass(default) and not isinstance(default, type):
-            yield from _rows(type(default), f"{above}{each.name}.")
-            continue
-        bound = bounds(kind)[each.name]
-        number = bound.each if isinstance(bound, Many) else bound
-        words = f"{number.low:g} to {number.high:g}"
-        if isinstance(bound, Vector):
-            words = f"vector, {words}" + (", not 0" if bound.shortest else "")
-        elif isinstance(bound, Many):
-            words = f"list, {MAX_COUNT} at most, {words}"
-        elif bound.positive:
-            words = f"above {words}"
-        yield Row(f"{above}{each.name}", "must be given" if default is MISSING else default, number.unit, words)
+def _rows(schema: Mapping[str, Any], definitions: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    """Return the rows of the parameters, those of a part after a dot."""
+    for name, each in schema["properties"].items():
+        if "$ref" in each:
+            yield from _rows(definitions[each["$ref"].removeprefix(REFERENCE)], definitions, f"{above}{name}.")
+        elif name != "kind":
+            default = f"`{json.dumps(each['default'])}`" if "default" in each else "left out"
+            if name == "field":
+                default = "a sphere"
+            yield f"| `{above}{name}` | {each['description']} | {default} | {_range(each)} |"
 
 
-def _first_line(kind: type) -> str:
-    return (kind.__doc__ or "").strip().split("\n")[0].replace("``", "`")
+def _range(schema: Mapping[str, Any]) -> str:
+    """Return in words which values a parameter may have."""
+    if "oneOf" in schema:
+        return "a solid"
+    if schema["type"] == "array":
+        words = f"list, {schema['maxItems']} at most, " if "minItems" not in schema else "vector, "
+        return words + _range(schema["items"]) + (", not 0" if "contains" in schema else "")
+    above = "above " if "exclusiveMinimum" in schema else ""
+    low = schema.get("exclusiveMinimum", schema.get("minimum", -math.inf))
+    return f"{above}{low:g} to {schema.get('maximum', math.inf):g}"
 
 
 if __name__ == "__main__":
-    Path("BRIDGE.md").write_text(document(), encoding="utf-8")
+    for name, content in (("BRIDGE.md", document()), (SCHEMA_FILE, schema_text())):
+        Path(name).write_text(content, encoding="utf-8")

@@ -22,7 +22,7 @@ from tensionlab.errors import TensionlabError
 from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.validation.data_tables import Trial
 from tools.generate_benchmark_table import section
-from tools.generate_bridge_docs import document as bridge
+from tools.generate_bridge_docs import SCHEMA_FILE, document, schema_text
 from tools.generate_firmware_docs import sections, table
 from tools.generate_solver_choice import choice
 
@@ -140,7 +140,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     **{name: _table(name) for name in _firmware()},
 }
 """What makes each block, by its name."""
-FILES: dict[str, Callable[[], str]] = {"BRIDGE.md": bridge}
+FILES: dict[str, Callable[[], str]] = {"BRIDGE.md": document, SCHEMA_FILE: schema_text}
 """What makes each file that is generated as a whole."""
 
 

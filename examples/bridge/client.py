@@ -6,23 +6,29 @@ import time
 
 from tensionlab.haptics.bridge.client import BridgeClient
 
-FLOOR = {
-    "floor": {"kind": "wall", "plane": {"point": [0.0, 0.3, 0.0], "normal": [0.0, 1.0, 0.0]}, "stiffness": 100.0}
-}
+DEPTH_M, STIFFNESS_N_PER_M = 0.02, 100.0
 
 
 def main() -> None:
-    """Move a hand up and down through the floor, 90 times a second."""
+    """Move a hand up and down through a floor, 90 times a second, and print the force that it felt."""
     url = sys.argv[1] if len(sys.argv) > 1 else "ws://127.0.0.1:8765"
     seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 10.0
     with BridgeClient(url) as bridge:
-        print(f"{bridge.welcome.rig}: {', '.join(bridge.welcome.modules)}")
-        start = time.monotonic()
+        welcome = bridge.welcome
+        print(f"{welcome.rig}: {', '.join(welcome.modules)}")
+        home = bridge.frame(0.0).position
+        axis = (welcome.up or "y").replace("-", "")
+        up = [float(each == axis) for each in "xyz"[: len(home)]]
+        floor = {"kind": "wall", "plane": {"point": home, "normal": up}, "stiffness": STIFFNESS_N_PER_M}
+        largest, start = bridge.frame(0.0, tuple(home), {"floor": floor}), time.monotonic()
         while (now := time.monotonic() - start) < seconds:
-            hand = (0.0, 0.3 + 0.02 * math.cos(2.0 * now), 0.0)
-            state = bridge.frame(now, hand, FLOOR)
+            height = DEPTH_M * math.cos(2.0 * now)
+            hand = tuple(at + height * along for at, along in zip(home, up, strict=True))
+            state = bridge.frame(now, hand)
+            largest = max(largest, state, key=lambda each: math.hypot(*each.measured))
             time.sleep(1.0 / 90.0)
-        print(f"desired {state.desired} N, measured {state.measured} N")
+    desired, measured = (math.hypot(*force) for force in (largest.desired, largest.measured))
+    print(f"largest measured force {measured:.2f} N, where {desired:.2f} N was desired")
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -15,10 +16,13 @@ from tensionlab.cli.common.modules import begin_log, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Solver
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import TensionlabError
-from tensionlab.haptics.bridge.client_state import HAND, ClientState
+from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
+from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.events import RunEvents
-from tensionlab.haptics.bridge.messages import Welcome
+from tensionlab.haptics.bridge.messages import HAND, Welcome
 from tensionlab.haptics.bridge.osc import OscServer
+from tensionlab.haptics.bridge.report import LimitedReport
+from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.haptics.bridge.server import Bridge
 from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, tracked_pose
 from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
@@ -103,7 +107,9 @@ def serve(
     follow = tracked_pose(client)
     welcome = Welcome(
         rig=loaded.name,
+        up=loaded.up,
         modules=[module.name for module in loaded.modules],
+        upper=loaded.limits.upper.tolist(),
         scenario=None if played is None else played.name,
         bodies=[HAND, *loaded.frames],
         rate=settings.rate,
@@ -111,20 +117,24 @@ def serve(
     )
     limits, brakes = ({int(each): each.name for each in kind} for kind in (Limit, BrakeState))
     events = RunEvents(loaded, limits, brakes, lambda: client.count)
-    bridge = Bridge(client, welcome, events.state, host, port, _token(token_file), tuple(page or ()))
+
+    def report(kind: str, line: str) -> None:
+        typer.echo(line, err=True)
+        events.note(kind, line)
+
+    clients = LimitedReport(partial(report, "client"), client.clock)
+    admission = Admission(_token(token_file), tuple(page or ()), schema_text(loaded))
+    bridge = Bridge(client, welcome, events.state, host, port, admission, clients)
     events.send = bridge.broadcast
     inner: Inner = FreeEffects(client) if played is None else ScenarioDemand(played, events.note, repeat=True)
     with ExitStack() as stack:
         stack.enter_context(bridge)
         typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
         if osc is not None:
-
-            def ignored(why: str) -> None:
-                typer.echo(why, err=True)
-                events.note("ignored", why)
-
-            door = stack.enter_context(OscServer(client, osc_host, osc, ignored))
+            door = stack.enter_context(OscServer(client, osc_host, osc, partial(report, "refused")))
             typer.echo(f"OSC at UDP port {door.port}")
+        page_url = bridge.url.replace("ws:", "http:")
+        typer.echo(f"{page_url}{PAGE_PATH} shows the state, {page_url}{SCHEMA_PATH} has the messages' schema")
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
         stack.enter_context(temporary_slew(group, MAX_SLEW_RATE_N_PER_S if played is None else played.slew))

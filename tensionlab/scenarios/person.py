@@ -18,7 +18,7 @@ from tensionlab.arrays import Floats
 from tensionlab.demand import Pose
 from tensionlab.errors import ScenarioError
 from tensionlab.files.reading import brief
-from tensionlab.haptics.bridge.client_state import HAND
+from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects import parameters
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.hardware.simulation.simulated_module import SimulatedModule

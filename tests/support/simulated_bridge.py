@@ -100,10 +100,18 @@ def _status(words: list[str]) -> int:
 
 
 class Line:
-    """Connection of a client, as `websockets.sync` has them; while it waits, the loop goes on."""
+    """Connection of a client, as `websockets.sync` has them; while it waits, the loop goes on.
+
+    Attributes
+    ----------
+    sent, received : list of str or bytes
+        Messages.
+    """
 
     def __init__(self, loop: SimulatedLoop, url: str, **options: Any) -> None:
         self._loop = loop
+        self.sent: list[str | bytes] = []
+        self.received: list[str | bytes] = []
         self._line = loop.run_until_complete(self._connected(url, options))
 
     async def _connected(self, url: str, options: dict[str, Any]) -> Any:
@@ -118,10 +126,12 @@ class Line:
         self.close()
 
     def send(self, content: str | bytes) -> None:
+        self.sent.append(content)
         self._loop.run_until_complete(self._line.send(content))
 
     def recv(self, timeout: float = HANGS_S) -> str | bytes:
-        return self._loop.run_until_complete(asyncio.wait_for(self._line.recv(), timeout))
+        self.received.append(self._loop.run_until_complete(asyncio.wait_for(self._line.recv(), timeout)))
+        return self.received[-1]
 
     def close(self) -> None:
         self._loop.run_until_complete(self._line.close())
@@ -163,7 +173,7 @@ class FedOscServer(OscServer):
 
     def __exit__(self, *_: object) -> None:
         self._socket.close()
-        self._ignored.summarise(now=True)
+        self._report.finish()
 
 
 class LoopClock(WorldClock):

@@ -1,9 +1,12 @@
 from pathlib import Path
 
-from tools.generate_bridge_docs import document
+import pytest
+
+from tensionlab.haptics.bridge.schema import schema_text
+from tools.generate_bridge_docs import SCHEMA_FILE, document
 
 
-def test_the_page_is_that_of_the_code():
-    page = Path(__file__).parents[2] / "BRIDGE.md"
+@pytest.mark.parametrize(("name", "made"), [("BRIDGE.md", document), (SCHEMA_FILE, schema_text)])
+def test_the_file_is_that_of_the_code(name, made):
     again = "python -m tools.generate_bridge_docs writes it"
-    assert page.read_text(encoding="utf-8") == document(), again
+    assert (Path(__file__).parents[2] / name).read_text(encoding="utf-8") == made(), again

@@ -15,7 +15,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
-from tensionlab.haptics.bridge.messages import Body, Frame
+from tensionlab.haptics.bridge.messages import HAND, Body, Frame
 from tensionlab.haptics.effects.described import effect_of, prepare
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
 from tensionlab.model.rig import Rig
@@ -28,8 +28,6 @@ EXTRAPOLATION = 1.0
 """How long a hand moves on evenly where the next frame is late, in times between the frames."""
 MIN_CABLE_LENGTH_M = 1e-3
 """Of a cable that bodies may make; at its anchor a cable has no direction."""
-HAND = "hand"
-"""The body that the cables pull on."""
 DELAY_FRAMES = 32
 """Frames of which the one that was quickest on its way shows how late the others came."""
 

@@ -44,8 +44,15 @@ class Commander:
 
 @dataclass
 class Command:
-    """Place of the client that commands. Used by several threads."""
+    """Place of the client that commands. Used by several threads.
 
+    Attributes
+    ----------
+    report : callable
+        Called with a line when a client gets the place, or goes.
+    """
+
+    report: Callable[[str], None] = lambda line: None
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _holder: Commander | None = None
 
@@ -62,7 +69,8 @@ class Command:
             before = self._holder
             commander = self._holder = Commander(name, now, on_dismissed)
         if before is not None:
-            _dismiss(before, f"silent for {SILENCE_S:g} s: {name} commands now")
+            self._dismiss(before, f"silent for {SILENCE_S:g} s: {name} commands now")
+        self.report(f"{name}: commands")
         return commander
 
     def require_free(self, now: float) -> None:
@@ -85,12 +93,12 @@ class Command:
         with self._lock:
             holder, self._holder = self._holder, None
         if holder is not None:
-            _dismiss(holder, reason)
+            self._dismiss(holder, reason)
 
-
-def _dismiss(commander: Commander, reason: str) -> None:
-    commander.dismissed = reason
-    commander.on_dismissed(reason)
+    def _dismiss(self, commander: Commander, reason: str) -> None:
+        commander.dismissed = reason
+        self.report(f"{commander.name}: dismissed: {reason}")
+        commander.on_dismissed(reason)
 
 
 @dataclass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, field_validator
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tensionlab.files.reading import brief
@@ -14,14 +14,17 @@ PROTOCOL = 2
 MAX_MESSAGE_BYTES = 64 * 1024
 MAX_ENTRIES = 16
 """Bodies of a frame, and effects."""
+HAND = "hand"
+"""The body that the cables pull on."""
 MAX_COORDINATE_M = 100.0
 MAX_CLOCK_S = 1e12
 """Largest time by a client's clock: seconds, of any epoch."""
 MAX_SEQUENCE = 2**53
 """Programs in any language can count up to this."""
 
-Coordinate = Annotated[float, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M, allow_inf_nan=False)]
-Share = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]
+Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Coordinate = Annotated[Number, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
+Share = Annotated[Number, Field(ge=-1.0, le=1.0)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
 
@@ -50,14 +53,15 @@ class Body(Message):
 
 
 class Frame(Message):
-    """Places of the tracked bodies, and effects to render. At 50 to 120 a second; each gets a `State`."""
+    """Places of the tracked bodies, and effects to render. At 50 to 120 a second; each gets a `state`."""
 
     type: Literal["frame"] = "frame"
-    sequence: int = Field(0, ge=0, le=MAX_SEQUENCE, description="any number; the answer repeats it")
-    time: float = Field(
+    sequence: Annotated[int, Strict()] = Field(
+        0, ge=0, le=MAX_SEQUENCE, description="any whole number; the answer repeats it"
+    )
+    time: Number = Field(
         ge=-MAX_CLOCK_S,
         le=MAX_CLOCK_S,
-        allow_inf_nan=False,
         description="when the bodies were there, by the client's own clock, in s",
     )
     bodies: dict[Name, Body] = Field(
@@ -82,28 +86,33 @@ class Welcome(Message):
     """First message to every client."""
 
     type: Literal["welcome"] = "welcome"
-    protocol: int = PROTOCOL
+    protocol: int = Field(PROTOCOL, description="version of the messages")
     rig: str = Field(description="its name")
+    up: str | None = Field(None, description="axis that points up, such as z or -y; null if the rig does not say")
     modules: list[str] = Field(description="their names, in the order of all lists")
+    upper: list[float] = Field(description="largest tension of each module, in N")
     scenario: str | None = Field(None, description="its name, if one is played")
     bodies: list[str] = Field(
         description="names of the bodies whose places the client should send, the hand first"
     )
-    rate: float = Field(description="cycles a second")
-    timeout: float = Field(description="after so many s without a frame there is no force any more")
+    rate: float = Field(description="cycles a second, in Hz")
+    timeout: float = Field(description="time without a frame after which there is no force any more, in s")
 
 
 class State(Message):
-    """State of the rig: the answer to each `Frame`."""
+    """State of the rig: the answer to each `frame`."""
 
     type: Literal["state"] = "state"
-    sequence: int = Field(description="that of the frame")
-    time: float = Field(description="of the run, in s")
+    sequence: int = Field(description="that of the frame; 0 in a stream")
+    time: float = Field(description="of the run, in s; shots and other times of effects are on this clock")
     position: list[float] = Field(description="of the point or the platform, by the cables or the client, in m")
     desired: list[float] = Field(description="wrench of the effects in the latest cycle, in N and N m")
     measured: list[float] = Field(description="wrench of the tensions that the modules report, in N and N m")
     tensions: list[float | None] = Field(description="measured, as the modules report them, in N")
-    limiters: list[str] = Field(description="what limits each module: NONE, LOWER, UPPER, SLEW, ...")
+    limiters: list[str] = Field(
+        description="what limits each module: NONE, LOWER, UPPER, SLEW, THERMAL, SPEED, LENGTH, RELEASING, "
+        "TIMEOUT or IDLE"
+    )
     active: list[bool] = Field(description="whether each module takes part")
     rendering: list[bool] = Field(
         description="whether each module renders a spring, damper or vibration at its own rate"
@@ -126,7 +135,8 @@ KINDS = {
     "derated": "a module's upper tension limit has changed, to keep its winding from getting too hot",
     "brake": "what a module's brake does, or what a scenario decides about brakes",
     "removed": "a client's effects failed; they are gone, and so is the client's command: why",
-    "ignored": "something that came over OSC was ignored: why, or how much",
+    "client": "a client commands, watches, has gone or was refused",
+    "refused": "a message over OSC was refused: why",
     "silent": "frames fail to come: there is no force any more",
     "fresh": "frames come again: the force comes in",
     "ceiling": "the host stiffness limit has changed by more than a quarter",
@@ -160,10 +170,10 @@ class Event(Message):
 
 
 class Refused(Message):
-    """Refusal of a message: the answer to it, in place of a `State`."""
+    """Refusal of a message: the answer to it, in place of a `state`."""
 
     type: Literal["refused"] = "refused"
-    reason: str
+    reason: str = Field(description="what is wrong with it, and what to do")
 
 
 def reason_of(error: Exception) -> str:
@@ -184,3 +194,61 @@ def reason_of(error: Exception) -> str:
 
 IN: tuple[type[Message], ...] = (Frame, Stop)
 OUT: tuple[type[Message], ...] = (Welcome, State, Event, Refused)
+EXAMPLES: dict[type[Message], dict[str, Any]] = {
+    Frame: {
+        "type": "frame",
+        "sequence": 7,
+        "time": 12.5,
+        "bodies": {"hand": {"position": [0.0, 0.31, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}},
+        "effects": {
+            "floor": {
+                "kind": "wall",
+                "plane": {"point": [0.0, 0.32, 0.0], "normal": [0.0, 1.0, 0.0]},
+                "stiffness": 100.0,
+            },
+            "air": {"kind": "viscous", "damping": 0.5},
+        },
+    },
+    Stop: {"type": "stop"},
+    Welcome: {
+        "type": "welcome",
+        "protocol": PROTOCOL,
+        "rig": "bartels2026-validation",
+        "up": "y",
+        "modules": ["floor-1", "floor-2", "floor-3", "top"],
+        "upper": [6.0, 6.0, 6.0, 6.0],
+        "scenario": None,
+        "bodies": ["hand"],
+        "rate": 50.0,
+        "timeout": 0.25,
+    },
+    State: {
+        "type": "state",
+        "sequence": 7,
+        "time": 3.42,
+        "position": [0.0, 0.31, 0.0],
+        "desired": [0.0, 1.0, 0.0],
+        "measured": [0.0, 1.0, 0.0],
+        "tensions": [0.5, 0.5, 0.5, 1.7],
+        "limiters": ["NONE", "NONE", "NONE", "NONE"],
+        "active": [True, True, True, True],
+        "rendering": [False, False, False, True],
+        "braked": [False, False, False, False],
+        "brakes": ["OPEN", "OPEN", "OPEN", "OPEN"],
+        "ceiling": 33.0,
+        "delay": 0.02,
+        "fresh": 1.0,
+    },
+    Event: {
+        "type": "event",
+        "time": 3.42,
+        "kind": "limit",
+        "text": "limited by: UPPER",
+        "module": "top",
+    },
+    Refused: {
+        "type": "refused",
+        "reason": "effect 'floor': no parameter 'stifness'; there are plane, stiffness, damping",
+    },
+}
+"""A complete message of each kind: those of the schema and of BRIDGE.md."""

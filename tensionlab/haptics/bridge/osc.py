@@ -20,7 +20,6 @@ import socket
 import struct
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import TracebackType
@@ -29,11 +28,12 @@ from typing import Any, NamedTuple, Self
 from pydantic import ValidationError
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import EffectError, HardwareError, ProtocolError, needs
+from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, needs
 from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.client_state import ClientState
-from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
+from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
 from tensionlab.haptics.bridge.messages import Frame, reason_of
+from tensionlab.haptics.bridge.report import LimitedReport
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import Many, bounds
 
@@ -58,8 +58,6 @@ MAX_DROPPED = 1000
 """Datagrams that are thrown away then, at most."""
 RECEIVE_BUFFER_BYTES = 65_536
 """Of datagrams that have not been read yet, with what the system needs for each."""
-SUMMARY_S = 5.0
-"""How often it is said what was ignored."""
 
 
 class OscMessage(NamedTuple):
@@ -159,40 +157,6 @@ def _text(data: bytes, at: int) -> tuple[str, int]:
         raise ProtocolError("a text that is not UTF-8") from None
 
 
-class IgnoredSummary:
-    """Reports of what is ignored: the first of each kind at once, then how many more there were.
-
-    Parameters
-    ----------
-    report : callable
-        Called with one line.
-    clock : callable
-        Time in s.
-    """
-
-    def __init__(self, report: Callable[[str], None], clock: Callable[[], float] = time.perf_counter) -> None:
-        self._report, self._clock = report, clock
-        self._known: set[str] = set()
-        self._more: Counter[str] = Counter()
-        self._since = self._clock()
-
-    def add(self, kind: str, reason: str) -> None:
-        """Count something that was ignored: its kind, one of a few, and why."""
-        if kind in self._known:
-            self._more[kind] += 1
-            return
-        self._known.add(kind)
-        self._report(f"OSC: {kind} ignored: {reason}")
-
-    def summarise(self, *, now: bool = False) -> None:
-        """Report how many more there were, if it is time to."""
-        if self._more and (now or self._clock() > self._since + SUMMARY_S):
-            counted = ", ".join(f"{count} x {kind}" for kind, count in sorted(self._more.items()))
-            self._report(f"OSC: ignored since then: {counted}")
-            self._more.clear()
-            self._since = self._clock()
-
-
 class OscServer:
     """Server for OSC over UDP, with a thread of its own. A context manager.
 
@@ -205,7 +169,7 @@ class OscServer:
     host, port : str, int
         Where to listen; port 0 takes a free one.
     report : callable
-        Called with why messages were ignored; a line for each kind, and sums.
+        Called with why messages are refused, line by line; repeated ones are only counted.
 
     Raises
     ------
@@ -215,7 +179,7 @@ class OscServer:
 
     def __init__(self, client: ClientState, host: str, port: int, report: Callable[[str], None]) -> None:
         self._client, self._budget = client, Budget()
-        self._ignored = IgnoredSummary(report, client.clock)
+        self._report = LimitedReport(report, client.clock)
         self._bodies: dict[str, dict[str, Any]] = {}
         self._effects: dict[str, dict[str, Any]] = {}
         self._commander: Commander | None = None
@@ -244,11 +208,10 @@ class OscServer:
         self._over = True
         self._thread.join()
         self._socket.close()
-        self._ignored.summarise(now=True)
+        self._report.finish()
 
     def _listen(self) -> None:
         while not self._over:
-            self._ignored.summarise()
             try:
                 data, address = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
             except OSError:  # nothing has come, or the network says that something sent before did not arrive
@@ -260,7 +223,7 @@ class OscServer:
         """Take a datagram; False if it is too much."""
         now, began = self._client.clock(), time.thread_time()
         if reason := self._budget.refuse(len(data), now):
-            self._ignored.add("too much", reason)
+            self._report(f"OSC from {machine} refused: {reason}")
             return False
         self._take(data, machine, now)
         self._budget.add_reading(time.thread_time() - began, now)
@@ -273,7 +236,6 @@ class OscServer:
         try:
             for _ in range(MAX_DROPPED):
                 self._socket.recvfrom(MAX_DATAGRAM_BYTES)
-                self._ignored.add("too much", "")
         except OSError:  # that was all
             pass
         finally:
@@ -286,18 +248,14 @@ class OscServer:
             if commander is None:
                 self._client.command.require_free(now)
             packet = read_packet(data)
-            if known := self._without_unknown(packet.messages):
+            if known := self._without_unknown(packet.messages, machine):
                 commander = commander or self._begin(machine, now)
                 self._put(known, now if packet.time is None else packet.time, now, commander)
-        except ProtocolError as error:
-            self._ignored.add("malformed datagrams", str(error))
-        except FrameRefused as error:
-            self._ignored.add("clients that do not command", str(error))
-        except (ValidationError, EffectError) as error:
-            self._ignored.add("messages that cannot be", reason_of(error))
+        except (TensionlabError, ValidationError) as error:
+            self._report(f"OSC from {machine} refused: {reason_of(error)}")
         except Exception as error:  # one datagram must not end the thread for all that come
             logging.getLogger(__name__).exception("a datagram from %s", machine)
-            self._ignored.add("messages that cannot be", f"{type(error).__name__}: {error}")
+            self._report(f"OSC from {machine} refused: {reason_of(error)}")
 
     def _known(self, machine: str, now: float) -> Commander | None:
         """Return the client of this machine that commands, or did; one dismissed may come back after a silence."""
@@ -314,13 +272,13 @@ class OscServer:
         self._bodies, self._effects = {}, {}
         return self._commander
 
-    def _without_unknown(self, messages: list[OscMessage]) -> list[OscMessage]:
+    def _without_unknown(self, messages: list[OscMessage], machine: str) -> list[OscMessage]:
         """Leave out, and report, what is for no known address."""
         known = [message for message in messages if ADDRESS.fullmatch(message.address)]
         for message in messages:
             if message not in known:
                 there = "there are /body/NAME, /effect/NAME and /stop"
-                self._ignored.add("unknown addresses", f"no address {brief(message.address)}; {there}")
+                self._report(f"OSC from {machine} refused: no address {brief(message.address)}; {there}")
         return known
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-import hmac
 import json
 import logging
-import re
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from http import HTTPStatus
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Any, Self
-from urllib.parse import parse_qs, urlsplit
+from typing import TYPE_CHECKING, Annotated, Self
+from urllib.parse import urlsplit
 
 from pydantic import Field, TypeAdapter
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, needs
+from tensionlab.haptics.bridge.admission import COMMAND_PATH, LOOPBACK, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (
@@ -37,12 +36,6 @@ if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
 
-COMMAND_PATH, EVENTS_PATH = "/command", "/events"
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-LOCAL_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
-"""Pages of this machine, which may open the bridge."""
-MAX_CLIENTS = 32
-"""Connections at a time, to command or to watch."""
 MAX_CLOSE_BYTES = 120
 """Of the reason in a closing frame, which has room for 123."""
 MIN_WAIT_S = 0.1
@@ -56,6 +49,8 @@ CLOSE_TIMEOUT_S = 1.0
 MAX_REFUSED = 20
 """Messages in a row that may be refused before the connection is closed."""
 START_TIMEOUT_S = 10.0
+STATE_PERIOD_S = 0.1
+"""Of the states in a stream."""
 
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a client leaves no traceback
@@ -85,10 +80,10 @@ class Bridge:
         Makes the answer to a frame, given its number.
     host, port : str, int
         Where to listen; port 0 takes a free one. Beyond this machine a token must be given.
-    token : str, optional
-        What a client must know: ``?token=...`` in the URL, or ``Authorization: Bearer ...``.
-    pages : sequence of str
-        Origins of web pages, besides those of this machine, that may connect.
+    admission : Admission
+        Who may connect, and what a browser finds; without a token, only this machine.
+    report : callable
+        Called with a line when a client connects, goes or is refused, from any thread.
 
     Attributes
     ----------
@@ -110,17 +105,19 @@ class Bridge:
         state: Callable[[int], State],
         host: str = "127.0.0.1",
         port: int = 0,
-        token: str | None = None,
-        pages: tuple[str, ...] = (),
+        admission: Admission | None = None,
+        report: Callable[[str], None] = lambda line: None,
     ) -> None:
         with needs("haptics", "the bridge"):
             import websockets  # noqa: F401
-        if host not in LOOPBACK and not token:
+        admission = admission or Admission()
+        if host not in LOOPBACK and not admission.token:
             raise HardwareError(
                 f"the bridge would be open to others at {host}; give a token that clients must know"
             )
         self._client, self._welcome, self._state = client, welcome, state
-        self._host, self._port, self._token, self._pages = host, port, token, pages
+        self._host, self._port, self._admission, self._report = host, port, admission, report
+        client.command.report = report
         self._commanding: CommandConnection | None = None
         self._clients: set[ServerConnection] = set()
         self._ready = threading.Event()
@@ -172,12 +169,10 @@ class Bridge:
         from websockets.asyncio.server import serve
 
         self._loop = asyncio.get_running_loop()
-        origins: list[Any] = [None, LOCAL_PAGES, *self._pages]
         async with serve(
             self._serve_client,
             self._host,
             self._port,
-            origins=origins,
             max_size=MAX_MESSAGE_BYTES,
             max_queue=READ_AHEAD,
             process_request=self._admit,
@@ -191,26 +186,24 @@ class Bridge:
             await self._over.wait()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Refuse clients without the token, other paths, and one client too many."""
-        parts = urlsplit(request.path)
-        if self._token is not None:
-            bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
-            given = parse_qs(parts.query).get("token", [bearer])[0]
-            if not hmac.compare_digest(given.encode(errors="replace"), self._token.encode()):
-                return connection.respond(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong\n")
-        if parts.path not in (COMMAND_PATH, EVENTS_PATH):
-            return connection.respond(HTTPStatus.NOT_FOUND, f"there are {COMMAND_PATH} and {EVENTS_PATH}\n")
-        if len(self._clients) >= MAX_CLIENTS:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are here already\n")
-        return None
+        """Refuse a client that may not connect; answer a browser that asks for a page."""
+        if refused := self._admission.refuse(request, len(self._clients)):
+            status, reason = refused
+            self._report(f"{_name(connection)}: refused: {reason}")
+            return connection.respond(status, f"{reason}\n")
+        return self._admission.document(request)
 
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Serve a client until it goes."""
         assert connection.request is not None
-        if urlsplit(connection.request.path).path == COMMAND_PATH:
+        path = urlsplit(connection.request.path).path
+        if path == COMMAND_PATH:
             await self._accept_command(connection)
         else:
-            await self._watch(connection)
+            self._report(f"{_name(connection)}: watches {path}")
+            await self._watch(connection, path == STATE_PATH)
+        reason = f": {connection.close_reason}" if connection.close_reason else ""
+        self._report(f"{_name(connection)}: has gone{reason}")
 
     async def _accept_command(self, connection: ServerConnection) -> None:
         """Let a client command, if no other one does."""
@@ -219,8 +212,7 @@ class Bridge:
         def turn_away(reason: str) -> None:
             tasks.add(asyncio.ensure_future(self._turn_away(connection, reason)))
 
-        host, port, *_ = connection.remote_address
-        command, name = self._client.command, f"{host}, port {port}"
+        command, name = self._client.command, _name(connection)
         before = self._commanding
         if before is not None and before.socket.state.name != "OPEN":
             command.leave(before.commander)  # it has gone, or is about to: its task has only not got round to it
@@ -291,12 +283,16 @@ class Bridge:
         finally:
             connected.pending.put_nowait(None)
 
-    async def _watch(self, connection: ServerConnection) -> None:
+    async def _watch(self, connection: ServerConnection, states: bool) -> None:
+        """Send what happens and, if it is desired, the states, until the client goes."""
         from websockets.exceptions import ConnectionClosed
 
         self._clients.add(connection)
+        stream = None
         try:
             await connection.send(self._welcome.model_dump_json())
+            if states:
+                stream = asyncio.create_task(self._send_states(connection))
             async for _ in connection:
                 await self._turn_away(connection, f"this stream is read only; command at {COMMAND_PATH}")
                 return
@@ -304,6 +300,17 @@ class Bridge:
             return
         finally:
             self._clients.discard(connection)
+            if stream is not None:
+                stream.cancel()
+
+    async def _send_states(self, connection: ServerConnection) -> None:
+        """Send a state every so often."""
+        from websockets.exceptions import ConnectionClosed
+
+        with suppress(ConnectionClosed):
+            while True:
+                await connection.send(self._state(0).model_dump_json())
+                await asyncio.sleep(STATE_PERIOD_S)
 
     def _answer(self, content: str | bytes, connected: CommandConnection) -> State | Refused:
         """Take a message, and return the answer."""
@@ -344,3 +351,9 @@ class Bridge:
         commanding = {self._commanding.socket} if self._commanding is not None else set()
         clients = self._clients - commanding if event.kind == "rate" else self._clients
         broadcast(clients, event.model_dump_json(exclude_none=True))
+
+
+def _name(connection: ServerConnection) -> str:
+    """Return the name of a client, for messages."""
+    host, port, *_ = connection.remote_address
+    return f"{host}, port {port}"

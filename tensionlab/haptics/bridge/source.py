@@ -12,7 +12,8 @@ import numpy as np
 
 from tensionlab.demand import Demand, Pose, RigState
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, EffectError
-from tensionlab.haptics.bridge.client_state import HAND, ClientState
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects.effect import Effect, Motion, smoothstep
 from tensionlab.haptics.rendering.assignment import EffectFailed
 from tensionlab.haptics.rendering.filtering import fade_in

@@ -279,8 +279,8 @@ class Ripples(parameters.Parameters):
     height : float
         Height A of the ripples, in m; 0.3 mm is a default of this project.
     stiffness : float
-        Largest stiffness of a valley, in N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of this
-        project.
+        Largest stiffness of a valley, in N/m. 10 kN/m, more than the defaults have up to 13 N, is a default of
+        this project.
 
     Examples
     --------

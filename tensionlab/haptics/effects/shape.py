@@ -202,8 +202,8 @@ class Shape:
     Parameters
     ----------
     field : callable
-        Signed distance field of the solid. That may be round or square, not rough: the field should be correct to a
-        micrometre at the surface.
+        Signed distance field of the solid. That may be round or square, not rough: the field should be correct to
+        a micrometre at the surface.
     coupling : VirtualCoupling
         Spring and damper, K and B. All of it runs on a module, as a wall that touches the shape at the proxy.
 

@@ -44,7 +44,7 @@ class Weight(parameters.Parameters):
     limit : float
         Limit of each component of the acceleration, in m/s²; 5 is a default of this project.
     grasped : float
-        When it was taken, in s, on the motion's clock; -inf: long ago.
+        Time at which it was taken, in s, on the motion's clock, or -inf for long ago.
     ramp : float
         Time in which its force then rises, in s; 0.1 is a default of this project.
 
@@ -172,7 +172,7 @@ class Bow(parameters.Parameters):
     valley : float
         Share of the draw length at which the let-off begins; 0.75 is a default of this project.
     loosed : float
-        When the string was released, in s, on the motion's clock; inf: not yet.
+        Time at which the string was released, in s, on the motion's clock, or inf for not yet.
     slack : float
         Tension after the release, in N; 0.5, the modules' least, is a default of this project.
     loose : float

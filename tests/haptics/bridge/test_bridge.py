@@ -1,9 +1,12 @@
 """The bridge and its clients on one simulated clock: `tensionlab serve` in this process, with the real codec."""
 
+import asyncio
 import json
 import math
+import re
 from contextlib import suppress
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -14,7 +17,9 @@ from tensionlab.errors import HardwareError
 from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.haptics.bridge.command import SILENCE_S
 from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, Stop, Welcome
+from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.hardware.log.reader import read_run
+from tensionlab.model.files import load_rig
 from tensionlab.scenarios import load_scenario
 from tests.support.simulated_bridge import Line, SimulatedServe
 from tests.support.simulated_loop import SimulatedLoop
@@ -191,17 +196,91 @@ def test_one_commands_and_others_watch(bridge):
 
 
 @pytest.mark.parametrize(
-    ("headers", "path", "status"),
+    ("headers", "path", "status", "said"),
     [
-        ({"Origin": "https://example.org"}, "/command", 403),
-        ({"Origin": "http://localhost.example.org"}, "/command", 403),
-        ({}, "/", 404),
+        ({"Origin": "https://example.org"}, "/command", 403, "pages of 'https://example.org' may not connect"),
+        ({"Origin": "http://localhost.example.org"}, "/state", 403, "may not connect"),
+        ({"Origin": "null"}, "/command", 403, "may not connect"),  # of a file, or of a frame without rights
+        ({"Origin": "http://127.0.0.1.example.org"}, "/", 403, "may not connect"),
+        ({}, "/elsewhere", 404, "nothing is at '/elsewhere'"),
     ],
 )
-def test_foreign_pages_and_other_paths_are_refused(bridge, headers, path, status):
+def test_foreign_pages_and_other_paths_are_refused(bridge, capsys, headers, path, status, said):
     with pytest.raises(InvalidStatus) as caught:
         bridge.connect(f"{bridge.url}{path}", additional_headers=headers)
     assert caught.value.response.status_code == status
+    assert said in caught.value.response.body.decode()
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("path", ["/", "/schema.json", "/command", "/state"])
+def test_a_foreign_name_that_leads_here_is_refused(bridge, path):
+    """DNS rebinding: the page is of the same origin, by a name that somebody else has given to this machine."""
+    port = urlsplit(bridge.url).port
+    for host in (f"example.org:{port}", "127.0.0.1.example.org", "", "169.254.1.1"):
+        status, _, text = get(bridge, path, host)
+        assert status == 403, host
+        assert "is not this machine" in text
+
+
+def get(bridge, path, host=None):
+    """Status, headers and text of what a browser gets."""
+    port = urlsplit(bridge.url).port
+    asked = f"GET {path} HTTP/1.1\r\nHost: {f'127.0.0.1:{port}' if host is None else host}\r\n\r\n"
+
+    async def ask():
+        reader, writer = await asyncio.open_connection(sock=await bridge.loop.reach(port))
+        writer.write(asked.encode())
+        answer = await reader.read()
+        writer.close()
+        return answer
+
+    head, _, text = bridge.loop.run_until_complete(ask()).decode().partition("\r\n\r\n")
+    status, *lines = head.split("\r\n")
+    return int(status.split()[1]), dict(line.split(": ", 1) for line in lines), text
+
+
+def test_a_browser_gets_a_page_that_loads_nothing_from_elsewhere_and_is_framed_by_nobody(bridge):
+    status, headers, text = get(bridge, "/")
+    assert status == 200
+    assert headers["Content-Type"] == "text/html; charset=utf-8"
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert not re.findall(r"""(?:src|href)=["'](?!data:)|@import|https?://\w""", text)
+    assert get(bridge, "/state")[0] == 426  # for a WebSocket
+
+
+def test_the_schema_that_is_served_is_of_the_rig(bridge):
+    status, headers, text = get(bridge, "/schema.json")
+    assert (status, headers["Content-Type"]) == (200, "application/schema+json")
+    assert json.loads(text) == json.loads(schema_text(load_rig("bartels2026-validation")))
+
+
+def test_a_stream_of_states_goes_on_by_itself(bridge):
+    with bridge.connect(f"{bridge.url}/state") as watch:
+        bridge.sleep(1.0)
+        with BridgeClient(bridge.url) as client:
+            push(bridge, client, 1.0)
+        said = [json.loads(watch.recv()) for _ in range(25)]
+        watch.send("{}")
+        assert closed(watch) == (1008, "this stream is read only; command at /command")
+    states = [each for each in said if each["type"] == "state"]
+    assert np.diff([each["time"] for each in states[1:]]) == pytest.approx(0.1, abs=CYCLE_S)
+    assert states[0]["fresh"] == 0.0
+    assert states[-1]["fresh"] == 1.0
+
+
+def test_who_comes_and_goes_is_a_line_and_an_event(bridge, capsys):
+    with bridge.connect(f"{bridge.url}/events") as watch:
+        with BridgeClient(bridge.url), suppress(HardwareError):
+            BridgeClient(bridge.url)
+        lines = [heard(watch, "client")["text"] for _ in range(4)]
+    said = capsys.readouterr().err
+    what = ("watches /events$", "commands$", "has gone: another client commands; watch", "has gone$")
+    for line, pattern in zip(lines, what, strict=True):
+        assert re.search(rf"^127\.0\.0\.1, port \d+: {pattern}", line), line
+        assert line in said
 
 
 def test_a_page_of_this_machine_may_connect(bridge):
@@ -255,7 +334,9 @@ def test_osc_does_the_same(serve, tmp_path):
         with pytest.raises(HardwareError, match="another client commands"):
             BridgeClient(bridge.url)
         bridge.send_osc("/nowhere", 1.0)
-        assert "/nowhere" in heard(watch, "ignored")["text"]
+        assert "refused: no address '/nowhere'" in heard(watch, "refused")["text"]
+        bridge.send_osc("/effect/pull", "spring", "center", 0.0, 0.36, 0.0)
+        assert "'pull': no parameter 'center'; there are centre" in heard(watch, "refused")["text"]
         bridge.send_osc("/stop")
         assert bridge.wait() == 0
     assert read_run(log).desired[-1] == pytest.approx([0.0, 1.0, 0.0], abs=0.02)
@@ -300,7 +381,7 @@ def test_a_stop_ends_the_run(bridge, capsys):
 
 
 def test_a_bridge_with_another_version_of_the_messages_is_refused(monkeypatch):
-    welcome = Welcome(protocol=1, rig="old", modules=[], bodies=["hand"], rate=50.0, timeout=0.25)
+    welcome = Welcome(protocol=1, rig="old", modules=[], upper=[], bodies=["hand"], rate=50.0, timeout=0.25)
     loop = SimulatedLoop()
 
     async def old():

@@ -37,7 +37,7 @@ def test_whatever_is_said_is_answered_and_the_loop_goes_on_within_limits(name):
     scenario = None if name == "rig" else load_scenario(name)
     rig = four() if scenario is None else scenario.rig
     box, answers = ClientState(rig), []
-    welcome = Welcome(rig=rig.name, modules=[], scenario=None, bodies=[], rate=50.0, timeout=0.25)
+    welcome = Welcome(rig=rig.name, modules=[], upper=[], scenario=None, bodies=[], rate=50.0, timeout=0.25)
     bridge = Bridge(box, welcome, lambda number: number)
     inner = FreeEffects(box) if scenario is None else ScenarioDemand(scenario, repeat=True)
     demand = BridgedDemand(box, inner, on_event=lambda *news: pytest.fail(f"an effect failed: {news}"))

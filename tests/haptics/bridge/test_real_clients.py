@@ -2,6 +2,7 @@
 
 import http.server
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -19,6 +20,8 @@ from websockets.sync.client import connect
 from benchmarks.processes import process
 from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.scenarios import load_scenario
+from tests.haptics.bridge.test_schema import CLIENT
+from tools.site.browser import browser, installed
 
 ROOT = Path(__file__).parents[3]
 RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
@@ -71,7 +74,9 @@ def test_the_python_example_runs(bridge):
     words = [sys.executable, ROOT / "examples/bridge/client.py", bridge, "0.5"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=HANGS_S, check=False)
     assert done.returncode == 0, done.stderr
-    assert "desired" in done.stdout
+    assert re.search(
+        r"^largest measured force \d\.\d\d N, where \d\.\d\d N was desired$", done.stdout, re.MULTILINE
+    )
 
 
 def heard(watch, *kinds):
@@ -124,7 +129,7 @@ def test_ctrl_c_ends_the_run():
         assert running.wait(HANGS_S) == 0
 
 
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+BROWSER = installed()
 QUIET = "--disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-sync"
 MATERIALS = load_scenario("materials")
 PLAN = {
@@ -135,6 +140,26 @@ PLAN = {
     "effects": {"hum": {"kind": "vibrating", "amplitude": 0.4}},
 }
 """How a page goes through the materials, until it has felt two of them."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
+@pytest.mark.realtime  # a real browser
+def test_the_state_page_shows_what_is_measured():
+    with served() as (url, _), BridgeClient(url) as client, browser() as page:
+        address = url.replace("ws:", "http:")
+        page.open(f"{address}/")
+        begin = time.monotonic()
+        shown = "document.getElementById('measured').textContent"
+        until(
+            lambda text: re.match(r"(0\.9[5-9]|1\.0\d) N, \[0\.00, ", text),
+            lambda: client.frame(time.monotonic() - begin, HAND, FLOOR) and page.ask(shown),
+        )
+        assert page.ask("document.querySelector('h1').textContent") == "bartels2026-validation"
+        assert page.ask("document.getElementById('modules').rows.length") == 4
+        assert "frames come: the force comes in" in page.ask("document.getElementById('events').textContent")
+        assert [each for each in page.requests if not each.startswith((address, "data:"))] == []
+        assert page.complaints == []
 
 
 @pytest.mark.slow
@@ -179,4 +204,6 @@ def test_a_browser_drives_the_materials(tmp_path):
     assert found, said.read_text(encoding="utf-8")
     assert found[0].get("scenario") == "materials", found  # it says "error" if an answer was not to its frame
     assert len(found[0]["felt"]) >= PLAN["felt"]
+    for frame in found[0]["sent"]:
+        CLIENT.validate(frame)
     assert set(found[0]["felt"]) <= {phase["name"] for phase in PLAN["phases"]}

@@ -1,0 +1,103 @@
+"""Who may connect to the bridge, and what a browser finds there: its state page, and the messages' schema."""
+
+from __future__ import annotations
+
+import hmac
+import re
+from dataclasses import dataclass
+from http import HTTPStatus
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, urlsplit
+
+from tensionlab.files.reading import brief
+
+if TYPE_CHECKING:
+    from websockets.http11 import Request, Response
+
+COMMAND_PATH, EVENTS_PATH, STATE_PATH = "/command", "/events", "/state"
+PAGE_PATH, SCHEMA_PATH = "/", "/schema.json"
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+LOCAL = r"(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"
+LOCAL_HOST, LOCAL_PAGES = re.compile(LOCAL), re.compile(f"https?://{LOCAL}")
+"""This machine as a browser names it, and its pages, which may open the bridge."""
+MAX_CLIENTS = 32
+"""Connections at a time, to command or to watch."""
+STATE_PAGE = Path(__file__).with_name("page.html")
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "Connection": "close",
+}
+"""Of what a browser gets: it loads nothing from elsewhere, and no other page reads or frames it."""
+
+
+@dataclass(frozen=True)
+class Admission:
+    """Rules by which clients are admitted.
+
+    Attributes
+    ----------
+    token : str or None
+        What a client must know.
+    pages : tuple of str
+        Origins of web pages, besides those of this machine, that may connect.
+    schema : str
+        Of the messages, as a browser gets it.
+    """
+
+    token: str | None = None
+    pages: tuple[str, ...] = ()
+    schema: str = ""
+
+    def refuse(self, request: Request, clients: int) -> tuple[HTTPStatus, str] | None:
+        """Return why a request is refused where there are so many clients already; None if it is not.
+
+        Without a token, a page must be of this machine and must call it by its own name: another page can neither
+        connect itself nor have its name lead here (DNS rebinding).
+        """
+        headers, parts = request.headers, urlsplit(request.path)
+        for origin in headers.get_all("Origin"):
+            if not LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
+                return (
+                    HTTPStatus.FORBIDDEN,
+                    f"pages of {brief(origin)} may not connect, unless it is given to --page",
+                )
+        if self.token is not None:
+            bearer = "".join(headers.get_all("Authorization")).removeprefix("Bearer ")
+            given = parse_qs(parts.query).get("token", [bearer])[0]
+            if not hmac.compare_digest(given.encode(errors="replace"), self.token.encode()):
+                return HTTPStatus.UNAUTHORIZED, "the token is missing or wrong"
+        elif not LOCAL_HOST.fullmatch(host := "".join(headers.get_all("Host"))):
+            return (
+                HTTPStatus.FORBIDDEN,
+                f"the host {brief(host)} is not this machine; connect to 127.0.0.1, or serve with a token",
+            )
+        if parts.path not in (COMMAND_PATH, EVENTS_PATH, STATE_PATH, PAGE_PATH, SCHEMA_PATH):
+            there = ", ".join((COMMAND_PATH, EVENTS_PATH, STATE_PATH, SCHEMA_PATH))
+            return (
+                HTTPStatus.NOT_FOUND,
+                f"nothing is at {brief(parts.path)}; there are {PAGE_PATH}, {there}",
+            )
+        if clients >= MAX_CLIENTS:
+            return HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are here already"
+        return None
+
+    def document(self, request: Request) -> Response | None:
+        """Return what a browser gets for a request, the state page or the schema; None if it is for neither."""
+        from websockets.datastructures import Headers
+        from websockets.http11 import Response
+
+        path = urlsplit(request.path).path
+        if path == PAGE_PATH:
+            kind, content = "text/html; charset=utf-8", STATE_PAGE.read_bytes()
+        elif path == SCHEMA_PATH:
+            kind, content = "application/schema+json", self.schema.encode()
+        else:
+            return None
+        headers = Headers({**HEADERS, "Content-Type": kind, "Content-Length": str(len(content))})
+        return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, headers, content)

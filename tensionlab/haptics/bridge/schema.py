@@ -1,0 +1,167 @@
+"""JSON Schema of the bridge's messages, with every effect and its parameters, for clients in any language."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass
+from typing import Any
+
+from pydantic.json_schema import models_json_schema
+
+from tensionlab.errors import EffectError
+from tensionlab.haptics.bridge.messages import EXAMPLES, HAND, IN, KINDS, OUT, PROTOCOL
+from tensionlab.haptics.effects import EFFECTS, SOLIDS
+from tensionlab.haptics.effects.described import effect_of
+from tensionlab.haptics.effects.parameters import MAX_COUNT, Bound, Many, Range, Vector, bounds
+from tensionlab.model.rig import Rig
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+REFERENCE = "#/$defs/"
+PARAMETER = re.compile(r"^(?P<name>\w+) :.*\n(?P<text>(?: {4}.*\n?)+)", re.MULTILINE)
+"""Of a docstring in NumPy style."""
+SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
+CLAUSE_END = re.compile(r"[.;](\s|$)")
+
+
+def message_schema(rig: Rig | None = None) -> dict[str, Any]:
+    """Return the JSON Schema of all messages.
+
+    ``$defs`` has each by the name of its class, such as ``Frame``, and effects and solids by their kinds, such as
+    ``wall``; ``Effect`` is any effect, ``ClientMessage`` and ``BridgeMessage`` any message of one side.
+
+    Parameters
+    ----------
+    rig : Rig, optional
+        Whose bodies there are, in whose space vectors are, and whose ``up`` the defaults know. Without one: any
+        bodies, vectors in the plane or in space, and the defaults of space with Z up.
+    """
+    models: list[Any] = [*((kind, "validation") for kind in IN), *((kind, "serialization") for kind in OUT)]
+    definitions = models_json_schema(models, ref_template=REFERENCE + "{model}")[1]["$defs"]
+    for kind in (*IN, *OUT):
+        message = definitions[kind.__name__]
+        message["required"] = ["type", *(key for key in message.get("required", ()) if key != "type")]
+        if rig is None or kind in OUT:
+            message["examples"] = [EXAMPLES[kind]]
+    definitions["Event"]["properties"]["kind"]["enum"] = list(KINDS)
+    frame = definitions["Frame"]["properties"]
+    frame["effects"]["anyOf"][0]["additionalProperties"] = _any_of("Effect")
+    size = {"minItems": 2, "maxItems": 3}
+    if rig is not None:
+        size = {"minItems": rig.dimension, "maxItems": rig.dimension}
+        bodies = dict.fromkeys((HAND, *rig.frames), frame["bodies"]["additionalProperties"])
+        frame["bodies"] |= {"properties": bodies, "additionalProperties": False}
+    definitions["Body"]["properties"]["position"] |= size
+    for name, effect in EFFECTS.items():
+        _define(name, effect, _by_default({"kind": name}, effect, rig), size, definitions)
+    for name, solid in SOLIDS.items():
+        shape = _by_default({"kind": "shaped", "field": {"kind": name}}, EFFECTS["shaped"], rig)
+        _define(name, solid, None if shape is None else shape.field, size, definitions)
+    definitions["sphere"]["required"] = []  # of a field that names no kind
+    definitions["Effect"] = _any_of(*EFFECTS)
+    for name, kinds in (("ClientMessage", IN), ("BridgeMessage", OUT)):
+        definitions[name] = _any_of(*(kind.__name__ for kind in kinds))
+    return {
+        "$schema": DIALECT,
+        "title": f"Messages of the tensionlab bridge, version {PROTOCOL}",
+        **_any_of("ClientMessage", "BridgeMessage"),
+        "$defs": _without_titles(definitions),
+    }
+
+
+def schema_text(rig: Rig | None = None) -> str:
+    """Return the JSON Schema of all messages, as the text of a file."""
+    return json_text(message_schema(rig)) + "\n"
+
+
+def json_text(value: Any) -> str:
+    """Return a value as JSON to read: indented, but with a list of numbers or words on one line."""
+    text = json.dumps(value, indent=2, ensure_ascii=False)
+    return SHORT_LIST.sub(lambda found: " ".join(found[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
+
+
+def first_line(kind: type) -> str:
+    """Return what a class is, in one line of Markdown."""
+    return (inspect.getdoc(kind) or "").partition("\n")[0].replace("``", "`")
+
+
+def _any_of(*names: str) -> dict[str, Any]:
+    """Return the schema of what is one of several definitions."""
+    references = [{"$ref": REFERENCE + name} for name in names]
+    return references[0] if len(names) == 1 else {"oneOf": references}
+
+
+def _by_default(given: dict[str, Any], kind: type, rig: Rig | None) -> Any:
+    """Return an effect that has its defaults on a rig; None where some vector has none there."""
+    if rig is None:
+        return kind(*(SOLIDS[field["kind"]]() for field in [given.get("field")] if field))
+    try:
+        return effect_of("", given, rig)
+    except EffectError:
+        return None
+
+
+def _define(
+    name: str | None, kind: type, by_default: Any, size: Mapping[str, int], definitions: dict[str, Any]
+) -> None:
+    """Add the schema of an effect or a solid, by its name, or of a part of one, and those of its parts."""
+    meanings = {
+        each["name"]: " ".join(CLAUSE_END.split(each["text"])[0].split())
+        for each in PARAMETER.finditer(inspect.getdoc(kind) or "")
+    }
+    properties: dict[str, Any] = {} if name is None else {"kind": {"const": name}}
+    for each in fields(kind):
+        value = getattr(kind() if by_default is None else by_default, each.name)
+        if each.name == "field":
+            properties[each.name] = _any_of(*SOLIDS)
+        elif is_dataclass(value):
+            part = type(value)
+            _define(None, part, None if by_default is None else value, size, definitions)
+            properties[each.name] = _any_of(part.__name__)
+            meanings.setdefault(each.name, first_line(part).rstrip("."))
+        else:
+            bound = bounds(kind)[each.name]
+            properties[each.name] = _bounded(bound, size)
+            if isinstance(value, tuple):
+                if by_default is not None or not isinstance(bound, Vector):
+                    properties[each.name]["default"] = value
+            elif math.isfinite(value):
+                properties[each.name]["default"] = value
+        properties[each.name]["description"] = meanings[each.name]
+    schema: dict[str, Any] = {"description": first_line(kind), "type": "object", "properties": properties}
+    if name is not None:
+        schema["required"] = ["kind"]
+        if by_default is not None:
+            schema["examples"] = [_example(name, by_default)]
+    definitions[kind.__name__ if name is None else name] = schema | {"additionalProperties": False}
+
+
+def _bounded(bound: Bound, size: Mapping[str, int]) -> dict[str, Any]:
+    """Return the schema of a parameter. JSON has no infinity: an end that is infinite is left out."""
+    if isinstance(bound, Many):
+        return {"type": "array", "items": _bounded(bound.each, size), "maxItems": MAX_COUNT}
+    low = "exclusiveMinimum" if isinstance(bound, Range) and bound.positive else "minimum"
+    ends = {key: end for key, end in ((low, bound.low), ("maximum", bound.high)) if math.isfinite(end)}
+    if isinstance(bound, Range):
+        return {"type": "number", **ends}
+    vector = {"type": "array", "items": {"type": "number", **ends}, **size}
+    return vector | ({"contains": {"not": {"const": 0}}} if bound.shortest else {})
+
+
+def _example(name: str, by_default: Any) -> dict[str, Any]:
+    """Return an effect or a solid as a client writes it, with all that JSON can say of its defaults."""
+    table = {"kind": name, **asdict(by_default)}
+    if "field" in table:
+        table["field"] = {"kind": "sphere", **table["field"]}
+    return {key: value for key, value in table.items() if not isinstance(value, float) or math.isfinite(value)}
+
+
+def _without_titles(schema: Any) -> Any:
+    """Return a schema without the titles that pydantic makes of names."""
+    if isinstance(schema, Mapping):
+        kept = {key: each for key, each in schema.items() if key != "title" or not isinstance(each, str)}
+        return {key: _without_titles(each) for key, each in kept.items()}
+    return [_without_titles(each) for each in schema] if isinstance(schema, list | tuple) else schema

@@ -1,0 +1,191 @@
+"""The JSON Schema says what the bridge takes and sends: no less, and as little more as a schema can say."""
+
+import dataclasses
+import json
+import re
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from benchmarks.hostile_messages import draw, texts
+from tensionlab.errors import TensionlabError
+from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.messages import EXAMPLES, IN, KINDS, Frame
+from tensionlab.haptics.bridge.schema import message_schema
+from tensionlab.haptics.bridge.server import READ
+from tensionlab.haptics.effects import EFFECTS, SOLIDS
+from tensionlab.haptics.effects.described import effect_of
+from tensionlab.haptics.effects.parameters import Many, bounds
+from tensionlab.hardware.protocol.codes import BrakeState, Limit
+from tensionlab.model.files import load_rig
+from tensionlab.scenarios import load_scenario
+from tests.haptics.bridge.test_bridge import BAD, CYCLE_S, FLOOR, HAND, push
+from tests.support.examples import many
+from tests.support.simulated_bridge import SimulatedServe
+
+ROOT = Path(__file__).parents[3]
+RIG = load_rig("bartels2026-validation")
+SHOULDERS = load_scenario("collision").rig
+FLAT = load_rig("kntu-planar")
+WHOLE = message_schema()
+
+
+def validator(schema, name):
+    """That of one definition of a schema."""
+    return Draft202012Validator({"$ref": f"#/$defs/{name}", "$defs": schema["$defs"]})
+
+
+CLIENT, BRIDGE = (validator(WHOLE, name) for name in ("ClientMessage", "BridgeMessage"))
+
+
+@pytest.mark.parametrize("rig", [None, RIG, FLAT, SHOULDERS], ids=lambda rig: rig and rig.name)
+def test_it_is_a_schema(rig):
+    Draft202012Validator.check_schema(message_schema(rig))
+
+
+@pytest.mark.parametrize("kind", EXAMPLES, ids=lambda kind: kind.__name__)
+def test_the_examples_are_messages(kind):
+    side = CLIENT if kind in IN else BRIDGE
+    side.validate(EXAMPLES[kind])
+    assert set(EXAMPLES[kind]) >= {name for name, each in kind.model_fields.items() if each.is_required()}
+    kind.model_validate_json(json.dumps(EXAMPLES[kind]))
+
+
+@pytest.mark.parametrize("rig", [dataclasses.replace(RIG, up="z"), RIG], ids=lambda rig: rig.up)
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_example_of_an_effect_has_all_its_defaults_on_a_rig(name, rig):
+    (example,) = message_schema(rig)["$defs"][name]["examples"]
+    CLIENT.validate({"type": "frame", "time": 0.0, "effects": {"mine": example}})
+    effect = EFFECTS[name]
+    kept = {each.name for each in dataclasses.fields(effect)} - set(example)
+    assert kept <= {"grasped", "loosed"}, "JSON has no infinity"
+    assert effect_of("mine", json.loads(json.dumps(example)), rig) == effect_of("mine", {"kind": name}, rig)
+
+
+@pytest.mark.parametrize(("up", "gravity"), [("y", [0.0, -9.81, 0.0]), ("-z", [0.0, 0.0, 9.81])])
+def test_the_defaults_know_what_is_up(up, gravity):
+    weight = message_schema(dataclasses.replace(RIG, up=up))["$defs"]["weight"]["properties"]
+    assert list(weight["gravity"]["default"]) == gravity
+    unknown = message_schema(dataclasses.replace(RIG, up=None))["$defs"]["weight"]["properties"]
+    assert "default" not in unknown["gravity"]
+
+
+@pytest.mark.parametrize("kind", [*EFFECTS.values(), *SOLIDS.values()])
+def test_every_parameter_has_a_meaning_and_its_unit(kind):
+    names = {each: name for name, each in (*EFFECTS.items(), *SOLIDS.items())}
+    definition = WHOLE["$defs"][names[kind]]
+    assert {*definition["properties"]} == {"kind", *(each.name for each in dataclasses.fields(kind))}
+    for name, bound in bounds(kind).items():
+        meaning = definition["properties"][name]["description"]
+        unit = (bound.each if isinstance(bound, Many) else bound).unit
+        assert len(meaning) > len(unit) + 5, name
+        assert not unit or f"in {unit}" in meaning, name
+
+
+def test_words_of_the_state_are_those_of_the_modules():
+    words = WHOLE["$defs"]["State"]["properties"]
+    for name, codes in (("limiters", Limit), ("brakes", BrakeState)):
+        assert [*re.findall(r"\b[A-Z]{4,}\b", words[name]["description"])][: len(codes)] == [
+            each.name for each in codes
+        ]
+    assert WHOLE["$defs"]["Event"]["properties"]["kind"]["enum"] == list(KINDS)
+
+
+def message(text):
+    """That in a text, or None if it is not strict JSON."""
+
+    def refuse(constant):
+        raise ValueError(constant)
+
+    with suppress(ValueError, RecursionError):
+        return json.loads(text, parse_constant=refuse)
+
+
+SEEN = [text for text, said in BAD if message(text) is not None and said != "length 1"]
+"""A schema knows no length of a quaternion."""
+
+
+@pytest.mark.parametrize("text", SEEN)
+def test_what_the_bridge_refuses_is_not_of_its_schema(text):
+    assert not validator(message_schema(RIG), "ClientMessage").is_valid(message(text))
+
+
+def test_a_schema_knows_bodies_and_dimension_of_its_rig():
+    def valid(rig, **bodies):
+        frame = {"type": "frame", "time": 0.0, "bodies": {name: {"position": at} for name, at in bodies.items()}}
+        return validator(message_schema(rig), "ClientMessage").is_valid(frame)
+
+    assert valid(SHOULDERS, hand=[0, 0, 0], torso=[0, 0, 0])
+    assert not valid(RIG, torso=[0, 0, 0])
+    assert valid(FLAT, hand=[0, 0])
+    assert not valid(FLAT, hand=[0, 0, 0])
+    assert valid(None, anything=[0, 0])
+
+
+@pytest.mark.parametrize("rig", [RIG, SHOULDERS, FLAT], ids=lambda rig: rig.name)
+def test_whatever_the_bridge_takes_is_of_its_schema(rig):
+    schema, box, taken = validator(message_schema(rig), "ClientMessage"), ClientState(rig), 0
+    for number, text in enumerate(
+        draw(texts(rig.dimension, ["hand", *rig.frames], rig.home.tolist()), many(600), 3)
+    ):
+        found = message(text)
+        try:
+            box.put(READ.validate_python(found), 0.01 * number)
+        except (TensionlabError, ValueError):
+            continue
+        taken += 1
+        schema.validate(found)
+    assert taken > 20
+
+
+def test_all_that_a_client_and_the_bridge_say_is_of_the_schema(monkeypatch):
+    with SimulatedServe((ROOT / "datasets/rigs/bartels2026-validation.toml", "--port", 0), monkeypatch) as bridge:
+        from tensionlab.haptics.bridge.client import BridgeClient
+
+        with BridgeClient(bridge.url) as client, bridge.connect(f"{bridge.url}/state") as watch:
+            said = client._socket
+            push(bridge, client, 1.2, FLOOR, HAND)
+            bridge.sleep(1.0)
+            kinds = {json.loads(watch.recv())["type"] for _ in range(10)}
+            assert kinds == {"welcome", "state", "event"}
+    for text in said.sent:
+        CLIENT.validate(json.loads(text))
+    for text in (*said.received, *watch.received):
+        BRIDGE.validate(json.loads(text))
+    assert {json.loads(text)["type"] for text in said.received} == {"welcome", "state", "event"}
+    assert len(said.sent) > 1.0 / CYCLE_S
+
+
+def test_the_answers_are_those_of_the_examples(monkeypatch):
+    frame, state = EXAMPLES[Frame], next(each for kind, each in EXAMPLES.items() if kind.__name__ == "State")
+    with SimulatedServe((ROOT / "datasets/rigs/bartels2026-validation.toml", "--port", 0), monkeypatch) as bridge:
+        line = bridge.connect(f"{bridge.url}/command")
+        examples = {kind.__name__: each for kind, each in EXAMPLES.items()}
+        assert json.loads(line.recv()) == examples["Welcome"]
+
+        def answer(said):
+            line.send(json.dumps(said))
+            while (found := json.loads(line.recv()))["type"] == "event":
+                pass
+            return found
+
+        for number in range(180):
+            found = answer({**frame, "time": frame["time"] + number / 90.0})
+            bridge.sleep(1.0 / 90.0)
+        wrong = json.loads(json.dumps(frame))
+        wrong["effects"]["floor"]["stifness"] = 100.0
+        assert answer(wrong) == examples["Refused"]
+    for key, value in state.items():
+        numbers = isinstance(value, float) or (isinstance(value, list) and isinstance(value[0], float))
+        expected = pytest.approx(value, rel=0.1, abs=0.05) if numbers and key != "time" else value
+        assert key == "time" or found[key] == expected, key
+
+
+def test_the_frames_of_the_example_in_csharp_are_of_the_schema():
+    source = (ROOT / "examples/bridge/TensionlabBridge.cs").read_text(encoding="utf-8")
+    (template,) = re.findall(r'"(\{\{\\"type\\": \\"frame\\".*)",$', source, re.MULTILINE)
+    (effects,) = re.findall(r'string effects =\s*"(.*)";', source)
+    frame = template.replace('\\"', '"').format(1.5, 0.0, 0.3, -0.1, effects.replace('\\"', '"'))
+    CLIENT.validate(json.loads(frame))
