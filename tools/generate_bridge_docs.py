@@ -141,7 +141,7 @@ def _rows(schema: Mapping[str, Any], definitions: Mapping[str, Any], above: str 
 
 def _range(schema: Mapping[str, Any]) -> str:
     """Return in words which values a parameter may have."""
-    if "oneOf" in schema:
+    if "allOf" in schema:
         return "a solid"
     if schema["type"] == "array":
         words = f"list, {schema['maxItems']} at most, " if "minItems" not in schema else "vector, "

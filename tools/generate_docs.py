@@ -19,10 +19,11 @@ import numpy as np
 
 from tensionlab import datasets
 from tensionlab.errors import TensionlabError
+from tensionlab.haptics.bridge.schema import schema_text
 from tensionlab.hardware.log.columns import COLUMNS
 from tensionlab.validation.data_tables import Trial
 from tools.generate_benchmark_table import section
-from tools.generate_bridge_docs import SCHEMA_FILE, document, schema_text
+from tools.generate_bridge_docs import SCHEMA_FILE, document
 from tools.generate_firmware_docs import sections, table
 from tools.generate_solver_choice import choice
 

@@ -129,7 +129,9 @@ def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: E
     client = tracker = None
     if osc is not None:
         client = ClientState(scenario.rig)
-        opened.enter_context(OscServer(client, "127.0.0.1", osc, lambda why: typer.echo(why, err=True)))
+        opened.enter_context(
+            OscServer(client, "127.0.0.1", osc, lambda why: typer.echo(f"refused: {why}", err=True))
+        )
         tracker = tracked_pose(client)
     group = opened.enter_context(closing(connect(scenario.rig, links)))
     return ScenarioModules(group, RealClock(group.clients), links, tracker, client=client)

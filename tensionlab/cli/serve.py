@@ -119,7 +119,7 @@ def serve(
     events = RunEvents(loaded, limits, brakes, lambda: client.count)
 
     def report(kind: str, line: str) -> None:
-        typer.echo(line, err=True)
+        typer.echo(f"{kind}: {line}", err=True)
         events.note(kind, line)
 
     clients = LimitedReport(partial(report, "client"), client.clock)

@@ -164,9 +164,11 @@ class Page:
         """Run a block, and return what it prints."""
         if block.kind == "sh" and block.text.startswith("tensionlab serve "):
             words = shlex.split(block.text)[2:]
-            self.bridge = SimulatedServe((*words, "--port", 0), self._monkeypatch)
+            with contextlib.redirect_stdout(io.StringIO()) as out:
+                self.bridge = SimulatedServe((*words, "--port", 0), self._monkeypatch)
+                self.bridge.sleep(0.01)  # it goes on to say where it is
             self._monkeypatch.setattr("time.sleep", self.bridge.sleep)
-            return ""
+            return out.getvalue().replace(self.bridge.url.rpartition(":")[2], "8765")
         if block.kind == "sh":
             return run_commands(block.text)
         text = "\n" * block.line + block.text

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import hmac
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
 
 from tensionlab.files.reading import brief
-
-if TYPE_CHECKING:
-    from websockets.http11 import Request, Response
 
 COMMAND_PATH, EVENTS_PATH, STATE_PATH = "/command", "/events", "/state"
 PAGE_PATH, SCHEMA_PATH = "/", "/schema.json"
@@ -26,7 +23,7 @@ MAX_CLIENTS = 32
 STATE_PAGE = Path(__file__).with_name("page.html")
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
+    "img-src data:; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
     "Cross-Origin-Resource-Policy": "same-origin",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -54,25 +51,36 @@ class Admission:
     pages: tuple[str, ...] = ()
     schema: str = ""
 
-    def refuse(self, request: Request, clients: int) -> tuple[HTTPStatus, str] | None:
-        """Return why a request is refused where there are so many clients already; None if it is not.
+    def refuse(
+        self, target: str, values: Callable[[str], Sequence[str]], clients: int
+    ) -> tuple[HTTPStatus, str] | None:
+        """Return why a request is refused; None if it is not.
 
         Without a token, a page must be of this machine and must call it by its own name: another page can neither
         connect itself nor have its name lead here (DNS rebinding).
+
+        Parameters
+        ----------
+        target : str
+            Path and query.
+        values : callable
+            Returns the values of a header.
+        clients : int
+            How many there are already.
         """
-        headers, parts = request.headers, urlsplit(request.path)
-        for origin in headers.get_all("Origin"):
+        parts = urlsplit(target)
+        for origin in values("Origin"):
             if not LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
                 return (
                     HTTPStatus.FORBIDDEN,
                     f"pages of {brief(origin)} may not connect, unless it is given to --page",
                 )
         if self.token is not None:
-            bearer = "".join(headers.get_all("Authorization")).removeprefix("Bearer ")
+            bearer = "".join(values("Authorization")).removeprefix("Bearer ")
             given = parse_qs(parts.query).get("token", [bearer])[0]
             if not hmac.compare_digest(given.encode(errors="replace"), self.token.encode()):
                 return HTTPStatus.UNAUTHORIZED, "the token is missing or wrong"
-        elif not LOCAL_HOST.fullmatch(host := "".join(headers.get_all("Host"))):
+        elif not LOCAL_HOST.fullmatch(host := "".join(values("Host"))):
             return (
                 HTTPStatus.FORBIDDEN,
                 f"the host {brief(host)} is not this machine; connect to 127.0.0.1, or serve with a token",
@@ -87,17 +95,9 @@ class Admission:
             return HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are here already"
         return None
 
-    def document(self, request: Request) -> Response | None:
-        """Return what a browser gets for a request, the state page or the schema; None if it is for neither."""
-        from websockets.datastructures import Headers
-        from websockets.http11 import Response
-
-        path = urlsplit(request.path).path
+    def document(self, target: str) -> tuple[str, bytes] | None:
+        """Return the state page or the schema, with its type, if a browser asks for it; else None."""
+        path = urlsplit(target).path
         if path == PAGE_PATH:
-            kind, content = "text/html; charset=utf-8", STATE_PAGE.read_bytes()
-        elif path == SCHEMA_PATH:
-            kind, content = "application/schema+json", self.schema.encode()
-        else:
-            return None
-        headers = Headers({**HEADERS, "Content-Type": kind, "Content-Length": str(len(content))})
-        return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, headers, content)
+            return "text/html; charset=utf-8", STATE_PAGE.read_bytes()
+        return ("application/schema+json", self.schema.encode()) if path == SCHEMA_PATH else None

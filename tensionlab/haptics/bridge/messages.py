@@ -72,7 +72,8 @@ class Frame(Message):
     effects: dict[Name, dict[str, Any]] | None = Field(
         None,
         max_length=MAX_ENTRIES,
-        description="by a name of the client's: kind, and the effect's parameters; left out, all stay as they are",
+        description="by a name of the client's: kind, and the effect's parameters. One that is missing here "
+        "ends; where all this is left out, they stay as they are",
     )
 
 

@@ -223,7 +223,7 @@ class OscServer:
         """Take a datagram; False if it is too much."""
         now, began = self._client.clock(), time.thread_time()
         if reason := self._budget.refuse(len(data), now):
-            self._report(f"OSC from {machine} refused: {reason}")
+            self._report(f"OSC from {machine}: {reason}")
             return False
         self._take(data, machine, now)
         self._budget.add_reading(time.thread_time() - began, now)
@@ -252,10 +252,10 @@ class OscServer:
                 commander = commander or self._begin(machine, now)
                 self._put(known, now if packet.time is None else packet.time, now, commander)
         except (TensionlabError, ValidationError) as error:
-            self._report(f"OSC from {machine} refused: {reason_of(error)}")
+            self._report(f"OSC from {machine}: {reason_of(error)}")
         except Exception as error:  # one datagram must not end the thread for all that come
             logging.getLogger(__name__).exception("a datagram from %s", machine)
-            self._report(f"OSC from {machine} refused: {reason_of(error)}")
+            self._report(f"OSC from {machine}: {reason_of(error)}")
 
     def _known(self, machine: str, now: float) -> Commander | None:
         """Return the client of this machine that commands, or did; one dismissed may come back after a silence."""
@@ -278,7 +278,7 @@ class OscServer:
         for message in messages:
             if message not in known:
                 there = "there are /body/NAME, /effect/NAME and /stop"
-                self._report(f"OSC from {machine} refused: no address {brief(message.address)}; {there}")
+                self._report(f"OSC from {machine}: no address {brief(message.address)}; {there}")
         return known
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:

@@ -48,7 +48,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
             message["examples"] = [EXAMPLES[kind]]
     definitions["Event"]["properties"]["kind"]["enum"] = list(KINDS)
     frame = definitions["Frame"]["properties"]
-    frame["effects"]["anyOf"][0]["additionalProperties"] = _any_of("Effect")
+    frame["effects"]["anyOf"][0]["additionalProperties"] = _reference("Effect")
     size = {"minItems": 2, "maxItems": 3}
     if rig is not None:
         size = {"minItems": rig.dimension, "maxItems": rig.dimension}
@@ -61,13 +61,13 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
         shape = _by_default({"kind": "shaped", "field": {"kind": name}}, EFFECTS["shaped"], rig)
         _define(name, solid, None if shape is None else shape.field, size, definitions)
     definitions["sphere"]["required"] = []  # of a field that names no kind
-    definitions["Effect"] = _any_of(*EFFECTS)
+    definitions["Effect"] = _by_value("kind", {name: name for name in EFFECTS})
     for name, kinds in (("ClientMessage", IN), ("BridgeMessage", OUT)):
-        definitions[name] = _any_of(*(kind.__name__ for kind in kinds))
+        definitions[name] = _by_value("type", {kind.model_fields["type"].default: kind.__name__ for kind in kinds})
     return {
         "$schema": DIALECT,
         "title": f"Messages of the tensionlab bridge, version {PROTOCOL}",
-        **_any_of("ClientMessage", "BridgeMessage"),
+        **_by_value("type", {each.model_fields["type"].default: each.__name__ for each in (*IN, *OUT)}),
         "$defs": _without_titles(definitions),
     }
 
@@ -88,10 +88,18 @@ def first_line(kind: type) -> str:
     return (inspect.getdoc(kind) or "").partition("\n")[0].replace("``", "`")
 
 
-def _any_of(*names: str) -> dict[str, Any]:
-    """Return the schema of what is one of several definitions."""
-    references = [{"$ref": REFERENCE + name} for name in names]
-    return references[0] if len(names) == 1 else {"oneOf": references}
+def _reference(name: str) -> dict[str, Any]:
+    return {"$ref": REFERENCE + name}
+
+
+def _by_value(key: str, names: Mapping[str, str], default: str | None = None) -> dict[str, Any]:
+    """Return the schema of one of several definitions, by a key: validators name what is wrong, unlike oneOf's."""
+    cases = []
+    for value, name in names.items():
+        case: dict[str, Any] = {"properties": {key: {"const": value}}}
+        cases.append({"if": case if value == default else case | {"required": [key]}, "then": _reference(name)})
+    union = {"type": "object", "properties": {key: {"enum": list(names)}}, "allOf": cases}
+    return union if default else union | {"required": [key]}
 
 
 def _by_default(given: dict[str, Any], kind: type, rig: Rig | None) -> Any:
@@ -116,11 +124,11 @@ def _define(
     for each in fields(kind):
         value = getattr(kind() if by_default is None else by_default, each.name)
         if each.name == "field":
-            properties[each.name] = _any_of(*SOLIDS)
+            properties[each.name] = _by_value("kind", {solid: solid for solid in SOLIDS}, "sphere")
         elif is_dataclass(value):
             part = type(value)
             _define(None, part, None if by_default is None else value, size, definitions)
-            properties[each.name] = _any_of(part.__name__)
+            properties[each.name] = _reference(part.__name__)
             meanings.setdefault(each.name, first_line(part).rstrip("."))
         else:
             bound = bounds(kind)[each.name]

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from http import HTTPStatus
 from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Self
 from urllib.parse import urlsplit
@@ -18,7 +19,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, TypeAdapter
 
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, needs
-from tensionlab.haptics.bridge.admission import COMMAND_PATH, LOOPBACK, STATE_PATH, Admission
+from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, LOOPBACK, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (
@@ -187,11 +188,19 @@ class Bridge:
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse a client that may not connect; answer a browser that asks for a page."""
-        if refused := self._admission.refuse(request, len(self._clients)):
+        from websockets.datastructures import Headers
+        from websockets.http11 import Response
+
+        if refused := self._admission.refuse(request.path, request.headers.get_all, len(self._clients)):
             status, reason = refused
             self._report(f"{_name(connection)}: refused: {reason}")
             return connection.respond(status, f"{reason}\n")
-        return self._admission.document(request)
+        document = self._admission.document(request.path)
+        if document is None:
+            return None
+        kind, content = document
+        headers = Headers({**HEADERS, "Content-Type": kind, "Content-Length": str(len(content))})
+        return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, headers, content)
 
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Serve a client until it goes."""

@@ -334,7 +334,7 @@ def test_osc_does_the_same(serve, tmp_path):
         with pytest.raises(HardwareError, match="another client commands"):
             BridgeClient(bridge.url)
         bridge.send_osc("/nowhere", 1.0)
-        assert "refused: no address '/nowhere'" in heard(watch, "refused")["text"]
+        assert "OSC from 127.0.0.1: no address '/nowhere'" in heard(watch, "refused")["text"]
         bridge.send_osc("/effect/pull", "spring", "center", 0.0, 0.36, 0.0)
         assert "'pull': no parameter 'center'; there are centre" in heard(watch, "refused")["text"]
         bridge.send_osc("/stop")
