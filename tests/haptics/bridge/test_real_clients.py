@@ -146,15 +146,16 @@ PLAN = {
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
 @pytest.mark.realtime  # a real browser
 def test_the_state_page_shows_what_is_measured():
-    with served() as (url, _), BridgeClient(url) as client, browser() as page:
+    with served() as (url, _), browser() as page:
         address = url.replace("ws:", "http:")
         page.open(f"{address}/")
-        begin = time.monotonic()
         shown = "document.getElementById('measured').textContent"
-        until(
-            lambda text: re.match(r"(0\.9[5-9]|1\.0\d) N, \[0\.00, ", text),
-            lambda: client.frame(time.monotonic() - begin, HAND, FLOOR) and page.ask(shown),
-        )
+        with BridgeClient(url) as client:
+            begin = time.monotonic()
+            until(
+                lambda text: re.match(r"(0\.9[5-9]|1\.0\d) N, \[0\.00, ", text),
+                lambda: client.frame(time.monotonic() - begin, HAND, FLOOR) and page.ask(shown),
+            )
         assert page.ask("document.querySelector('h1').textContent") == "bartels2026-validation"
         assert page.ask("document.getElementById('modules').rows.length") == 4
         assert "frames come: the force comes in" in page.ask("document.getElementById('events').textContent")
