@@ -10,6 +10,7 @@ import html
 import importlib
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -46,6 +47,18 @@ class Mark(NamedTuple):
     def text(self) -> str:
         """Both without the colour."""
         return f"{self.shape} {self.word}"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Check with what was found, and what to do where it failed.
+
+    ``passed`` is None for a note that is neither good nor bad.
+    """
+
+    name: str
+    passed: bool | None
+    text: str
 
 
 def status_mark(status: int) -> Mark:

@@ -65,6 +65,7 @@ VERBS = {
     "validate": ("validate", "Repeat the published validation and compare with it."),
     "estop": ("module", "Stop modules at once, also those of other processes."),
     "module": ("module", "Find modules, show how they are, set them up and stop them."),
+    "new": ("new", "Write a rig, a space, a scenario or a program to start from."),
     "rig": ("rig", "Show, check, import and export rigs."),
     "layout": ("layout", "Find out where to put the modules."),
     "log": ("log", "Show, export, draw and replay logs of runs."),

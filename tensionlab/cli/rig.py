@@ -15,7 +15,7 @@ from tensionlab.model import caspr as caspr_models
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
-from tensionlab.validation.rig_check import Finding, check_rig
+from tensionlab.validation.rig_check import check_rig
 
 rig = options.group("Show, check, import and export rigs.")
 SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", "lower\nN", "upper\nN", "brake\nN")
@@ -79,18 +79,10 @@ def check(path: RigArgument, plot: Plot = None, json: Json = False) -> None:
             checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
             output.print_json(rig=loaded.name, passed=passed, checks=checks)
         else:
-            _print_findings(loaded, findings, passed)
+            frames = ", with its body frames at rest" if loaded.frames else ""
+            title = f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}"
+            output.print_findings(title, findings)
     raise typer.Exit(0 if passed else 1)
-
-
-def _print_findings(loaded: Rig, findings: list[Finding], passed: bool) -> None:
-    from rich.text import Text
-
-    frames = ", with its body frames at rest" if loaded.frames else ""
-    title = f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}"
-    words = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("note")}
-    rows = ((words[finding.passed], finding.name, finding.text) for finding in findings)
-    output.print_table(title, ("<", "<check", "<finding"), rows)
 
 
 @rig.command("import")

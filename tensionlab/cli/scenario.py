@@ -12,13 +12,15 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
 from tensionlab.cli.common.options import Duration, Json, Log, Modules, Solver
+from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
 from tensionlab.files import writing
+from tensionlab.files.named import list_names
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
-from tensionlab.scenarios import SCENARIOS, Scenario, load_scenario
+from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
 from tensionlab.scenarios.expected import check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
@@ -36,6 +38,16 @@ def scenario(
             show_default=False,
         ),
     ],
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RIG",
+            autocompletion=options.complete(lambda: list_names("rigs")),
+            help="Rig in place of the scenario's own: a name, as `tensionlab datasets rigs` lists them, or a file "
+            "(TOML). One with another axis up is turned.",
+            show_default=False,
+        ),
+    ] = None,
     modules: Modules = None,
     solver: Solver = "newton",
     seconds: Duration = None,
@@ -60,21 +72,31 @@ def scenario(
 ) -> None:
     """Play a haptic scenario and check its forces.
 
-    Compares the rendered forces with what a person should feel, and draws them. On simulated modules, a
+    Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
+    it compares the rendered forces with what a person should feel, and draws them. On simulated modules, a
     simulated person acts, as fast as this computer can. Exit status 1 where a measured value is not as expected,
-    or something went wrong with a module.
+    something went wrong with a module, or the rig can do nothing of the scenario.
     """
     from tensionlab.plots import plot_scenario, save_figure
 
     if name == LIST:
         _list(json)
         return
-    loaded = load_scenario(name)
+    loaded = load_scenario(name, rig)
     options.check_solvers(loaded.rig, [solver], loaded.nearest)
     if seconds is not None and seconds > loaded.seconds:
         raise typer.BadParameter(f"--seconds is above 0 and at most {loaded.seconds:g}; got {seconds:g}")
+    _require_tracking(loaded, modules, osc)
     picture = plot or Path(f"scenario-{loaded.name}.png")
     writing.require_writable(picture)
+    needs = check_needs(loaded)
+    if not json:
+        _print_needs(loaded, needs)
+    if all(each.passed is False for each in needs):
+        output.print_error(
+            f'rig "{loaded.rig.name}" can do nothing of scenario "{loaded.name}"; give another --rig'
+        )
+        raise typer.Exit(1)
     with ExitStack() as opened, output.progress(loaded.title) as progress:
         reached = _reached(loaded, modules, osc, opened)
         try:
@@ -85,13 +107,16 @@ def scenario(
     statistics = played.statistics
     interrupted = statistics.ended.startswith("signal") and not statistics.emergency
     complete = seconds in (None, loaded.seconds) and not interrupted
-    rows = check_scenario(played) if complete else ()
+    rows = check_scenario(played) if complete and rig is None else ()
     found = check_directions(played.run)
     with output.ResultWriter(quiet=json) as writer:
         writer.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
         if json:
             output.print_json(
                 scenario=loaded.name,
+                rig=loaded.rig.name,
+                turned=loaded.turned or None,
+                needs=[vars(each) for each in needs],
                 checks=[{**row._asdict(), "met": row.met} for row in rows],
                 directions={"cycles": found.cycles, "within": found.within, **found.reasons},
                 delay=loop_delay(played),
@@ -103,6 +128,8 @@ def scenario(
             _print(played, rows, found)
             if not complete:
                 typer.echo("Expected values are only compared when a scenario is played as a whole.")
+            elif rig is not None and loaded.name in SCENARIOS:
+                typer.echo("Expected values are only compared on the scenario's own rig.")
     if interrupted:
         output.print_error(f"interrupted after {len(played.run)} cycles; its modules have been stopped")
         raise typer.Exit(output.INTERRUPTED)
@@ -111,20 +138,24 @@ def scenario(
         raise typer.Exit(1)
 
 
-def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> ScenarioModules:
-    """Open the modules, to be closed with the rest, and what tracks hand and bodies."""
-    if modules is None:
-        if osc is not None:
-            raise typer.BadParameter("--osc is for real modules; of a simulated person it is known where it is")
-        print_simulated()
-        reached = simulate_modules(scenario)
-        opened.callback(reached.group.close)
-        return reached
-    if osc is None and needs_tracker(scenario.rig):
+def _require_tracking(scenario: Scenario, modules: str | None, osc: int | None) -> None:
+    """Refuse a tracker of a simulated person, and real modules without the tracker that they need."""
+    if modules is None and osc is not None:
+        raise typer.BadParameter("--osc is for real modules; of a simulated person it is known where it is")
+    if modules is not None and osc is None and needs_tracker(scenario.rig):
         raise typer.BadParameter(
             f"the cables of {scenario.rig.name} cannot tell where everything is: give --osc PORT, and have a "
             f"tracker send /body/{', /body/'.join(['hand', *scenario.rig.frames])}"
         )
+
+
+def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> ScenarioModules:
+    """Open the modules, to be closed with the rest, and what tracks hand and bodies."""
+    if modules is None:
+        print_simulated()
+        reached = simulate_modules(scenario)
+        opened.callback(reached.group.close)
+        return reached
     links = module_links(scenario.rig, modules)
     client = tracker = None
     if osc is not None:
@@ -156,6 +187,14 @@ def _list(json: bool) -> None:
     title = "Layouts and numbers are proposals of this project, after the publication's scenarios."
     headings = ("<name", "<what", "modules\nin the room", "modules\non a body", "duration\ns")
     output.print_table(title, headings, rows)
+
+
+def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
+    """Print what a scenario needs of its rig, and whether that has it."""
+    if scenario.turned:
+        output.console().print(scenario.turned, soft_wrap=True)
+    output.print_findings(f"What {scenario.name} needs, and {scenario.rig.name} has", needs)
+    output.console().print()
 
 
 def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -> None:

@@ -155,6 +155,8 @@ def _loaded(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None
     """Read the rig, and the scenario if one is to be played."""
     if scenario is not None:
         played = load_scenario(scenario, rig)
+        if played.turned:
+            typer.echo(played.turned, err=True)
         return played.rig, played
     if rig is None:
         raise typer.BadParameter("give a rig, or --scenario NAME, which has a rig of its own")

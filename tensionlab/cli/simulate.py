@@ -133,6 +133,8 @@ def simulate(
     loaded_scenario = None if scenario is None else load_scenario(scenario, rig)
     if loaded_scenario is not None:
         loaded = loaded_scenario.rig
+        if loaded_scenario.turned:
+            typer.echo(loaded_scenario.turned, err=True)
     errors = None if loaded is None or sensor_port is None else _errors(loaded, preset, seed)
     with ExitStack() as opened:
         person = None if loaded_scenario is None else _person(loaded_scenario, tracker, opened)

@@ -6,6 +6,7 @@ and in the room: where they stand here, and all numbers, are proposals of this p
 
 from tensionlab.scenarios.demand_source import ScenarioDemand
 from tensionlab.scenarios.person import Person, PersonPlan, PersonRecord, Script, Sway, Waypoint
+from tensionlab.scenarios.rehearsal import check_needs
 from tensionlab.scenarios.scenario import SCENARIOS, BrakeTarget, Phase, Scenario, load_scenario
 
 __all__ = [
@@ -20,5 +21,6 @@ __all__ = [
     "Script",
     "Sway",
     "Waypoint",
+    "check_needs",
     "load_scenario",
 ]

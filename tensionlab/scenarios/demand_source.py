@@ -94,8 +94,8 @@ class ScenarioDemand:
         frame = self._scenario.seen_from
         if frame is None:
             return hand
-        origin = _origin(pose, frame)
-        velocity = _velocity(origin, None if last is None else _origin(last, frame), step)
+        origin = body_origin(pose, frame)
+        velocity = _velocity(origin, None if last is None else body_origin(last, frame), step)
         return relative(hand, replace(hand, position=origin, velocity=velocity))
 
     def _brakes(self, target: BrakeTarget, motion: Motion, state: RigState) -> frozenset[str]:
@@ -133,6 +133,8 @@ def _velocity(here: Floats, there: Floats | None, step: float) -> Floats:
     return velocity if float(np.linalg.norm(velocity)) <= MAX_HAND_SPEED_M_S else np.zeros_like(here)
 
 
-def _origin(pose: Pose, frame: str) -> Floats:
-    """Return the origin of a body frame."""
+def body_origin(pose: Pose, frame: str | None) -> Floats:
+    """Return the origin of a body frame, (d,) in m, or of the world."""
+    if frame is None:
+        return np.zeros_like(pose.position)
     return np.asarray(frame_of((pose.frames or {})[frame]).position, dtype=np.float64)

@@ -25,7 +25,7 @@ from tensionlab.hardware.simulation.simulated_module import SimulatedModule
 from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
 from tensionlab.model.kinematics import structure_matrix
 from tensionlab.model.pose import frame_of
-from tensionlab.model.rig import Rig
+from tensionlab.model.rig import Cables, Rig
 
 AXIS_RATES = np.array([1.0, 0.83, 1.21])
 """Of a sway's frequency: axes out of step make it go round rather than along a line; it begins where it rests."""
@@ -221,6 +221,8 @@ class Person:
         self._position = plan.script.position(0.0)
         self._velocity: Floats = np.zeros_like(self._position)
         self._tensions: Floats = np.zeros(rig.m)
+        self._force: Floats | None = None
+        self._cables: Cables | None = None
         self._rows: list[tuple[float, Floats, Floats, Floats]] = []
         self._take_place()
 
@@ -232,6 +234,15 @@ class Person:
         """Set the cables' tensions from now on, (m,) in N."""
         self._tensions = tensions
 
+    def apply_force(self, force: Floats) -> None:
+        """Set a force from now on, (d,) in N, in place of the cables'."""
+        self._force = force
+
+    @property
+    def velocity(self) -> Floats:
+        """Of the hand or the head, (d,) in m/s."""
+        return self._velocity
+
     def __call__(self, time: float) -> Pose:
         """Return the pose at a time in s, which must not decrease from call to call."""
         while (left := time - self._time) > 1e-9:
@@ -242,9 +253,16 @@ class Person:
         return self.pose
 
     @property
+    def cables(self) -> Cables:
+        """Where the cables run at the current pose."""
+        if self._cables is None:
+            self._cables = self._rig.cables(*self.pose)
+        return self._cables
+
+    @property
     def lengths(self) -> Floats:
         """Lengths of the cables at the current pose, in m."""
-        return self._cables.lengths
+        return self.cables.lengths
 
     @property
     def record(self) -> PersonRecord:
@@ -263,7 +281,9 @@ class Person:
         plan, now = self._plan, self._time - self._start
         goal = plan.script.position(now)
         speed = (plan.script.position(now + SPEED_STEP_S) - goal) / SPEED_STEP_S
-        force = structure_matrix(self._cables.directions, self._cables.arms) @ self._tensions
+        force = self._force
+        if force is None:
+            force = structure_matrix(self.cables.directions, self.cables.arms) @ self._tensions
         own = plan.stiffness * (goal - self._position) + plan.damping * (speed - self._velocity)
         self._velocity = self._velocity + step * (own + force) / plan.mass
         self._position = self._position + step * self._velocity
@@ -273,9 +293,10 @@ class Person:
     def _take_place(self) -> None:
         """Update the pose and the cables."""
         now = max(self._time - self._start, 0.0)
-        frames = {name: (script.position(now), None) for name, script in self._plan.bodies.items()}
+        bodies = self._plan.bodies
+        frames = {name: (bodies[name].position(now), None) for name in self._rig.frames}
         self.pose = Pose(self._position, frames=frames)
-        self._cables = self._rig.cables(*self.pose)
+        self._cables = None
 
 
 class PersonSimulation:

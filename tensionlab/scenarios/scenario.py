@@ -14,7 +14,7 @@ import numpy as np
 from tensionlab import display
 from tensionlab.allocation import Nearest
 from tensionlab.arrays import Floats
-from tensionlab.errors import EffectError, ScenarioError
+from tensionlab.errors import EffectError, RigError, ScenarioError
 from tensionlab.files.named import describe_unknown, is_path
 from tensionlab.files.reading import brief, read_toml
 from tensionlab.haptics.brakes.choice import brake_strengths
@@ -24,6 +24,7 @@ from tensionlab.haptics.effects.described import effect_of, read
 from tensionlab.haptics.effects.effect import Effect, norm, normalized
 from tensionlab.haptics.effects.parameters import Length, Parameters, PositiveForce, require_dimension
 from tensionlab.model.files import load_rig
+from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.person import PersonPlan
 
@@ -43,6 +44,8 @@ KEYS = {
     "stands": tuple[float, ...],
     "up": str,
 }
+RIG = "rig"
+"""Key of a scenario file: its rig, by name, or by file beside it."""
 NEEDED = ("title", "about", "seconds", "up")
 PHASE_KEYS = {"name": str, "begin": float, "end": float}
 
@@ -146,7 +149,9 @@ class Scenario:
     stands : tuple of floats or None
         Point between the feet of the person, for pictures; None: no person is drawn.
     up : str or None
-        Axis of the world that points up, for which effects and scripts are meant. A rig with another is refused.
+        Axis of the world that points up, for which effects and scripts are meant; the rig's too.
+    turned : str
+        How the rig was turned to that from what its file says; empty where it was not.
 
     Examples
     --------
@@ -170,6 +175,7 @@ class Scenario:
     labels: Mapping[str, str] = field(default_factory=dict)
     stands: tuple[float, ...] | None = None
     up: str | None = None
+    turned: str = ""
 
     def __repr__(self) -> str:
         phases = display.count(len(self.phases), "phase")
@@ -185,7 +191,7 @@ class Scenario:
                 f'it has up = "{self.up}", and rig "{rig.name}" {its}; give a rig whose file '
                 f'says up = "{self.up}", with its anchors in those axes'
             )
-        if set(self.person.bodies) != set(rig.frames):
+        if set(rig.frames) - set(self.person.bodies):
             raise self._error(
                 f"the person has the bodies {brief(sorted(self.person.bodies))}, but modules ride on {frames}; "
                 "give a script for each of these"
@@ -232,7 +238,8 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
     name : str or path
         One of `SCENARIOS`, or the path of a file: it ends in ``.toml`` or has a separator.
     rig : str or path, optional
-        A rig in place of the scenario's own, which is NAME.rig.toml beside NAME.toml; as `load_rig` takes it.
+        A rig in place of the scenario's own, as `load_rig` takes it. Its own is the one that its key ``rig`` says,
+        or NAME.rig.toml beside NAME.toml. One of another ``up`` is turned, as `Rig.turned` does.
 
     Raises
     ------
@@ -262,13 +269,13 @@ def load_scenario(name: str | PathLike[str], rig: str | PathLike[str] | None = N
 
 
 def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None) -> Scenario:
-    unknown = set(table) - set(KEYS) - {"person", "phases"}
-    if unknown:
-        raise ScenarioError(f'no key "{min(unknown)}"; there are {", ".join((*KEYS, "person", "phases"))}')
+    known = (*KEYS, RIG, "person", "phases")
+    if unknown := set(table) - set(known):
+        raise ScenarioError(f'no key "{min(unknown)}"; there are {", ".join(known)}')
     for key in (*NEEDED, "person", "phases"):
         if key not in table:
             raise ScenarioError(f'key "{key}" is missing')
-    loaded = load_rig(path.with_suffix(".rig.toml") if rig is None else rig)
+    loaded, turned = _turned(load_rig(_rig_of(table, path) if rig is None else rig), table["up"])
     if not isinstance(table["phases"], list):
         raise ScenarioError("phases: give a list of tables, [[phases]]")
     return Scenario(
@@ -276,8 +283,33 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
         rig=loaded,
         person=read("person", PersonPlan, table["person"]),
         phases=tuple(_phase(each, loaded) for each in table["phases"]),
+        turned=turned,
         **{key: read(key, kind, table[key]) for key, kind in KEYS.items() if key in table},
     )
+
+
+def _rig_of(table: dict[str, Any], path: Path) -> str | Path:
+    """Return the rig that a scenario file names, or that lies beside it."""
+    if RIG not in table:
+        return path.with_suffix(".rig.toml")
+    name: str = read(RIG, str, table[RIG])
+    return path.parent / name if is_path(name, ".toml") else name
+
+
+def _turned(rig: Rig, up: object) -> tuple[Rig, str]:
+    """Return the rig in axes of which the scenario's points up, and how it was turned, if it was."""
+    if rig.up is None or rig.up == up:
+        return rig, ""
+    try:
+        turned = rig.turned(str(up))
+    except RigError as error:
+        raise ScenarioError(str(error)) from None
+    axes = []
+    for row in turn_axes(rig.upward, turned.upward):
+        index = int(np.abs(row).argmax())
+        axes.append("-" * int(row[index] < 0) + "xyz"[index])
+    names = ", ".join("xyz"[: rig.dimension])
+    return turned, f'rig "{rig.name}" has {rig.up} up and is turned: its {", ".join(axes)} are {names} here'
 
 
 def _phase(table: Any, rig: Rig) -> Phase:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tensionlab.allocation import allocate
 from tensionlab.arrays import Floats
+from tensionlab.display import Finding
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import ImpactCap
 from tensionlab.model import directions
@@ -18,18 +17,6 @@ MAX_TENSION_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""
 HEAD_FORCE_N = ImpactCap().force
 """Largest force of all cables together on a head."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """Check of a rig, with what was found, and what to do where it failed.
-
-    ``passed`` is None for a note that is neither good nor bad.
-    """
-
-    name: str
-    passed: bool | None
-    text: str
 
 
 def check_rig(rig: Rig) -> list[Finding]:

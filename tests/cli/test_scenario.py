@@ -1,11 +1,13 @@
 """`tensionlab scenario`, as somebody would use it who has just found it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import tensionlab as tl
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.scenarios import SCENARIOS
 from tensionlab.scenarios.scenario import FOLDER
@@ -38,6 +40,37 @@ def test_the_bow_ends_with_a_picture_and_a_verdict(run, tmp_path, monkeypatch):
     draw = np.maximum(log.lengths[come, 0] - 0.2, 0.0)
     assert np.linalg.norm(log.desired[come], axis=1) == pytest.approx(np.minimum(1.0 + 8.3 * draw, 6.0), abs=0.1)
     assert np.abs(log.solver_wrench[come]).max() < 0.1
+
+
+def test_on_another_rig_what_it_needs_is_told_first(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.plots.plot_scenario", lambda played, rows: Figure())
+    words = ("--seconds", "0.3", "--plot", tmp_path / "it.png")
+    status, out, err = run("scenario", "materials", "--rig", "seven-modules", *words)
+    assert status == 0, err
+    lines = out.splitlines()
+    assert lines[0] == 'rig "seven-modules" has y up and is turned: its z, x, y are x, y, z here'
+    assert lines[1] == "What materials needs, and seven-modules has"
+    assert [line.split()[:2] for line in lines if line.startswith(("yes", "no"))] == [
+        ["yes", name] for name in ("reach", "magnetic", "textured", "shaped", "vibrating", "water")
+    ]
+    told = json.loads(run("scenario", "materials", "--rig", "seven-modules", *words, "--json")[1])
+    assert told["rig"] == "seven-modules"
+    assert "turned" in told["turned"]
+    assert told["needs"][0]["name"] == "reach"
+
+
+def test_a_rig_that_can_do_nothing_of_it_does_not_play(run, tmp_path):
+    far = tl.load_rig("seven-modules")
+    far = replace(
+        far, home=far.home + 20.0, modules=tuple(replace(m, anchor=m.anchor + 20.0) for m in far.modules)
+    )
+    tl.save_rig(far, tmp_path / "far.toml")
+    log = tmp_path / "it.mcap"
+    status, out, err = run("scenario", "recoil", "--rig", tmp_path / "far.toml", "--log", log)
+    assert status == 1
+    assert 'rig "seven-modules" can do nothing of scenario "recoil"; give another --rig' in err
+    assert "the cables hold the hand 0 % of the time" in " ".join(out.split())
+    assert not log.exists()
 
 
 def test_a_part_is_played_but_not_checked(run, tmp_path):
@@ -73,6 +106,8 @@ def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):
     [
         (["bw"], "no scenario is called 'bw'; did you mean 'bow'? there are materials"),
         (["nothing.toml"], "no such file"),
+        (["bow", "--rig", "nobody"], "no rig is called 'nobody'"),
+        (["bow", "--rig", "kntu-planar"], "kntu-planar"),
         (["bow", "--seconds", "0"], "give a finite number above 0; got 0"),
         (["bow", "--seconds", "6"], "at most 5"),
         (["bow", "--solver", "nobody"], "nobody"),

@@ -73,6 +73,7 @@ RECIPES = {
     ("rig export", "--mjcf"): (f"rig export {CUBE}", ".xml"),
     ("layout search", "--out"): ("layout search space.toml", ".toml"),
     ("layout search", "--plot"): ("layout search space.toml", ".png"),
+    ("new", "--out"): ("new rig", ".toml"),
     ("log export", "--to"): ("log export run.mcap", ".nc"),
     ("log plot", "--plot"): ("log plot run.mcap", ".png"),
     ("log replay", "--out"): ("log replay run.mcap --solver closed-form", ".parquet"),

@@ -8,6 +8,7 @@ import pytest
 
 from tensionlab.errors import RigError, ScenarioError
 from tensionlab.haptics.effects import Bow, Plane
+from tensionlab.model.files import load_rig
 from tensionlab.scenarios import SCENARIOS, BrakeTarget, load_scenario
 from tensionlab.scenarios.scenario import FOLDER
 
@@ -55,7 +56,12 @@ def test_a_file_of_ones_own_brings_its_rig(bow):
 def test_another_rig_may_take_its_place(bow):
     path, _ = bow
     with pytest.raises(ScenarioError, match="modules ride on"):
+        load_scenario("materials", rig="body-mounted")
+    with pytest.raises(ScenarioError, match=r'seen_from is "bow"; give one of \[\]'):
         load_scenario(path, rig=FOLDER / "materials.rig.toml")
+    assert (
+        load_scenario("recoil", rig=FOLDER / "materials.rig.toml").rig.frames == ()
+    )  # the shoulder moves, unseen
     with pytest.raises(RigError, match="no such file"):
         load_scenario(path, rig=path.with_name("nothing.toml"))
 
@@ -65,8 +71,9 @@ def test_another_rig_may_take_its_place(bow):
     [
         ("seconds = 5.0", "secnds = 5.0", 'no key "secnds"'),
         ('up = "z"', "", 'key "up" is missing'),
-        ('up = "z"', 'up = "y"', 'has up = "y", and rig "bow" up = "z"'),
-        ('up = "z"', "up = 3", "up: "),
+        ('up = "z"', 'up = "w"', "key \"up\" is 'w'; give the axis that points up"),
+        ('up = "z"', "up = 3", "key \"up\" is '3'"),
+        ('up = "z"', 'up = "z"\nrig = 3', "rig: Input should be a valid string, not 3"),
         ("seconds = 5.0", "", 'key "seconds" is missing'),
         ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
         ("seconds = 5.0", 'seconds = "long"', "seconds: "),
@@ -106,14 +113,30 @@ def test_what_is_wrong_is_said_with_file_and_key(bow, old, new, said):
     assert said in str(refused.value)
 
 
-def test_a_rig_that_stands_otherwise_is_refused(tmp_path):
+def test_a_rig_that_stands_otherwise_is_turned_and_one_that_does_not_say_how_is_refused(tmp_path):
     """A rig with Y up played in a scenario with Z up without a word, most of its forces out of reach."""
-    with pytest.raises(ScenarioError, match='has up = "z", and rig "bartels2026-validation" up = "y"'):
-        load_scenario("materials", rig="datasets/rigs/bartels2026-validation.toml")
+    own = load_rig("bartels2026-validation")
+    turned = load_scenario("materials", rig="bartels2026-validation")
+    assert (turned.rig.up, turned.up) == ("z", "z")
+    assert turned.turned == 'rig "bartels2026-validation" has y up and is turned: its z, x, y are x, y, z here'
+    np.testing.assert_array_equal(turned.rig.anchors, own.anchors[:, [2, 0, 1]])
+    assert load_scenario("materials").turned == ""
     text = Path("datasets/rigs/bartels2026-validation.toml").read_text()
     (tmp_path / "mine.toml").write_text(text.replace('up = "y"\n', ""))
     with pytest.raises(ScenarioError, match='rig "bartels2026-validation" no key "up"; give a rig'):
         load_scenario("materials", rig=tmp_path / "mine.toml")
+
+
+def test_a_file_names_its_rig_or_has_it_beside_it(bow, tmp_path):
+    path, change = bow
+    (tmp_path / "bow.rig.toml").rename(tmp_path / "fist.toml")
+    with pytest.raises(RigError, match=r"bow\.rig\.toml: no such file"):
+        load_scenario(path)
+    change('up = "z"', 'up = "z"\nrig = "fist.toml"')
+    assert load_scenario(path).rig.name == "bow"
+    change('rig = "fist.toml"', 'rig = "fst"')
+    with pytest.raises(RigError, match="no rig is called 'fst'"):
+        load_scenario(path)
 
 
 def test_an_unknown_name_is_told_the_known_ones():

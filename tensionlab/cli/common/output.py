@@ -156,6 +156,16 @@ def print_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[Any
     console().print(table(headings, rows, gap=gap))
 
 
+def print_findings(title: str, findings: Iterable[display.Finding]) -> None:
+    """Print what was checked, each with yes, no or, where it is neither, note."""
+    from rich.text import Text
+
+    words = {True: Text("yes", "green"), False: Text("no", "red"), None: Text("note")}
+    print_table(
+        title, ("<", "<check", "<finding"), [(words[each.passed], each.name, each.text) for each in findings]
+    )
+
+
 def print_title(title: str) -> None:
     """Print the title of a table, on one line however narrow the table is."""
     console().print(title, style="bold", soft_wrap=True)

@@ -1,0 +1,178 @@
+"""Rehearsal of a scenario: what it needs of its rig, found before anything moves.
+
+The simulated person follows the script on ideal cables, which render all that is desired, and is stopped where
+brakes should stop it. At each pose on that way, the rig is asked for what was desired there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensionlab.allocation import Status, allocate
+from tensionlab.arrays import Floats, Integers
+from tensionlab.display import Finding, count, extent, percent, vector
+from tensionlab.haptics.brakes.choice import brake_strengths, choose_locks
+from tensionlab.haptics.effects.effect import Memory, Motion
+from tensionlab.haptics.rendering.assignment import MIN_COSINE
+from tensionlab.model.rig import Rig
+from tensionlab.scenarios.demand_source import body_origin
+from tensionlab.scenarios.person import Person
+from tensionlab.scenarios.scenario import BrakeTarget, Phase, Scenario
+
+STOP_STIFFNESS_N_M, STOP_DAMPING_N_S_M = 5000.0, 50.0
+"""Of the ideal brakes."""
+MIN_FORCE_N = 0.5
+"""Smaller forces are not missed."""
+MAX_MISSING = 0.07
+"""Share of a desired force that may be missing: people notice no less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """Cycles of a rehearsal: time (K,) in s, position in the world and as the effects have it (K, d) in m.
+
+    With the structure matrices (K, n, m), the lengths of the cables (K, m) in m, and the desired force (K, n).
+    """
+
+    time: Floats
+    position: Floats
+    seen: Floats
+    structure: Floats
+    lengths: Floats
+    desired: Floats
+
+
+def rehearse(scenario: Scenario) -> Rehearsal:
+    """Play a scenario with its simulated person on cables that render all that is desired."""
+    person, step = Person(scenario.person, scenario.rig), 1.0 / scenario.rate
+    person.begin()
+    memories: dict[str, Memory] = {}
+    rows = []
+    last = None
+    for time in step * np.arange(max(round(scenario.seconds * scenario.rate), 1)):
+        pose, cables = person(time), person.cables
+        origin = body_origin(pose, scenario.seen_from)
+        speed = np.zeros_like(origin) if last is None else (origin - last) / step
+        last = origin
+        motion = Motion(pose.position - origin, person.velocity - speed, float(time), step)
+        desired = np.zeros(scenario.rig.n)
+        stop = desired
+        for phase in scenario.active_phases(time):
+            for name, effect in phase.effects.items():
+                force, memories[name], _ = effect.render(motion, memories.get(name))
+                desired = desired + force
+            if phase.hold is not None:
+                stop = _stop(phase.hold, motion)
+        rows.append((time, pose.position, motion.position, cables.directions.T, cables.lengths, desired))
+        person.apply_force(desired + stop)
+    return Rehearsal(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _stop(target: BrakeTarget, motion: Motion) -> Floats:
+    """Return the force of ideal brakes, (d,), on a hand that is in their wall: no more than they should hold."""
+    wall = target.wall(motion.position)
+    normal = np.asarray(wall.normal)
+    push = STOP_STIFFNESS_N_M * max(-wall.distance, 0.0)
+    if push > 0.0:
+        push += STOP_DAMPING_N_S_M * max(-float(normal @ motion.velocity), 0.0)
+    return min(push, wall.force) * normal
+
+
+def check_needs(scenario: Scenario) -> list[Finding]:
+    """Check whether a scenario's rig has what the scenario needs: reach, force in each phase, and brakes.
+
+    A finding fails where the rig has nothing of it, and is a note where it has a part.
+
+    Examples
+    --------
+    >>> from tensionlab.scenarios import check_needs, load_scenario
+    >>> [(each.name, each.passed) for each in check_needs(load_scenario("recoil"))]
+    [('reach', None), ('shots', True)]
+    """
+    played = rehearse(scenario)
+    findings = [_reach(scenario, played)]
+    for phase in scenario.phases:
+        during = np.flatnonzero((played.time >= phase.begin) & (played.time < phase.end))
+        if phase.effects:
+            findings.append(_force(scenario, phase, played, during))
+        if phase.hold is not None:
+            findings.append(_brakes(scenario, phase, phase.hold, played, during))
+    return findings
+
+
+def _home(rig: Rig) -> Floats:
+    return rig.structure_matrix(rig.home, frames=rig.at_rest)
+
+
+def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
+    """Check that the cables hold the hand, inside their limits, wherever it goes."""
+    rig = scenario.rig
+    low, high = played.position.min(axis=0).round(2) + 0.0, played.position.max(axis=0).round(2) + 0.0
+    where = f"{vector(low)} to {vector(high)} m"
+    lengths = f"cables of {extent(played.lengths.round(2))} m"
+    if rig.m <= rig.n:
+        return Finding("reach", None, f"{where}, {lengths}; {count(rig.m, 'cable')} cannot pull in all directions")
+    nothing = np.zeros(rig.n)
+    held = allocate(played.structure, nothing, rig.limits).status == Status.EXACT
+    if held.all():
+        return Finding("reach", True, f"{where}, {lengths}")
+    if not held.any() and allocate(_home(rig), nothing, rig.limits).status != Status.EXACT:
+        return Finding("reach", None, f"{where}, {lengths}; not all directions, nor at the rig's home")
+    first = int(np.argmin(held))
+    text = (
+        f"{where}, {lengths}; the cables hold the hand {percent(float(held.mean()))} of the time, not at "
+        f"{played.time[first]:.2f} s, {vector(played.position[first].round(2) + 0.0)} m"
+    )
+    return Finding("reach", None if held.any() else False, text)
+
+
+def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers) -> Finding:
+    """Check the forces of a phase's effects."""
+    sizes = np.linalg.norm(played.desired[during], axis=1)
+    strong = during[sizes > MIN_FORCE_N]
+    if not strong.size:
+        return Finding(phase.name, True, f"no force above {MIN_FORCE_N:g} N is desired")
+    desired, sizes = played.desired[strong], sizes[sizes > MIN_FORCE_N]
+    found = allocate(played.structure[strong], desired, scenario.rig.limits, nearest=scenario.nearest)
+    missing = np.linalg.norm(desired - found.wrench, axis=1) / sizes
+    feasible = missing <= MAX_MISSING
+    text = f"up to {sizes.max():.1f} N are desired, and feasible"
+    if feasible.all():
+        return Finding(phase.name, True, text)
+    along = np.einsum("kn,kn->k", desired, found.wrench) / sizes
+    some = along > MIN_COSINE * np.linalg.norm(found.wrench, axis=1)
+    worst = int(np.argmax(missing * sizes))
+    direction = vector((desired[worst] / sizes[worst]).round(2) + 0.0)
+    text += (
+        f" {percent(float(feasible.mean()))} of the time; at {played.time[strong[worst]]:.2f} s, "
+        f"{along[worst]:.1f} N of {sizes[worst]:.1f} N along {direction}"
+    )
+    return Finding(phase.name, None if some.any() else False, text)
+
+
+def _brakes(scenario: Scenario, phase: Phase, target: BrakeTarget, played: Rehearsal, during: Integers) -> Finding:
+    """Check what brakes and motors hold where the hand is stopped."""
+    rig, name = scenario.rig, f"{phase.name}: brakes"
+    walls = [target.wall(position) for position in played.seen[during]]
+    touched = [index for index, wall in enumerate(walls) if wall.distance <= 0.0]
+    if not touched:
+        return Finding(name, True, "the hand does not come to where they hold")
+    strengths = brake_strengths(rig)
+    if target.cap is not None:
+        strengths = np.minimum(strengths, target.cap.force)
+    chosen = choose_locks(
+        played.structure[during[touched]],
+        np.array([walls[index].normal for index in touched]),
+        target.force,
+        rig.limits,
+        strengths,
+    )
+    held = target.force - float(chosen.unresisted.max())
+    text = f"{max(held, 0.0):.0f} N of {target.force:g} N are held, where the hand is stopped"
+    if chosen.unresisted.max() <= MAX_MISSING * target.force:
+        return Finding(name, True, text)
+    some = bool(chosen.locked.any())
+    why = "" if some else "; no brake can" if strengths.any() else "; no module has a brake"
+    return Finding(name, None if some else False, text + why)
