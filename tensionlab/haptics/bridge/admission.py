@@ -68,13 +68,16 @@ class Admission:
         clients : int
             How many there are already.
         """
-        parts = urlsplit(target)
-        for origin in values("Origin"):
+        parts, origins = urlsplit(target), values("Origin")
+        for origin in origins:
             if not LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
                 return (
                     HTTPStatus.FORBIDDEN,
                     f"pages of {brief(origin)} may not connect, unless it is given to --page",
                 )
+        loaded = "cross-site" in values("Sec-Fetch-Site") and "navigate" not in values("Sec-Fetch-Mode")
+        if loaded and not origins:  # as an image or a script: what follows a link navigates
+            return HTTPStatus.FORBIDDEN, "other pages may not load this; open it by its address"
         if self.token is not None:
             bearer = "".join(values("Authorization")).removeprefix("Bearer ")
             given = parse_qs(parts.query).get("token", [bearer])[0]

@@ -50,6 +50,8 @@ CLOSE_TIMEOUT_S = 1.0
 MAX_REFUSED = 20
 """Messages in a row that may be refused before the connection is closed."""
 START_TIMEOUT_S = 10.0
+REFUSAL_PAUSE_S = 0.2
+"""Before it is said: a browser, which opens a few connections at a time, makes no flood of them."""
 STATE_PERIOD_S = 0.1
 """Of the states in a stream."""
 
@@ -186,13 +188,14 @@ class Bridge:
             self._ready.set()
             await self._over.wait()
 
-    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+    async def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse a client that may not connect; answer a browser that asks for a page."""
         from websockets.datastructures import Headers
         from websockets.http11 import Response
 
         if refused := self._admission.refuse(request.path, request.headers.get_all, len(self._clients)):
             status, reason = refused
+            await asyncio.sleep(REFUSAL_PAUSE_S)
             self._report(f"{_name(connection)}: refused: {reason}")
             return connection.respond(status, f"{reason}\n")
         document = self._admission.document(request.path)

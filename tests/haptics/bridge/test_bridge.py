@@ -18,6 +18,7 @@ from tensionlab.haptics.bridge.client import BridgeClient
 from tensionlab.haptics.bridge.command import SILENCE_S
 from tensionlab.haptics.bridge.messages import MAX_MESSAGE_BYTES, Stop, Welcome
 from tensionlab.haptics.bridge.schema import schema_text
+from tensionlab.haptics.bridge.server import REFUSAL_PAUSE_S
 from tensionlab.hardware.log.reader import read_run
 from tensionlab.model.files import load_rig
 from tensionlab.scenarios import load_scenario
@@ -223,21 +224,22 @@ def test_a_foreign_name_that_leads_here_is_refused(bridge, path):
         assert "is not this machine" in text
 
 
-def get(bridge, path, host=None):
+def get(bridge, path, host=None, **headers):
     """Status, headers and text of what a browser gets."""
     port = urlsplit(bridge.url).port
-    asked = f"GET {path} HTTP/1.1\r\nHost: {f'127.0.0.1:{port}' if host is None else host}\r\n\r\n"
+    headers = {"Host": f"127.0.0.1:{port}" if host is None else host, **headers}
+    lines = [f"GET {path} HTTP/1.1", *(f"{name}: {each}" for name, each in headers.items()), "", ""]
 
     async def ask():
         reader, writer = await asyncio.open_connection(sock=await bridge.loop.reach(port))
-        writer.write(asked.encode())
+        writer.write("\r\n".join(lines).encode())
         answer = await reader.read()
         writer.close()
         return answer
 
     head, _, text = bridge.loop.run_until_complete(ask()).decode().partition("\r\n\r\n")
-    status, *lines = head.split("\r\n")
-    return int(status.split()[1]), dict(line.split(": ", 1) for line in lines), text
+    status, *given = head.split("\r\n")
+    return int(status.split()[1]), dict(line.split(": ", 1) for line in given), text
 
 
 def test_a_browser_gets_a_page_that_loads_nothing_from_elsewhere_and_is_framed_by_nobody(bridge):
@@ -249,6 +251,15 @@ def test_a_browser_gets_a_page_that_loads_nothing_from_elsewhere_and_is_framed_b
     assert headers["X-Content-Type-Options"] == "nosniff"
     assert not re.findall(r"""(?:src|href)=["'](?!data:)|@import|https?://\w""", text)
     assert get(bridge, "/state")[0] == 426  # for a WebSocket
+
+
+@pytest.mark.parametrize(("mode", "status"), [("no-cors", 403), ("navigate", 200)])
+def test_other_pages_may_lead_here_but_not_load_what_is_here(bridge, mode, status):
+    """As an image or a script, which have no origin; refusals come late, so that a page makes no flood of them."""
+    begin = bridge.now
+    assert get(bridge, "/schema.json", **{"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": mode})[0] == status
+    assert bridge.now - begin >= (REFUSAL_PAUSE_S if status == 403 else 0.0)
+    assert get(bridge, "/", **{"Sec-Fetch-Site": "same-origin", "Sec-Fetch-Mode": "cors"})[0] == 200
 
 
 def test_the_schema_that_is_served_is_of_the_rig(bridge):
