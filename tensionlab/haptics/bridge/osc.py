@@ -248,7 +248,12 @@ class OscServer:
             if commander is None:
                 self._client.command.require_free(now)
             packet = read_packet(data)
-            if known := self._without_unknown(packet.messages, machine):
+            known = [message for message in packet.messages if ADDRESS.fullmatch(message.address)]
+            for unknown in packet.messages:
+                if unknown not in known:
+                    there = "there are /body/NAME, /effect/NAME and /stop"
+                    self._report(f"OSC from {machine}: no address {brief(unknown.address)}; {there}")
+            if known:
                 commander = commander or self._begin(machine, now)
                 self._put(known, now if packet.time is None else packet.time, now, commander)
         except (TensionlabError, ValidationError) as error:
@@ -271,15 +276,6 @@ class OscServer:
         self._machine, self._latest = machine, now
         self._bodies, self._effects = {}, {}
         return self._commander
-
-    def _without_unknown(self, messages: list[OscMessage], machine: str) -> list[OscMessage]:
-        """Leave out, and report, what is for no known address."""
-        known = [message for message in messages if ADDRESS.fullmatch(message.address)]
-        for message in messages:
-            if message not in known:
-                there = "there are /body/NAME, /effect/NAME and /stop"
-                self._report(f"OSC from {machine}: no address {brief(message.address)}; {there}")
-        return known
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:
         """Take the messages of one datagram as one frame."""

@@ -14,8 +14,7 @@ from tensionlab.errors import EffectError
 from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import parameters
 from tensionlab.haptics.effects.effect import AxisImpedance, Memory, Motion, Rendered, norm, normalized, smoothstep
-
-GRAVITY_M_S2 = 9.81
+from tensionlab.model.module import GRAVITY_M_S2
 
 
 class WeightMotion(NamedTuple):
