@@ -47,6 +47,7 @@ include_patterns = [
 ]
 exclude_patterns = [".*", "build", "out", "tensionlab", "tests", "docs/figures/*.md", "docs/templates"]
 nitpicky = True
+smartquotes_action = "qe"  # quotes and ellipses, but no dashes: `--at` in the help of a command stays as it is
 
 # Markdown, and notebooks that are run where they have changed since the last time.
 myst_enable_extensions = ["attrs_block", "attrs_inline", "colon_fence", "deflist", "dollarmath", "fieldlist"]

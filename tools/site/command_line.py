@@ -24,7 +24,7 @@ def section(command: Any, names: list[str], level: int) -> str:
     options = [(name, about) for name, about in parameters if name.startswith("-")]
     for title, records in (("Arguments", arguments), ("Options", options)):
         if records:
-            lines = [f"| `{name}` | {escape(about)} |" for name, about in records]
+            lines = ["| `{}` | {} |".format(name.replace("|", "\\|"), escape(about)) for name, about in records]
             text.append("\n".join([f"| {title} | |", "| :-- | :-- |", *lines]))
     for name in getattr(command, "commands", {}):
         below = command.get_command(context, name)

@@ -24,3 +24,7 @@ def test_what_is_below_a_verb_is_on_its_page():
 
 def test_what_markdown_would_read_is_escaped():
     assert escape("a | b,\n *c*  [d] `--at X`") == "a \\| b, \\*c\\* \\[d\\] `--at X`"
+
+
+def test_values_to_choose_from_stay_in_one_cell():
+    assert "| `--preset ideal\\|paper-like` | " in PAGES["simulate"]
