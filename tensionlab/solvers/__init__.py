@@ -78,7 +78,7 @@ def make(name: str) -> Solver:
     names: Iterable[str] = SOLVERS
     if found is None:
         offered = offered_plugins()
-        names = [*SOLVERS, *offered]
+        names = [*SOLVERS, *offered, *(f"qp:{backend}" for backend in BACKENDS)]
         if family in offered:
             found = _load_only(offered[family])
         elif rest and _is_module(family):

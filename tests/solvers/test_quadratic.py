@@ -189,6 +189,11 @@ def test_no_tensions_at_all_is_a_failure(monkeypatch):
     assert np.isnan(answer.tensions).all()
 
 
+def test_the_name_of_a_backend_alone_is_answered_with_its_full_name():
+    with pytest.raises(UnknownSolver, match="no solver is called 'daqp'; did you mean 'qp:daqp'"):
+        allocate([[1.0, -1.0]], [2.0], (1.0, 5.0), "daqp")
+
+
 def test_an_unknown_backend_is_refused_by_name():
     with pytest.raises(UnknownSolver, match=r"'cplex'.*clarabel.*daqp"):
         QuadraticProgram("cplex")
