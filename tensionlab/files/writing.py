@@ -60,6 +60,13 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
         raise unwritable(path, error) from None
 
 
+def require_new(path: str | PathLike[str], what: str) -> None:
+    """Check that there is nothing at a file's place, or an empty file."""
+    place = Path(path)
+    if os.path.lexists(place) and not (place.is_file() and not place.stat().st_size):
+        raise WriteError(f"{path}: there is something already; name a new file for {what}")
+
+
 def require_folder(path: str | PathLike[str], *, parents: bool = False) -> None:
     """Check that files can be written to a folder, which need not be there yet. Nothing is made.
 

@@ -108,4 +108,4 @@ def _in_space(point: Floats) -> Floats:
 
 
 def _row(values: Iterable[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
+    return " ".join(repr(float(value) + 0.0) for value in values)  # no -0.0

@@ -287,6 +287,16 @@ def test_what_cannot_be_written_is_refused_before_the_work(run, place, quick, mo
     assert not list(place.glob(".tensionlab-*"))
 
 
+@pytest.mark.parametrize("verb", ["run", "scenario", "serve"])
+def test_a_log_that_is_there_is_refused_before_the_work(run, place, quick, verb):
+    log = place / "run.mcap"
+    log.write_text("precious")
+    code, _, lines = invoke(run, (verb, "--log"), log)
+    assert (code, len(lines)) == (2, 1)
+    assert "run.mcap: there is something already; name a new file" in lines[0]
+    assert log.read_text() == "precious"
+
+
 @pytest.mark.parametrize("key", QUICK, ids=" ".join)
 @pytest.mark.parametrize(
     "fault", ["fills up", "vanishes"] if os.environ.get("TENSIONLAB_FAULTS") == "all" else ["fills up"]

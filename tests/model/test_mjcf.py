@@ -178,6 +178,7 @@ def test_the_body_falls_where_the_rig_says_that_down_is(up, falls):
     mujoco.mj_forward(model, data)  # the lower limits of this rig are zero
     np.testing.assert_allclose(data.qacc, [*falls, 0, 0, 0], atol=1e-9)
     assert ("No gravity" in rig_to_mjcf(rig)) == (up is None)
+    assert "-0.0 " not in rig_to_mjcf(rig)
 
 
 def test_a_planar_point_moves_in_its_plane():

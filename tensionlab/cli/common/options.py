@@ -96,6 +96,13 @@ def picture_file(path: Path) -> None:
     writing.require_writable(path, tuple(METADATA))
 
 
+@_checked
+def log_file(path: Path) -> None:
+    """Check that a log can be begun there: it takes the place of nothing."""
+    writing.require_writable(path, (".mcap",))
+    writing.require_new(path, "the log")
+
+
 def writes(help_text: str, *suffixes: str, metavar: str = "FILE") -> Any:
     """Return an option that names a file to write, which is checked by `output_file`."""
     return typer.Option(metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False)
@@ -157,8 +164,8 @@ Log = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE.mcap",
-        callback=output_file(".mcap"),
-        help="Log every cycle to this file; see `tensionlab log`.",
+        callback=log_file,
+        help="Log every cycle to this file, a new one; see `tensionlab log`.",
     ),
 ]
 Duration = Annotated[

@@ -25,15 +25,14 @@ class McapWriter:
     """Writer of a log: metadata, attachments, then messages in JSON, whose schemas are given by channel.
 
     Messages are gathered in chunks, compressed, and indexed at the end, so that Foxglove can seek in a long run. A
-    chunk ends with `flush`; what came after the last one is lost where the process is killed. A `LogError` if
-    there is something in the file already; an `OSError`, here and in all methods, if the system can't write.
+    chunk ends with `flush`; what came after the last one is lost where the process is killed. A `WriteError`
+    if there is something in the file already; an `OSError`, here and in all methods, if the system can't write.
     """
 
     def __init__(self, path: Path, schemas: Mapping[str, Mapping[str, Any]]) -> None:
         with needs("hardware", "the log of a run"):
             from mcap.writer import Writer
-        if os.path.lexists(path) and not (path.is_file() and not path.stat().st_size):
-            raise LogError(f"{path}: there is something already; name a new file for the log")
+        writing.require_new(path, "the log")
         self._file = writing.open_stream(path)
         self._writer = Writer(self._file)
         self._writer.start(profile=PROFILE, library="tensionlab")
