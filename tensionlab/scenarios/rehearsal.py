@@ -83,13 +83,19 @@ def _stop(target: BrakeTarget, motion: Motion) -> Floats:
 def check_needs(scenario: Scenario) -> list[Finding]:
     """Check whether a scenario's rig has what the scenario needs: reach, force in each phase, and brakes.
 
-    A finding fails where the rig has nothing of it, and is a note where it has a part.
+    A finding fails where the rig has nothing of it, and is a note where it has a part. RigError where the
+    hand comes to an anchor.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With its rig.
 
     Examples
     --------
     >>> from tensionlab.scenarios import check_needs, load_scenario
     >>> [(each.name, each.passed) for each in check_needs(load_scenario("recoil"))]
-    [('reach', None), ('shots', True)]
+    [('reach', None), ('shots', None)]
     """
     played = rehearse(scenario)
     findings = [_reach(scenario, played)]

@@ -303,7 +303,7 @@ def _turned(rig: Rig, up: object) -> tuple[Rig, str]:
     try:
         turned = rig.turned(str(up))
     except RigError as error:
-        raise ScenarioError(str(error)) from None
+        raise ScenarioError(f'{error}, as rig "{rig.name}" has them') from None
     axes = []
     for row in turn_axes(rig.upward, turned.upward):
         index = int(np.abs(row).argmax())
