@@ -87,7 +87,7 @@ DRAWINGS = {
     ),
     "published": Drawing(load_all(PUBLISHED, RECORDING, TRIALS), published_and_simulated, TABLE),
     "what-if": Drawing(load_all(TRIALS, PUBLISHED), lambda data: plots.plot_what_if(*data)),
-    "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data: plots.plot_summary(*data)),
+    "time-accuracy": Drawing(load_all("benchmarks/results"), lambda data: plots.plot_pareto(*data)),
     "anchor-count": Drawing(sweeps_of_modules, lambda data: plots.plot_anchor_count(*data)),
     "anchor-count-shares": Drawing(sweeps_of_modules, lambda data: tables.shares_of_room(data[1]), TABLE),
     "scenario-layouts": Drawing(layouts_of_scenarios, lambda data: plots.plot_scenario_layouts(data, PROPOSALS)),

@@ -52,6 +52,7 @@ class Row:
 
     The lists are the evidence for each problem in order (NaN where not tried, refused or failed), and of one
     trajectory: length of the path so far, tensions of all cables row by row, and whether wrenches are feasible.
+    ``scales`` are what errors are accurate to: max(1, norm of the wrench), in N.
     """
 
     problem_set: str
@@ -89,6 +90,7 @@ class Row:
     errors: list[float] = field(default_factory=list, repr=False)
     violations: list[float] = field(default_factory=list, repr=False)
     gaps: list[float] = field(default_factory=list, repr=False)
+    scales: list[float] = field(default_factory=list, repr=False)
     path_mm: list[float] = field(default_factory=list, repr=False)
     path_tensions: list[float] = field(default_factory=list, repr=False)
     path_reachable: list[bool] = field(default_factory=list, repr=False)
@@ -100,7 +102,7 @@ class Row:
         return f"{name}, {self.setting}" if self.setting != "proved" else name
 
 
-EVIDENCE = ("call_s", "errors", "violations", "gaps", "path_mm", "path_tensions", "path_reachable")
+EVIDENCE = ("call_s", "errors", "violations", "gaps", "scales", "path_mm", "path_tensions", "path_reachable")
 """The columns that a summary can do without."""
 
 
@@ -179,8 +181,8 @@ class Results:
         return display.table(f"{len(rows)} entries, {len(self.sets)} problem sets", headings, rows, notes)
 
     def plot(self) -> Figure:
-        """Draw time and worst error of each entry: `tensionlab.plots.plot_summary`."""
-        return display.figure("summary", self)
+        """Draw time and worst error of each entry: `tensionlab.plots.plot_pareto`."""
+        return display.figure("pareto", self)
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each problem set, solver, setting and policy, as in `Row`, without the evidence.
@@ -402,6 +404,7 @@ def summarise(name: str, entry: Entry, evidence: Evidence) -> Row:
         errors=evidence.error.tolist(),
         violations=evidence.violation.tolist(),
         gaps=evidence.gap.tolist(),
+        scales=evidence.scale.tolist(),
         path_mm=path.path_mm.tolist() if path else [],
         path_tensions=path.tensions.ravel().tolist() if path else [],
         path_reachable=path.reachable.tolist() if path else [],

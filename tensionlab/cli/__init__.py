@@ -58,6 +58,10 @@ VERBS = {
     ),
     "workspace": ("workspace", "Evaluate where, and how well, rigs can pull."),
     "bench": ("bench", "Benchmark all solvers and baselines."),
+    "regressions": (
+        "regressions",
+        "Tell which solvers became slower or less accurate from one benchmark to another.",
+    ),
     "run": ("run", "Render forces on the modules of a rig."),
     "scenario": ("scenario", "Play a haptic scenario and check its forces."),
     "serve": ("serve", "Let a game engine drive a rig over a WebSocket."),

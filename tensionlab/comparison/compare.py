@@ -30,6 +30,9 @@ MAX_TIMED_CALLS = 200
 CALLS_PER_TURN = 10
 """Calls that one solver makes before the next one has its turn."""
 
+MAX_TIMED_S = 2.0
+"""A slow solver is timed no longer one by one, beyond its first turn."""
+
 TIMED_BATCHES = 5
 """Batches that are timed, one a turn; one alone where it takes longer than `QUICK_BATCH_S`."""
 
@@ -227,9 +230,11 @@ def compare(
         batch.append([seconds(allocator, wrenches)])
         if progress:
             progress(done / steps)
-    calls = np.empty((len(chosen), len(runs)))
+    calls = np.full((len(chosen), len(runs)), np.nan)
     for turn, first in enumerate(range(0, len(chosen), CALLS_PER_TURN)):
         for column, allocator in enumerate(allocators):
+            if np.nansum(calls[:, column]) > MAX_TIMED_S:
+                continue
             if turn < TIMED_BATCHES and batch[column][0] < QUICK_BATCH_S:
                 batch[column].append(seconds(allocator, wrenches))
             allocator(structure, wrenches[chosen[first]])  # fills the caches with its own data
@@ -249,8 +254,8 @@ def compare(
         row = Row(
             **vars(score(name, policy, wrenches, found, rig.dimension)),
             gap_max=finite(np.max, gaps[optimum.status == Status.EXACT] if policy is None else gaps),
-            call_median_s=float(np.median(calls[:, column])),
-            call_p99_s=float(np.quantile(calls[:, column], 0.99)),
+            call_median_s=float(np.nanmedian(calls[:, column])),
+            call_p99_s=float(np.nanquantile(calls[:, column], 0.99)),
             batch_s=float(np.median(batch[column])) / len(wrenches),
         )
         rows.append(row)

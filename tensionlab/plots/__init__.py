@@ -1,7 +1,7 @@
 """Figures of results: functions that take a result and return a Matplotlib Figure, without solving anything."""
 
 from tensionlab.plots.allocation import plot_allocation
-from tensionlab.plots.benchmark import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
+from tensionlab.plots.benchmark import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.rig import plot_brake_maps, plot_rig
 from tensionlab.plots.run import plot_run
@@ -24,6 +24,7 @@ __all__ = [
     "plot_front",
     "plot_layouts",
     "plot_metrics",
+    "plot_pareto",
     "plot_profile",
     "plot_rig",
     "plot_run",
@@ -32,7 +33,6 @@ __all__ = [
     "plot_search",
     "plot_shares",
     "plot_slices",
-    "plot_summary",
     "plot_volume",
     "plot_what_if",
     "plot_worst",

@@ -10,9 +10,11 @@ import numpy as np
 from tensionlab.benchmarking.entries import WRAPPERS
 from tensionlab.benchmarking.report import newton as force
 from tensionlab.benchmarking.statistics import jumps, maximum, profile, quantile
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED
+from tensionlab.comparison.compare import Comparison
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.errors import InputError
 from tensionlab.plots.style import add_legend, label_points, new_figure, one_panel, panel_legend
+from tensionlab.solvers import is_built_in
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,12 +32,14 @@ NO_ANSWER_N = 1e3
 SIZE = (8.0, 6.2)
 """Of a figure of time against accuracy, in inches."""
 LOOKS = {
+    "own": ("your own", PURPLE, "*"),
     "newton": ("newton", BLUE, "o"),
     "built-in": ("built-in, others", GREEN, "s"),
     "default": ("baseline, default settings", ORANGE, "o"),
     "tight": ("baseline, tight settings", RED, "D"),
 }
 """Name, colour and marker of each kind of entry."""
+FRONT_LINE: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": "--"}
 MAX_RATIO = 1e4
 """Ratios above are not drawn."""
 COLUMNS = 4
@@ -52,28 +56,33 @@ class Dot(NamedTuple):
 
 
 @overload
-def plot_summary(results: Results, *, ax: None = None) -> Figure: ...
+def plot_pareto(results: Results | Comparison, *, ax: None = None) -> Figure: ...
 @overload
-def plot_summary(results: Results, *, ax: Axes) -> None: ...
-def plot_summary(results: Results, *, ax: Axes | None = None) -> Figure | None:
-    """Draw the time and the worst error of each entry in the feasible sets.
+def plot_pareto(results: Results | Comparison, *, ax: Axes) -> None: ...
+def plot_pareto(results: Results | Comparison, *, ax: Axes | None = None) -> Figure | None:
+    """Draw the time and the worst error of each solver, and which of them no other one surpasses in both.
 
-    Needs no evidence for single problems. Across: the median call, as the geometric mean over the sets. Up: the
-    largest error of all, of the wrench or the limits. Those that did not answer all problems are at the top.
-    With ``ax``, a panel of another figure is drawn into.
+    Solvers that do not come with tensionlab are stars. Of a benchmark, which needs no evidence for single
+    problems: across, the median call in the feasible sets, as the geometric mean over the sets; up, the largest
+    error of all, of the wrench or the limits. Those that did not answer all problems are at the top. Of a
+    comparison, each solver with its own policy: across, the median call; up, how much larger than the smallest of
+    all solvers its error is for the same force, at most. With ``ax``, a panel of another figure is drawn into.
 
     Parameters
     ----------
-    results : Results
-        From `tensionlab.benchmarking.run`, or `tensionlab.datasets.load`.
+    results : Results or Comparison
+        From `tensionlab.benchmark`, `tensionlab.datasets.load` or `tensionlab.compare`.
     ax : Axes, optional
         Panel of another figure to draw into.
 
     Examples
     --------
     >>> from tensionlab import datasets, plots
-    >>> figure = plots.plot_summary(datasets.load("benchmarks/results"))
+    >>> figure = plots.plot_pareto(datasets.load("benchmarks/results"))
     """
+    if isinstance(results, Comparison):
+        up = "max error above the smallest of all (N)"
+        return _plot_dots(_compared(results), "median time of a call (µs)", up, ax)
     sets = [name for name, about in results.sets.items() if about["reachable"] == "all"]
     rows: dict[str, dict[str, Row]] = {}
     for row in results.rows:
@@ -88,8 +97,21 @@ def plot_summary(results: Results, *, ax: Axes | None = None) -> Figure | None:
         time = float(np.exp(np.mean([np.log(row.median_s) for row in each.values()])))
         first = next(iter(each.values()))
         name = short_name(label).partition(",")[0]
-        dots.append(Dot(name, kind(first), time, error if answered else np.inf))
+        dots.append(Dot(name, kind(first.solver, first.setting), time, error if answered else np.inf))
     return _plot_dots(dots, "typical time of a call (µs)", "max error of all answers (N)", ax)
+
+
+def _compared(comparison: Comparison) -> list[Dot]:
+    """Return each solver of a comparison with its own policy, which is its first."""
+    first: dict[str, int] = {}
+    for place, row in enumerate(comparison.rows):
+        first.setdefault(row.solver, place)
+    error = np.array([each.residual for each in comparison.allocations])
+    excess = np.where(np.isnan(error), np.inf, error - np.nanmin(error, axis=0)).max(axis=1)
+    return [
+        Dot(name, kind(name), comparison.rows[place].call_median_s, float(excess[place]))
+        for name, place in first.items()
+    ]
 
 
 def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Figure | None:
@@ -97,7 +119,7 @@ def _plot_dots(dots: Sequence[Dot], across: str, up: str, ax: Axes | None) -> Fi
     with one_panel(ax, SIZE) as (figure, axes):
         points = _draw_dots(axes, dots)
         axes.set(xlabel=across, ylabel=up)
-        add_kind_legend(figure, [dot.kind for dot in dots], ax=ax)
+        add_kind_legend(figure, [dot.kind for dot in dots], ax=ax, also=[("Pareto front", FRONT_LINE)])
         label_points(figure, axes, points)
     return figure if ax is None else None
 
@@ -108,10 +130,13 @@ def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, f
     for name, look, time, error in dots:
         place = (1e6 * time, NO_ANSWER_N if not error <= NO_ANSWER_N else max(error, MIN_ERROR_N))
         _, colour, marker = LOOKS[look]
-        axes.plot(*place, marker=marker, color=colour, linestyle="", markersize=6.5, zorder=3)
+        size, front = (13.0, 4) if look == "own" else (6.5, 3)
+        axes.plot(*place, marker=marker, color=colour, linestyle="", markersize=size, zorder=front)
         points.setdefault(name, []).append(place)
     for ends in points.values():
         axes.plot(*zip(*ends, strict=True), color="#BBBBBB", linewidth=1.0, zorder=2)
+    x, y = zip(*pareto_front([place for ends in points.values() for place in ends]), strict=True)
+    axes.step([x[0], *x, 1e12], [NO_ANSWER_N, *y, y[-1]], where="post", zorder=1, **FRONT_LINE)
     axes.axhline(EXACT_N, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
     axes.annotate("exact from here on down", (0, EXACT_N), xycoords=("axes fraction", "data"), xytext=(3, -3),
                   textcoords="offset points", va="top", fontsize=8, color=GREY)  # fmt: skip
@@ -123,24 +148,45 @@ def _draw_dots(axes: Axes, dots: Sequence[Dot]) -> dict[str, list[tuple[float, f
     axes.grid()
     times = [time for ends in points.values() for time, _ in ends]
     axes.set_xlim(min(times) / 1.6, 1.6 * max(times))
-    ticks = np.outer(10.0 ** np.arange(-1, 7), [1, 2, 5]).ravel()
+    wide = max(times) > 1e4 * min(times)
+    ticks = np.outer(10.0 ** np.arange(-1, 10), [1] if wide else [1, 2, 5]).ravel()
     ticks = ticks[(ticks > min(times) / 1.6) & (ticks < 1.6 * max(times))]
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     return points
 
 
-def add_kind_legend(figure: Any, kinds: Sequence[str], marked: bool = True, ax: Axes | None = None) -> None:
+def add_kind_legend(
+    figure: Any,
+    kinds: Sequence[str],
+    marked: bool = True,
+    ax: Axes | None = None,
+    also: Sequence[tuple[str, dict[str, Any]]] = (),
+) -> None:
     """Put a legend of the kinds of entries below the panels, or into a panel of another figure."""
     shown = [LOOKS[kind] for kind in LOOKS if kind in kinds]
-    panel_legend(figure, ax, len(shown), [
+    panel_legend(figure, ax, len(shown) + len(also), [
         (name, {"color": colour, "marker": marker, "ls": ""} if marked else {"color": colour, "linewidth": 1.8})
         for name, colour, marker in shown
-    ])  # fmt: skip
+    ] + list(also))  # fmt: skip
 
 
-def kind(row: Row) -> str:
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return the points (time, error), by time, that no other one surpasses in one and equals in the other.
+
+    Errors up to `EXACT_N` are equal, and that large.
+    """
+    front: list[tuple[float, float]] = []
+    for time, error in sorted((time, max(error, EXACT_N)) for time, error in points):
+        if not front or error < front[-1][1]:
+            front.append((time, error))
+    return front
+
+
+def kind(solver: str, setting: str = "proved") -> str:
     """Return the kind of an entry, a key of `LOOKS`."""
-    return row.setting if row.setting != "proved" else "newton" if row.solver == "newton" else "built-in"
+    if setting != "proved":
+        return setting
+    return "newton" if solver == "newton" else "built-in" if is_built_in(solver) else "own"
 
 
 def short_name(label: str) -> str:
@@ -345,7 +391,7 @@ class _Line:
         first = rows[0]
         self.label = short_name(first.label)
         self.name = self.label.partition(",")[0]
-        self.kind = kind(first)
+        self.kind = kind(first.solver, first.setting)
         self.seconds: Floats = np.concatenate([np.array(row.call_s) for row in rows])
         errors = [np.maximum(row.errors, row.violations) for row in rows]
         self.error: Floats = np.concatenate(errors)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, STATUS_LOOK
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, STATUS_LOOK
 from tensionlab.plots.style import HALO, add_legend, new_figure
+from tensionlab.solvers import is_built_in
 from tensionlab.solvers.base import TOLERANCE
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def plot_comparison(comparison: Comparison) -> Figure:
 
     Left: desired forces (blue circles) and the error of what the first row's solver rendered (red lines),
     between the directions of the cables. Right, a line per solver: statuses, largest error, largest angle
-    error, time of a call.
+    error, time of a call. The names of those that do not come with tensionlab are purple.
 
     Parameters
     ----------
@@ -83,6 +84,9 @@ def plot_comparison(comparison: Comparison) -> Figure:
         )
         panels = right.subplots(1, 4, sharey=True)
         panels[0].set_yticks(range(len(names)), names)
+        for name, label in zip(names, panels[0].get_yticklabels(), strict=True):
+            if not is_built_in(name):
+                label.set(color=PURPLE, fontweight="bold")
         panels[0].set_ylim(max(len(names), 4) - 0.4, -0.6)
         _draw_statuses(panels[0], rows, lines)
         panels[0].set(xlabel="forces", xlim=(0, count))

@@ -15,6 +15,8 @@ from tensionlab.solvers.base import RANK_TOLERANCE, Status
 
 MAX_TENSION_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""
+LIKELY_LENGTHS_M = (0.01, 100.0)
+"""Of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs."""
 HEAD_FORCE_N = ImpactCap().force
 """Largest force of all cables together on a head."""
 
@@ -22,12 +24,12 @@ HEAD_FORCE_N = ImpactCap().force
 def check_rig(rig: Rig) -> list[Finding]:
     """Check whether a rig can work at its home, with body frames at the origin of the world.
 
-    Findings are the rank of the structure matrix; limits that leave room; weight, where it is known; balance, that
-    is the zero wrench inside the limits; strength, the largest force that the rig renders in its weakest
-    direction; and body frames.
+    Findings are the rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong;
+    weight, where it is known; balance, that is the zero wrench inside the limits; strength, the largest force that
+    the rig renders in its weakest direction; and body frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
-    findings = [_rank(structure), _limits(rig)]
+    findings = [_rank(structure), _limits(rig), *_scale(rig)]
     if rig.weight is not None:
         findings.append(_weight(rig, structure, rig.weight))
     held = findings[-1].name == "weight" and findings[-1].passed is True
@@ -49,6 +51,16 @@ def _rank(structure: Floats) -> Finding:
         return Finding("rank", True, f"{rank} of {n} components with {m} cables")
     why = f"{m} cables are fewer than {n} components" if m < n else "cables are parallel or in one plane"
     return Finding("rank", False, f"only {rank} of {n} components: {why}; add or move modules")
+
+
+def _scale(rig: Rig) -> list[Finding]:
+    """Question cables that are so long or so short that their unit may be another."""
+    longest = float(rig.lengths(rig.home, frames=rig.at_rest).max())
+    if LIKELY_LENGTHS_M[0] <= longest <= LIKELY_LENGTHS_M[1]:
+        return []
+    advice = "mm, divide" if longest > LIKELY_LENGTHS_M[1] else "km, multiply"
+    text = f"the longest cable has {longest:.4g} m at home: if its coordinates are in {advice} them by 1000"
+    return [Finding("scale", None, text)]
 
 
 def _limits(rig: Rig) -> Finding:

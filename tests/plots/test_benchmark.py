@@ -6,9 +6,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+import tensionlab as tl
 from tensionlab.benchmarking.results import EVIDENCE
 from tensionlab.errors import InputError
-from tensionlab.plots import plot_accuracy, plot_continuity, plot_profile, plot_summary, plot_worst
+from tensionlab.plots import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
+from tensionlab.plots.benchmark import EXACT_N, _compared, pareto_front
 from tensionlab.plots.style import _cost, _distance, _places
 from tests.support.figures import content_of, words_in
 
@@ -17,7 +19,7 @@ DRAW = {
     "accuracy": plot_accuracy,
     "worst": plot_worst,
     "continuity": plot_continuity,
-    "summary": plot_summary,
+    "summary": plot_pareto,
 }
 each = pytest.mark.parametrize("draw", DRAW.values(), ids=DRAW)
 
@@ -35,7 +37,7 @@ def contents(bench_results):
         (plot_accuracy, ["newton", "daqp", "cvxpy", "median time of a call (µs)", "baseline, default settings"]),
         (plot_worst, ["newton", "daqp, tight", "cvxpy, default", "built-in, others"]),
         (plot_continuity, ["newton, force", "newton, direction", "daqp", "path (mm)", "infeasible"]),
-        (plot_summary, ["newton", "daqp", "typical time of a call (µs)", "max error of all answers (N)"]),
+        (plot_pareto, ["newton", "daqp", "typical time of a call (µs)", "max error of all answers (N)"]),
     ],
     ids=DRAW,
 )
@@ -55,15 +57,47 @@ def test_the_same_results_make_the_same_figure_and_who_answered_nothing_is_left_
     assert content_of(draw(replace(bench_results, rows=(*bench_results.rows, *absent)))) == contents(draw)
 
 
-def test_the_summary_needs_no_evidence(contents, bench_results):
+def test_the_pareto_plot_needs_no_evidence(contents, bench_results):
     plain = tuple(replace(row, **{name: [] for name in EVIDENCE}) for row in bench_results.rows)
-    assert content_of(plot_summary(replace(bench_results, rows=plain))) == contents(plot_summary)
+    assert content_of(plot_pareto(replace(bench_results, rows=plain))) == contents(plot_pareto)
 
 
 def test_without_a_trajectory_there_is_no_picture_of_one(bench_results):
     rows = tuple(bench_results.of_set("point"))
     with pytest.raises(InputError, match="no trajectory"):
         plot_continuity(replace(bench_results, rows=rows))
+
+
+def test_the_front_is_who_nobody_surpasses_and_the_exact_are_equal():
+    points = [(1.0, 1e-2), (2.0, 1e-3), (3.0, 1e-1), (4.0, 1e-9), (5.0, 1e-15)]
+    assert pareto_front(points) == [(1.0, 1e-2), (2.0, 1e-3), (4.0, EXACT_N)]
+
+
+def test_ones_own_solver_is_picked_out(bench_results):
+    own = [replace(row, solver="mine:Mine", median_s=2 * row.median_s) for row in bench_results.rows if
+           row.label == "newton"]  # fmt: skip
+    words = words_in(content_of(plot_pareto(replace(bench_results, rows=(*bench_results.rows, *own)))))
+    assert "your own" in words
+    assert "mine:Mine" in words
+    assert "your own" not in words_in(content_of(plot_pareto(bench_results)))
+
+
+def test_a_comparison_is_drawn_by_the_error_above_the_smallest():
+    rig = tl.load_rig("bartels2026-validation-0.3m")
+    found = tl.compare(rig, solvers=[tl.Dykstra(iteration_limit=5), "newton", "spidar"])
+    dots = {dot.name: dot for dot in _compared(found)}
+    assert dots["dykstra(iteration_limit=5)"].kind == "own"
+    assert dots["newton"].error < 1e-12  # of what can be rendered at all, nobody renders more
+    rows = {row.solver: row for row in reversed(found.rows)}
+    assert dots["spidar"].error > rows["spidar"].residual_mean - rows["newton"].residual_mean > 0
+    words = words_in(content_of(plot_pareto(found)))
+    for word in (
+        "dykstra(iteration_limit=5)",
+        "your own",
+        "Pareto front",
+        "max error above the smallest of all (N)",
+    ):
+        assert word in words, word
 
 
 def test_a_name_avoids_what_is_there_and_stays_inside():

@@ -47,6 +47,19 @@ def test_three_modules_on_the_floor_cannot_hold_each_other():
     assert "no wrench closure" in check_rig(rig)[2].text
 
 
+@pytest.mark.parametrize(("factor", "advice"), [(1000.0, "in mm, divide"), (0.001, "in km, multiply"), (10.0, "")])
+def test_lengths_in_another_unit_are_questioned(factor, advice):
+    rig = published()
+    modules = tuple(dataclasses.replace(each, anchor=factor * each.anchor) for each in rig.modules)
+    scaled = dataclasses.replace(rig, modules=modules, home=factor * rig.home)
+    notes = [finding for finding in check_rig(scaled) if finding.name == "scale"]
+    assert bool(notes) == bool(advice)
+    for note in notes:
+        assert note.passed is None
+        assert advice in note.text
+        assert f"has {scaled.lengths(scaled.home).max():.4g} m" in note.text
+
+
 def test_limits_that_are_too_narrow_are_told_from_geometry():
     # 3:1 between the cables is needed at home, 1.1:1 is allowed.
     rig = with_limits(tl.load_rig(RIGS / "bartels2026-validation-0.3m.toml"), 1.0, 1.1)

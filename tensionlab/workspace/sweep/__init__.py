@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import is_dataclass
 from os import PathLike
@@ -19,7 +20,13 @@ from tensionlab.workspace import metrics
 from tensionlab.workspace.metrics import Metric
 from tensionlab.workspace.poses import Grid, PoseList
 from tensionlab.workspace.sweep.dataset import empty_dataset
-from tensionlab.workspace.sweep.executors import evaluate_on_cluster, evaluate_on_threads, progress_bar
+from tensionlab.workspace.sweep.executors import (
+    BAR_DELAY_S,
+    evaluate_on_cluster,
+    evaluate_on_threads,
+    progress_bar,
+)
+from tensionlab.workspace.sweep.needs import describe, estimate_seconds, require_space
 from tensionlab.workspace.sweep.plan import Configurations, Plan, vary
 from tensionlab.workspace.sweep.store import MemoryStore, ZarrStore
 
@@ -43,7 +50,8 @@ def sweep(
 ) -> xarray.Dataset:
     """Evaluate metrics of every configuration at every pose.
 
-    A bar on the terminal says how long it will take, if that is more than two seconds.
+    If it takes more than two seconds, a line says how many values there are, how long they take and how much disk
+    at most, and a bar on the terminal how far it is.
 
     Parameters
     ----------
@@ -65,7 +73,7 @@ def sweep(
     chunk : int
         Values of a metric in a chunk, at most. A store goes on with the chunks that it was begun with.
     progress : bool
-        False for no bar.
+        False for no line and no bar.
 
     Returns
     -------
@@ -79,7 +87,7 @@ def sweep(
     ------
     SweepError, RigError, ShapeError, InputError
         Before any work: rigs, poses and metrics that do not fit, a place to write to that holds something else,
-        a sweep too large for memory, a scheduler that does not answer.
+        a sweep too large for memory or disk, a scheduler that does not answer.
     MissingDependency
         If xarray or zarr (extra ``workspace``), or distributed (extra ``cluster``) is not installed.
 
@@ -103,6 +111,8 @@ def sweep(
         frames={} if frames is None else frames,
         chunk=chunk,
     )
+    if out is not None:
+        require_space(plan, Path(out))
     empty = empty_dataset(plan)
     store = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
     with contextlib.closing(store):
@@ -110,6 +120,10 @@ def sweep(
         if missing:
             total, ahead = math.prod(plan.shape), sum(plan.size(number) for number in missing)
             tasks = (plan.task(number) for number in missing)
+            if progress:
+                seconds = estimate_seconds(plan) * ahead / total if scheduler is None else None
+                if seconds is None or seconds > BAR_DELAY_S:
+                    print(f"sweep: {describe(plan, seconds)}", file=sys.stderr)
             results = evaluate_on_threads(tasks) if scheduler is None else evaluate_on_cluster(scheduler, tasks)
             with progress_bar(total, total - ahead, progress) as advance:
                 for task, values in results:

@@ -35,14 +35,12 @@ def evaluate_on_threads(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
 
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
-    setting = os.environ.get("TENSIONLAB_NUM_THREADS", "")
-    workers = int(setting) if setting.isdecimal() and int(setting) else processors()
     waiting = iter(tasks)
     running: dict[Future[Floats], Task] = {}
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(threads := thread_count()) as pool:
         try:
             while True:
-                for task in itertools.islice(waiting, CHUNKS_PER_WORKER * workers - len(running)):
+                for task in itertools.islice(waiting, CHUNKS_PER_WORKER * threads - len(running)):
                     running[pool.submit(task.evaluate)] = task
                 if not running:
                     return
@@ -51,6 +49,12 @@ def evaluate_on_threads(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
         finally:
             for future in running:
                 future.cancel()
+
+
+def thread_count() -> int:
+    """Return how many threads evaluate chunks: ``TENSIONLAB_NUM_THREADS``, or one on each processor."""
+    setting = os.environ.get("TENSIONLAB_NUM_THREADS", "")
+    return int(setting) if setting.isdecimal() and int(setting) else processors()
 
 
 def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:

@@ -1,0 +1,43 @@
+"""``tensionlab regressions``: what became slower or less accurate from one benchmark to another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tensionlab.benchmarking import regressions as room
+from tensionlab.benchmarking.results import read
+from tensionlab.cli.common import options, output
+from tensionlab.cli.common.options import Json
+from tensionlab.files.writing import write_text
+
+
+def regressions(
+    old: Annotated[Path, typer.Argument(metavar="OLD", help="Folder of an earlier `tensionlab bench`.")],
+    new: Annotated[Path, typer.Argument(metavar="NEW", help="Folder of a later one, of the same problems.")],
+    out: Annotated[Path | None, options.writes("Write the report to this file.", ".md")] = None,
+    json: Json = False,
+) -> None:
+    """Tell which solvers became slower or less accurate from one benchmark to another.
+
+    Only what is beyond noise counts: a change of time beyond 10 %, its 99 % interval and what else changed on the
+    machine; problems that were solved and are missed by far. Exit status 1 if there is any.
+    """
+    found = room.regressions(read(old), read(new))
+    with output.ResultWriter(quiet=json) as writer:
+        if out:
+            writer.write("report", out, lambda path: write_text(path, found.report()))
+        if json:
+            output.print_json(
+                regressed=bool(found.found),
+                drift=found.drift,
+                changes=[vars(each) | {"verdict": each.verdict} for each in found.changes],
+                manifest=output.manifest(),
+            )
+        else:
+            changed = [each for each in found.changes if each.verdict]
+            headings = [*room.HEADINGS[:-1], "<beyond noise"]
+            output.print_table(found.title, headings, room.table_rows(changed) if changed else ())
+    raise typer.Exit(1 if found.found else 0)
