@@ -21,7 +21,8 @@ from tests.support.distribution import install
 
 ROOT = Path(__file__).parents[1]
 GUIDE = (ROOT / "docs" / "how-to" / "add-a-solver.md").read_text(encoding="utf-8")
-SOLVER, TESTS = re.findall(r"^```python\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
+SOLVER, *OTHERS = re.findall(r"^```python\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
+(TESTS,) = (code for code in OTHERS if "def test_" in code)
 (PROJECT,) = re.findall(r"^```toml\n(.*?)^```$", GUIDE, re.DOTALL | re.MULTILINE)
 FILE = "tensionlab/solvers/dual_ascent.py"
 

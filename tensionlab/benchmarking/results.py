@@ -221,7 +221,25 @@ def write(path: str | Path, rows: Sequence[Row], manifest: dict[str, Any], evide
 
 
 def read(path: str | Path) -> Results:
-    """Return the results in a file, or in the folder of a run; `DataError` if it holds none."""
+    """Read the results of a benchmark.
+
+    Parameters
+    ----------
+    path : path
+        The folder of a run, or its file of results.
+
+    Raises
+    ------
+    DataError
+        If it holds none.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.benchmarking.results import read
+    >>> read(tl.datasets.folder() / "benchmarks" / "results.parquet")
+    <Results of 35 entries on 8 problem sets>
+    """
     file = Path(path) / FILE if Path(path).is_dir() else Path(path)
     table = read_parquet(file, "results of `tensionlab bench` (*.parquet)", DataError)
     bench = table.manifest.get("bench")

@@ -188,7 +188,7 @@ def measure(what: Plan, folder: Path, call: Sequence[str], progress: Callable[[f
         with _one_kernel_thread():
             return measure_here(what, folder, call, progress)
     order = json.dumps({"plan": what.record, "folder": str(folder), "call": list(call), "path": sys.path})
-    command = [sys.executable, "-m", __name__, order]
+    command = [sys.executable, "-c", f"from {__name__} import main; main()", order]
     kept = folder
     # In a group of its own, so that Ctrl-C ends this process, which ends that one, and neither shows where it was.
     with subprocess.Popen(
@@ -314,7 +314,3 @@ def main() -> None:
             )
         except TensionlabError as error:
             send("error", str(error))
-
-
-if __name__ == "__main__":
-    main()

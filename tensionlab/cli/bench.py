@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from tensionlab import records
+from tensionlab import display, records
 from tensionlab.allocation import allocate
 from tensionlab.benchmarking import report
 from tensionlab.benchmarking import run as benchmark
@@ -43,7 +43,7 @@ COLUMNS = (
 LEGEND = """\
 solved: share of the feasible problems, that accurate   other sets: to 1e-6 N, where wrenches may be infeasible
 gap: largest difference of a tension to the verified optimum; † has another objective
-call: typical time of one; for built-in solvers, in bold, verification included"""
+call: typical time of one; for solvers, in bold, verification included, for baselines not"""
 
 
 def bench(
@@ -138,7 +138,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
             duration(line.batch_s),
         )
     console = output.console()
-    output.print_title(f"{len(results.sets)} problem sets, {len(lines)} entries")
+    output.print_title(f"{display.count(len(results.sets), 'problem set')}, {len(lines)} entries")
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")

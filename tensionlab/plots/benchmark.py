@@ -208,11 +208,9 @@ def plot_profile(results: Results) -> Figure:
 
     Examples
     --------
-    >>> from pathlib import Path
+    >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmarking.run import Plan, run
-    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
-    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_profile(results)
     """
     lines = _pooled(results)
@@ -261,11 +259,9 @@ def plot_accuracy(results: Results, *, ax: Axes | None = None) -> Figure | None:
 
     Examples
     --------
-    >>> from pathlib import Path
+    >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmarking.run import Plan, run
-    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
-    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_accuracy(results)
     """
     dots = []
@@ -294,11 +290,9 @@ def plot_worst(results: Results, *, ax: Axes | None = None) -> Figure | None:
 
     Examples
     --------
-    >>> from pathlib import Path
+    >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmarking.run import Plan, run
-    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
-    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_worst(results)
     """
     lines = sorted(_pooled(results).values(), key=lambda line: quantile(line.seconds, 0.999))
@@ -340,11 +334,9 @@ def plot_continuity(results: Results) -> Figure:
 
     Examples
     --------
-    >>> from pathlib import Path
+    >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> from tensionlab.benchmarking.run import Plan, run
-    >>> plan = Plan(sets=("point", "trajectory"), solvers=("newton",), count=4, seconds=0.01, repeats=1, rounds=0)
-    >>> results = run(plan, Path("bench"), ["an example"], lambda share: None)
+    >>> results = tl.benchmark([tl.Newton()], ["point", "trajectory"], count=4, quick=True)
     >>> figure = plots.plot_continuity(results)
     """
     rows = [row for row in results.rows if row.path_mm and row.setting != "tight" and _drawable(row)]

@@ -46,15 +46,14 @@ def plot_comparison(comparison: Comparison) -> Figure:
     Parameters
     ----------
     comparison : Comparison
-        From `tensionlab.comparison.compare`.
+        From `tensionlab.compare`.
 
     Examples
     --------
     >>> import tensionlab as tl
     >>> from tensionlab import plots
-    >>> from tensionlab.comparison.compare import compare
     >>> rig = tl.load_rig("bartels2026-validation")
-    >>> found = compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
+    >>> found = tl.compare(rig, directions=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], solvers=["newton", "closed-form"])
     >>> figure = plots.plot_comparison(found)
     """
     rows, spatial = comparison.rows, comparison.rig.dimension == 3

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import typer
 
+from tensionlab.benchmarking import results
 from tensionlab.benchmarking import run as bench
 from tensionlab.cli import app
 from tensionlab.files import writing
@@ -55,6 +56,7 @@ RECIPES = {
     ("workspace", "--out"): (SWEEP, ".zarr"),
     ("workspace", "--plot"): (SWEEP, ".png"),
     ("bench", "--out"): ("bench --set edge --solvers closed-form", ""),
+    ("regressions", "--out"): ("regressions bench.parquet bench.parquet", ".md"),
     ("run", "--log"): (f"run {RIG} --seconds 0.3", ".mcap"),
     ("scenario", "--log"): (PLAYED, ".mcap"),
     ("scenario", "--plot"): (PLAYED, ".svg"),
@@ -138,7 +140,7 @@ def test_every_option_that_writes_is_tried_here_and_every_path_is_known():
 
 
 @pytest.fixture(scope="module")
-def prepared(tmp_path_factory):
+def prepared(tmp_path_factory, bench_results):
     """A folder with what the verbs read."""
     import matplotlib.font_manager  # noqa: F401 - its cache is written now, not where a disk is full
 
@@ -151,6 +153,7 @@ def prepared(tmp_path_factory):
     lengths = {module.name: column for module, column in zip(rig.modules, rig.lengths(places).T, strict=True)}
     write_table(folder / "lengths.csv", {**dict(zip("xyz", places.T, strict=True)), **lengths})
     runs.logged(folder / "run.mcap", runs.four(), 20)
+    results.write(folder / "bench.parquet", bench_results.rows, bench_results.manifest)
     return folder
 
 

@@ -19,6 +19,7 @@ import contextlib
 import io
 import re
 import shlex
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -183,6 +184,7 @@ def page(
 ) -> Iterator[Page]:
     """A page to follow in an empty folder, with simulated modules."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("COLUMNS", "110")
     modules = ReachableRig(monkeypatch, tl.load_rig("bartels2026-validation"))
     (tmp_path / "modules.toml").write_text(modules_to_toml(modules.urls), encoding="utf-8")
@@ -191,6 +193,9 @@ def page(
     if followed.bridge is not None:
         with followed.bridge:
             pass
+    for name, module in list(sys.modules.items()):
+        if str(tmp_path) in str(getattr(module, "__file__", None)):
+            del sys.modules[name]
 
 
 @each_page
