@@ -97,6 +97,8 @@ READS = {
     "staircase",
     "caspr",
     "measured",
+    "old",
+    "new",
 }
 """Parameters that are paths of what is read."""
 MADE = {("bench", "--out"), ("module config dump", "--folder")}
