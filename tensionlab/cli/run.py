@@ -148,7 +148,7 @@ def live_table(runner: Runner) -> RenderableType:
 
     cycle = runner.latest
     if cycle is None:
-        return Text("arming ...")
+        return Text("arming, and reeling in slack cables: hold the platform still ...")
     state = cycle.state
     desired = "taut cables" if cycle.demand.wrench is None else _components(cycle.demand.wrench)
     measured = _components(state.structure @ state.tensions)

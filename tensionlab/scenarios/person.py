@@ -21,7 +21,7 @@ from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.messages import HAND
 from tensionlab.haptics.effects import parameters
 from tensionlab.hardware.protocol.codes import State
-from tensionlab.hardware.simulation.simulated_module import SimulatedModule
+from tensionlab.hardware.simulation.simulated_module import Sample, SimulatedModule
 from tensionlab.hardware.simulation.world import COMPLIANT_STEP_S
 from tensionlab.model.kinematics import structure_matrix
 from tensionlab.model.pose import frame_of
@@ -39,6 +39,8 @@ RETURN_S = 1.0
 """Duration of the way back to the start."""
 PULLING = (State.ARMED, State.RUNNING)
 """States of a module that pulls."""
+MAX_SLACK_M = 0.05
+"""A cable that hangs loose by more is slack."""
 Track = Callable[[Mapping[str, Floats], float], None]
 """Receives the positions of bodies by name, in m, and their time, in s since 1970."""
 
@@ -302,7 +304,8 @@ class Person:
 class PersonSimulation:
     """Simulated person that holds the cables of modules served to another process, as often as they are armed.
 
-    It stands still at its start until all modules are armed; then its script begins. When all have been stopped,
+    It stands still at its start until all modules are armed and have reeled in what is slack; then its script
+    begins. When all have been stopped,
     it goes back there. Modules that are armed meanwhile find it on its way, and its script begins after that.
     ``far_ends`` are functions that return the current length of each module's cable, in m; ``track`` is called 90
     times a second.
@@ -329,7 +332,7 @@ class PersonSimulation:
         if self._playing and not any(pulling):
             self._restart(return_plan(self._plan, self._person.pose), now)
             self._playing, self._back_at = False, now + RETURN_S
-        elif not self._playing and all(pulling) and now >= self._back_at:
+        elif not self._playing and all(pulling) and now >= self._back_at and not _slack(samples):
             self._restart(self._plan, now)
             self._playing = True
         self._person.apply_tensions(np.array([sample.tension for sample in samples]))
@@ -348,6 +351,10 @@ class PersonSimulation:
 
     def _length(self, index: int) -> float:
         return float(self._lengths[index])
+
+
+def _slack(samples: Sequence[Sample]) -> bool:
+    return any(sample.length - sample.distance > MAX_SLACK_M for sample in samples)
 
 
 def return_plan(plan: PersonPlan, pose: Pose) -> PersonPlan:

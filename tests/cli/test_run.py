@@ -28,7 +28,7 @@ def reachable(monkeypatch, simulated_time):
         (signal.SIGINT, 0, "signal SIGINT", State.IDLE),
         (signal.SIGTERM, 0, "signal SIGTERM", State.IDLE),
         (signal.SIGHUP, 0, "signal SIGHUP", State.IDLE),
-        (ESTOP_SIGNAL, 1, "emergency stop", State.ESTOP),
+        (ESTOP_SIGNAL, 1, "emergency stop (from another terminal)", State.ESTOP),
     ],
 )
 def test_a_signal_ends_a_run_in_good_order(run, reachable, monkeypatch, number, status, said, state):

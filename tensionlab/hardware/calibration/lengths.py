@@ -14,6 +14,7 @@ from tensionlab.hardware.calibration.anchor_fit import Poses, rotations
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Calibration
 from tensionlab.hardware.protocol.messages import Telemetry
+from tensionlab.hardware.runner.pretension import MAX_PRETENSION_S, REST_M_S, CableSpeeds
 from tensionlab.hardware.runner.settings import Clock
 from tensionlab.hardware.runner.watchdog import stopping
 from tensionlab.model.module import KINDS
@@ -21,7 +22,8 @@ from tensionlab.model.rig import Rig
 
 PERIOD_S = 0.02
 TAUT_S, LOOSE_S = 1.0, 0.5
-"""How long cables are pulled tight before their length is set, and how long a module takes to let go, in s."""
+"""How long cables are pulled tight at least before their length is set, and how long a module takes to let go, in
+s."""
 STILL_M, STILL_S, APART_M = 0.001, 0.4, 0.03
 """A pose: no cable moves by more than so many m for so many s, and one is so many m off each pose before."""
 AXES = "xyz"
@@ -38,11 +40,21 @@ def zero_lengths(group: ModuleGroup, rig: Rig, clock: Clock) -> Floats:
     group.prepare(rig, 20)
     before = np.full(rig.m, np.nan)
 
-    def look() -> bool:
-        before[:] = [each.length for each in _telemetry(group)]
-        return True
+    average, began, resting = CableSpeeds(), clock.now(), False
 
-    _taut(group, rig, clock, TAUT_S, look)
+    def look() -> bool:
+        nonlocal resting
+        before[:] = [each.length for each in _telemetry(group)]
+        speeds = average.take(clock.now(), before.copy())
+        resting = speeds is not None and bool((speeds > -REST_M_S).all())
+        return not resting or clock.now() - began < TAUT_S
+
+    _taut(group, rig, clock, MAX_PRETENSION_S, look)
+    if not resting:
+        raise CalibrationError(
+            f"the cables have not come to rest within {MAX_PRETENSION_S:g} s; see that all are hooked on and "
+            "free, and hold the platform still"
+        )
     known = [info.length_known for info in group.infos]
     clock.wait_until(clock.now() + LOOSE_S)
     for client, length in zip(group.clients, rig.lengths(rig.home, frames=rig.at_rest), strict=True):

@@ -21,18 +21,25 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.runner import guard
 from tensionlab.hardware.runner.module_monitor import ModuleMonitor
+from tensionlab.hardware.runner.pretension import misfit, reel_in, require_possible
 from tensionlab.hardware.runner.program import require_demand
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings
 from tensionlab.hardware.runner.state_estimation import (
+    MAX_LENGTH_ERROR_M,
     Observation,
     PoseTracker,
     SetPointDelays,
     at_one_time,
     observe,
-    reel_in,
     velocity,
 )
-from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED, Cycle, Statistics
+from tensionlab.hardware.runner.statistics import (
+    DEMAND_STOPPED,
+    DURATION_REACHED,
+    EMERGENCY_STOP,
+    Cycle,
+    Statistics,
+)
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
 from tensionlab.operating_system import ESTOP_SIGNAL
@@ -178,7 +185,7 @@ class Runner:
                     self.statistics.ended = self._render(seconds)
             except Interrupted as interrupted:
                 self.statistics.emergency = interrupted.number == ESTOP_SIGNAL
-                self.statistics.ended = "emergency stop" if self.statistics.emergency else f"signal {interrupted}"
+                self.statistics.ended = EMERGENCY_STOP if self.statistics.emergency else f"signal {interrupted}"
             except Hung as hung:
                 self.statistics.ended = str(hung)
                 raise HardwareError(str(hung)) from None
@@ -200,33 +207,47 @@ class Runner:
             self.log.modules(dict(zip(self._names, self.modules.infos, strict=True)))
         if self._lengths is not None:
             self.modules.require_lengths()
+        taut = np.array([info.tension_lower for info in self.modules.infos])
+        self._before = np.minimum(taut, self.rig.limits.lower)  # equal, but for single precision, or below
         deadline = self._clock.now() + FIRST_TELEMETRY_TIMEOUT_S
         while not np.isfinite(observe(self.modules).ages).all():
             if self._clock.now() > deadline:
                 silent = [client.name for client in self.modules.clients if client.telemetry is None]
                 raise LinkTimeout(f"no telemetry from {', '.join(silent)} within {FIRST_TELEMETRY_TIMEOUT_S:g} s")
             self._clock.wait_until(self._clock.now() + 1e-3 * self.settings.telemetry_ms)
+        if self._lengths is not None:
+            require_possible(self.rig, observe(self.modules).lengths)
         self._step("the first answer of the solver", WARM_UP_S)
         home = self.rig.structure_matrix(self.rig.home, frames=self.rig.at_rest)
         self._allocator(home, np.zeros(self.rig.n), self._monitor.active, self.rig.limits)
         self._rest()
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = guard.ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
-        self.modules.arm(self.rig.limits.lower)
+        self.modules.arm(self._before)
         self._note("armed", f"{self.rig.m} modules")
-        if self._lengths is not None:
-            self._settle(self._lengths)
+        self._pretension()
 
-    def _settle(self, tracker: PoseTracker) -> None:
-        """Reel in slack cables, with the least tensions, until their lengths fit a pose."""
+    def _pretension(self) -> None:
+        """Reel in slack cables at the taut minima, unless the tracker says that none is slack."""
+        tracker, known = self._tracker, [info.length_known for info in self.modules.infos]
+
+        def expected() -> Floats:
+            assert tracker is not None
+            return np.where(known, self.rig.lengths(*tracker(0.0)), np.nan)
+
+        if (
+            tracker is not None
+            and (np.abs(observe(self.modules).lengths - expected()) <= MAX_LENGTH_ERROR_M).all()
+        ):
+            return
 
         def cycle() -> Observation:
             self._clock.wait_until(self._clock.now() + 1.0 / self.settings.rate)
             seen, _ = self._look()
-            self._send(self.rig.limits.lower, Demand())
+            self._send(self._before, Demand())
             return seen
 
-        reel_in(tracker, cycle, self._monitor.active, self._clock, redundant=self.rig.m > self.rig.n)
+        reel_in(self.rig, cycle, self._monitor.active, self._clock, self._lengths, expected if tracker else None)
         self._fitted_at = self._clock.now()
 
     def _render(self, seconds: float | None) -> str:
@@ -321,7 +342,7 @@ class Runner:
             if self._lengths.fits:
                 self._fitted_at = self._clock.now()
             elif self._clock.now() - self._fitted_at > MISFIT_S:
-                self._lengths.require_fit("is a cable slack, caught, or off its spool?")
+                raise HardwareError(misfit(self.rig, self._lengths, lengths, active))
         late = seen.ages > 2e-3 * self.settings.telemetry_ms
         if late.any():
             self.statistics.late_telemetry.update(np.array(self._names)[late].tolist())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from tensionlab.demand import Pose
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.protocol.codes import Limit, State
-from tensionlab.hardware.runner.settings import Clock
 from tensionlab.model.rig import Rig
 
 
@@ -49,10 +47,9 @@ def observe(group: ModuleGroup) -> Observation:
             rows.append(SILENT)
             continue
         said = heard.message
-        age = client.link.clock() - heard.time
         state = said.state if client.state is None else client.state
         codes = (state, client.faults, said.limit, said.brake, said.sequence)
-        rows.append((said.length, said.speed, said.tension, age, *codes, said.thermal))
+        rows.append((said.length, said.speed, said.tension, client.age, *codes, said.thermal))
     lengths, speeds, tensions, ages, *numbers, thermal = np.array(rows).T
     states, faults, limiters, brakes, last_sequence = np.array(numbers, dtype=np.int64)
     return Observation(lengths, speeds, tensions, ages, states, faults, limiters, brakes, last_sequence, thermal)
@@ -146,8 +143,8 @@ class PoseTracker:
                 f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or a place'
             )
         self._rig = rig
-        self.fits = False
-        self._worst, self._off = 0, 0.0
+        self.error = math.inf
+        self.worst, self.off = 0, 0.0
         self._structure: Floats = rig.structure_matrix(rig.home)
         self._native = self._at_home()
 
@@ -161,23 +158,20 @@ class PoseTracker:
 
         If these lengths do not fit (see `fits`), it is the pose that fits best.
         """
-        position, rotation, self._structure, squares, self._worst, self._off = self._native.follow(
+        position, rotation, self._structure, squares, self.worst, self.off = self._native.follow(
             lengths, known, steps, STEP_TOLERANCE
         )
-        self.fits = bool(squares <= MAX_LENGTH_ERROR_M**2 * np.count_nonzero(known))
+        self.error = math.sqrt(squares / max(int(np.count_nonzero(known)), 1))
         if self._rig.n == self._rig.dimension:
             return Pose(position), self._structure
         if self._rig.dimension == 2:
             return Pose(position, np.arctan2(rotation[1, 0], rotation[0, 0])), self._structure
         return Pose(position, rotation), self._structure
 
-    def require_fit(self, advice: str) -> None:
-        """Refuse, by a `HardwareError` with this advice, lengths that fit no pose near the last one."""
-        if not self.fits:
-            raise HardwareError(
-                f'cable lengths fit no pose: that of module "{self._rig.modules[self._worst].name}" is off by '
-                f"{1e3 * self._off:.0f} mm, or another's is; {advice}"
-            )
+    @property
+    def fits(self) -> bool:
+        """Whether the latest lengths belong to the latest pose, within `MAX_LENGTH_ERROR_M`."""
+        return bool(self.error <= MAX_LENGTH_ERROR_M)
 
     def moves_as_one(self, speeds: Floats, known: NDArray[np.bool_]) -> bool:
         """Return whether cables with these speeds of paying out can all be taut, at the latest pose."""
@@ -206,39 +200,3 @@ def velocity(structure: Floats, speeds: Floats, known: NDArray[np.bool_]) -> Flo
     """
     found = np.linalg.lstsq(structure.T * known[:, None], np.where(known, speeds, 0.0), rcond=1e-6)[0]
     return np.asarray(-found, dtype=np.float64)
-
-
-SETTLED_CYCLES = 3
-"""Lengths must fit a pose, and speeds a motion, for so many cycles before the run begins."""
-MAX_REEL_IN_S = 4.0
-"""How long slack cables may take to be reeled in."""
-MIN_REEL_IN_S = 0.5
-"""How long they take at least where any lengths fit a pose: no more cables than unknowns."""
-
-
-def reel_in(
-    tracker: PoseTracker,
-    cycle: Callable[[], Observation],
-    active: NDArray[np.bool_],
-    clock: Clock,
-    *,
-    redundant: bool,
-) -> None:
-    """Do cycles until all cables are taut, since slack lengths fix no pose; then the tracker knows the pose.
-
-    `cycle` waits for the next one, commands taut cables, and returns the observation. The modules that take part,
-    `active` (m,), may change meanwhile. `redundant` is whether there are more cables than unknowns. A
-    `HardwareError` if the lengths of taut cables fit no pose.
-    """
-    began, settled = clock.now(), 0
-    while settled < SETTLED_CYCLES or (not redundant and clock.now() - began < MIN_REEL_IN_S):
-        seen = cycle()
-        tracker.search(at_one_time(seen.lengths, seen.speeds, seen.ages), active)
-        taut = tracker.fits and tracker.moves_as_one(seen.speeds, active)
-        settled = settled + 1 if taut else 0
-        if clock.now() - began > MAX_REEL_IN_S:
-            tracker.require_fit(
-                "all cables are taut, so calibrate the lengths (`tensionlab module calibrate lengths`), and "
-                "start near the rig's home"
-            )
-            break  # only the speeds do not fit: a hand that shakes, behind links that are late

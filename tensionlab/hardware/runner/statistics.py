@@ -19,6 +19,8 @@ MAX_TIMES = 100_000
 DURATION_REACHED = "duration reached"
 DEMAND_STOPPED = "stopped by the demand"
 """What ends a run in good order; other ends are signals, an emergency stop and errors."""
+EMERGENCY_STOP = "emergency stop (from another terminal)"
+"""`tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`."""
 STATUSES = tuple(sorted(Status))
 PERCENTILES = {"median": 50.0, "p99": 99.0, "max": 100.0}
 

@@ -88,7 +88,7 @@ def test_an_emergency_stop_from_elsewhere(rig, tmp_path):
         subprocess.run(command("estop", "--modules", tmp_path / "modules.toml"), check=True, timeout=TIMEOUT_S)
         rig.wait_for(lambda row: set(row.states) == {State.ESTOP})
         assert running.wait(TIMEOUT_S) == 1
-        assert "finished: emergency stop" in running.stdout.read()
+        assert "finished: emergency stop (from another terminal)" in running.stdout.read()
         end = rig.now
         rig.wait_for(lambda row: row.time > end + 0.1)
         begin = next(row.time for row in rig.rows if set(row.states) == {State.ESTOP})

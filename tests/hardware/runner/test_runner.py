@@ -171,7 +171,7 @@ def test_it_knows_how_late_it_hears_what_it_asked_for(rig, latency):
 
 
 def test_before_the_first_set_point_it_does_not_know_how_late_it_hears(rig):
-    """With a tracker, nothing is sent before the first cycle; from lengths, cables are reeled in first."""
+    """With a tracker, nothing is sent before the first cycle where no cable is slack."""
     delays = []
     place = Pose(rig.home)
 
@@ -306,16 +306,6 @@ def test_a_fast_hand_that_leaves_cables_slack_for_a_moment_does_not_end_a_run(ri
     runner = run(world, rig, demand, 2.0)
     assert runner.statistics.ended == "duration reached"
     assert max(off[-30:]) < 1e-3
-
-
-def test_lengths_that_fit_no_pose_are_refused(rig):
-    world = World(rig)
-    for client in world.group().clients[:3]:
-        client.calibrate(Calibration.LENGTH, 0.4)
-    said = r'fit no pose: that of module "\S+" is off by \d+ mm, or .* all cables are taut, so calibrate'
-    with pytest.raises(HardwareError, match=said):
-        run(world, rig, lambda state: Demand())
-    assert {module.sample.state for module in world.modules} == {State.IDLE}
 
 
 @pytest.mark.parametrize(

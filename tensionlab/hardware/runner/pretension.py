@@ -1,0 +1,218 @@
+"""Pretension: slack cables are reeled in before a run, at the taut minimum, and what is wrong with them is named.
+
+Between runs modules are idle, and cables hang as they were pulled out. A module measures what has left its spool,
+so that a length is the distance to the platform or more: idle lengths are too long, and fix no pose before the
+cables are taut. Until the pose is known,
+
+- each module pulls with its own taut minimum, 0.5 N unless it was set up otherwise, and none with more. Less is
+  not possible: the firmware pulls with that from ARM on;
+- nothing pays out by itself: cable leaves a spool only where somebody pulls harder than its taut minimum;
+- set-points live as long as in the run. A host that dies or hangs, a lost module, Ctrl-C and an emergency stop end
+  this as they end a run;
+- a cable that reels in further than the others let it holds nothing. All modules are stopped at once;
+- cables that do not come to rest, and lengths that then fit no pose, end the run before any wrench is rendered.
+
+Tensions go from the taut minimum to those of the first demand by the limit on their slew. How fast a spool reels
+slack in is up to its motor's voltage, some 2 m/s at 12 V, and the host cannot slow it down: as a cable becomes
+taut, the spool's momentum is a tug of some 20 N for some 5 ms (simulated, on a platform that does not move).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.runner.settings import Clock
+from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M, Observation, PoseTracker, at_one_time
+from tensionlab.model.rig import Rig
+
+WINDOW_S = 0.5
+"""Speeds of cables are averaged for so long: meanwhile a hand may shake, and telemetry be late."""
+REELING_M_S = 0.5
+"""A cable that gets shorter this fast on average is being reeled in. A hand that starts a run is slower."""
+REST_M_S = 0.05
+"""Average speed below which a cable is at rest."""
+MISFIT_S = 1.0
+"""Lengths that fit no pose are refused once the cables have been at rest for so long."""
+SHAKING_S = 4.0
+"""After so long without a cable that is reeled in, speeds need not fit a motion: a hand shakes, links are late."""
+MAX_PRETENSION_S = 20.0
+"""How long cables may take to come to rest: 40 m of slack at 2 m/s."""
+TOO_SHORT_M = 2.0 * MAX_LENGTH_ERROR_M
+"""By how much a cable may seem shorter than it can be: two lengths are compared."""
+MAX_PLACE_ERROR_M = 0.5
+"""How far off a place may be that somebody gave, in place of lengths."""
+MAX_UNCERTAINTY_M = 0.01
+"""Where the other lengths fit a pose better than this, the one that was left out explains a misfit."""
+WITHOUT_LENGTHS = "Or say where it is by `--at X Y Z`, in Python a tracker: then a run needs no lengths"
+
+
+def reel_in(
+    rig: Rig,
+    cycle: Callable[[], Observation],
+    active: NDArray[np.bool_],
+    clock: Clock,
+    tracker: PoseTracker | None,
+    expected: Callable[[], Floats] | None = None,
+) -> None:
+    """Do cycles until no cable is reeled in any more, and the tracker knows the pose by their lengths.
+
+    Parameters
+    ----------
+    rig : Rig
+    cycle : callable
+        Waits for the next cycle, commands the taut minima, and returns the observation.
+    active : (m,) array of bool
+        Modules that take part; may change meanwhile.
+    clock : Clock
+    tracker : PoseTracker or None
+        None where the pose is known without lengths.
+    expected : callable, optional
+        Where there is no tracker, returns the lengths by the place now, (m,) in m; NaN where a module does not
+        know its own. Once all lengths are as expected, within `MAX_LENGTH_ERROR_M`, no cable is slack.
+
+    Raises
+    ------
+    HardwareError
+        Naming the modules whose cables are loose, do not come to rest, or fit no pose.
+    """
+    began, average = clock.now(), CableSpeeds()
+    calm_since = rest_since = began
+    while True:
+        seen = cycle()
+        now, lengths = clock.now(), at_one_time(seen.lengths, seen.speeds, seen.ages)
+        if expected is not None:
+            there = expected()
+            if (~active | (np.abs(lengths - there) <= MAX_LENGTH_ERROR_M)).all():
+                return
+            _require_held(rig, there - MAX_PLACE_ERROR_M, lengths, seen.speeds, active)
+        elif tracker is not None:
+            _require_held(rig, _shortest(rig, tracker, lengths, seen.speeds, active), lengths, seen.speeds, active)
+        speeds = average.take(now, lengths)
+        if speeds is None:
+            calm_since = rest_since = now
+            continue
+        if (active & (speeds < -REELING_M_S)).any():
+            calm_since = rest_since = now
+        elif tracker is None:
+            return
+        else:
+            tracker.search(lengths, active)
+            if tracker.fits and (tracker.moves_as_one(speeds, active) or now - calm_since > SHAKING_S):
+                return
+            if tracker.fits or (active & (speeds < -REST_M_S)).any():
+                rest_since = now
+            if now - rest_since > MISFIT_S:
+                raise HardwareError(misfit(rig, tracker, lengths, active))
+        if now - began > MAX_PRETENSION_S:
+            still = [f'"{rig.modules[index].name}"' for index in np.flatnonzero(active & (speeds < -REST_M_S))]
+            raise HardwareError(
+                f"the cables have not come to rest within {MAX_PRETENSION_S:g} s (module "
+                f"{', '.join(still) or 'none'} still reels in): see that all are hooked on and free, and hold the "
+                "platform still until the run begins"
+            )
+
+
+class CableSpeeds:
+    """Average speeds of paying out over the last `WINDOW_S`."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, Floats]] = deque()
+
+    def take(self, now: float, lengths: Floats) -> Floats | None:
+        """Take the lengths (m,) in m at a time in s; return the speeds in m/s, None before the window is full."""
+        self._rows.append((now, lengths))
+        oldest = now - WINDOW_S + 1e-9
+        while len(self._rows) > 2 and self._rows[1][0] <= oldest:
+            self._rows.popleft()
+        since, first = self._rows[0]
+        return (lengths - first) / (now - since) if since <= oldest else None
+
+
+def require_possible(rig: Rig, lengths: Floats) -> None:
+    """Refuse, by a `HardwareError`, lengths (m,) in m too short for any pose, however slack cables are."""
+    gaps = np.where(np.eye(rig.m, dtype=bool), 0.0, _gaps(rig))
+    missing = gaps - lengths[:, None] - lengths[None, :]
+    one, other = np.unravel_index(int(np.nanargmax(missing)), missing.shape)
+    if missing[one, other] > TOO_SHORT_M:
+        first, second = rig.modules[one].name, rig.modules[other].name
+        raise HardwareError(
+            f'the cables of modules "{first}" and "{second}" are {lengths[one]:.2f} and {lengths[other]:.2f} m '
+            f"long, and need {gaps[one, other]:.2f} m together to meet. Slack makes a length longer, never "
+            f"shorter: calibrate them (`tensionlab module calibrate lengths`). {WITHOUT_LENGTHS}"
+        )
+
+
+def misfit(rig: Rig, tracker: PoseTracker, lengths: Floats, active: NDArray[np.bool_]) -> str:
+    """Return which of the lengths (m,) in m explains that they fit no pose near home, and what to do.
+
+    Each is left out in turn: if the others fit a pose, it is too long or too short for that one. With one cable
+    more than unknowns, each of them explains it, and all by the same sign.
+    """
+    tracker.search(lengths, active)
+    worst, off = rig.modules[tracker.worst].name, tracker.off
+    found: dict[int, tuple[float, float]] = {}
+    for index in np.flatnonzero(active).tolist():
+        others = active.copy()
+        others[index] = False
+        pose, _ = tracker.search(lengths, others)
+        if tracker.fits:
+            found[index] = tracker.error, float(lengths[index] - rig.lengths(*pose)[index])
+    least = max(MAX_UNCERTAINTY_M, 2.0 * min((error for error, _ in found.values()), default=0.0))
+    likely = {rig.modules[index].name: excess for index, (error, excess) in found.items() if error <= least}
+    if not likely:
+        said = f'that of module "{worst}" is off most, by {off:.2f} m, and no single one explains it'
+        advice = "Cables are slack, caught, or off their hooks: pull at each"
+    else:
+        words = [f'that of module "{name}" is {abs(by):.2f} m too {_word(by)}' for name, by in likely.items()]
+        said = ", or ".join(words)
+        meanings = {
+            "long": "A cable is too long where it is slack or caught: pull at it, and see its spool turn",
+            "short": "A cable is too short where it is off its hook, or its length was set elsewhere",
+        }
+        advice = ". ".join(meanings[word] for word in sorted({_word(by) for by in likely.values()}))
+    return f"cable lengths fit no pose: {said}. {advice}. {WITHOUT_LENGTHS}"
+
+
+def _word(excess: float) -> str:
+    return "long" if excess > 0.0 else "short"
+
+
+def _require_held(rig: Rig, shortest: Floats, lengths: Floats, speeds: Floats, active: NDArray[np.bool_]) -> None:
+    """Refuse a cable that is being reeled in though it is shorter than it can be, (m,) in m."""
+    loose = active & (speeds < -REELING_M_S) & (lengths < shortest)
+    if loose.any():
+        index = int(np.argmin(np.where(loose, speeds, np.inf)))
+        raise HardwareError(
+            f'the cable of module "{rig.modules[index].name}" is loose: it has been reeled in to '
+            f"{max(lengths[index], 0.0):.2f} m, and would be {shortest[index]:.2f} m or more if it held the "
+            "platform. See that nobody is in its way, hook it on, and start again"
+        )
+
+
+def _shortest(
+    rig: Rig, tracker: PoseTracker, lengths: Floats, speeds: Floats, active: NDArray[np.bool_]
+) -> Floats:
+    """Return how short each cable can be, (m,) in m, as far as the lengths of the others tell."""
+    others = np.where(active, lengths, np.inf)
+    gaps = _gaps(rig) - others
+    shortest: Floats = gaps.max(axis=1, initial=0.0, where=~np.eye(rig.m, dtype=bool))
+    resting: NDArray[np.bool_] = active & (np.abs(speeds) < REST_M_S)
+    if rig.n <= np.count_nonzero(resting) == np.count_nonzero(active) - 1:
+        pose, _ = tracker.search(lengths, resting)
+        if tracker.fits:
+            shortest = np.where(resting, shortest, np.maximum(shortest, rig.lengths(*pose)))
+    return shortest - TOO_SHORT_M
+
+
+def _gaps(rig: Rig) -> Floats:
+    """Return what two cables must span together at least, (m, m) in m, wherever the platform is."""
+    anchors, attachments = np.asarray(rig.anchors), np.asarray(rig.attachments)
+    apart: Floats = np.linalg.norm(anchors[:, None] - anchors[None, :], axis=-1)
+    on_platform: Floats = np.linalg.norm(attachments[:, None] - attachments[None, :], axis=-1)
+    return apart - on_platform

@@ -1,0 +1,243 @@
+"""Runs that begin with slack, caught or loose cables, in lockstep with simulated modules."""
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.demand import Demand, Pose
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.protocol.codes import Calibration, State
+from tensionlab.hardware.runner.pretension import WINDOW_S, CableSpeeds
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import RunSettings, WorldClock
+from tensionlab.hardware.runner.state_estimation import MAX_LENGTH_ERROR_M
+from tensionlab.hardware.simulation.world import World
+
+RIGS = ["bartels2026-validation", "seven-modules", "floor-3"]
+PULL = np.array([0.0, 0.5, 0.0])
+
+
+def out_and_back(rig, metres):
+    """Return the world of a hand that has gone away from home and back in 4 s: all it pulled out hangs slack."""
+    away = metres / np.sqrt(14.0) * np.array([3.0, 2.0, 1.0])
+    world = World(rig, lambda time: Pose(rig.home + away * np.sin(np.pi * np.clip(time / 4.0, 0.0, 1.0)) ** 2))
+    world.advance(4.1)
+    return world
+
+
+def slack(world):
+    return np.array([module.sample.length - module.sample.distance for module in world.modules])
+
+
+def begin(world, rig, rate=50.0, group=None, **options):
+    """Run for 0.1 s; how slack cables were and how far the pose was off in the first cycle."""
+    found = []
+
+    def demand(state):
+        found.append((slack(world).max(), np.linalg.norm(state.pose.position - world.pose.position)))
+        return Demand(PULL)
+
+    group = world.group() if group is None else group
+    Runner(rig, group, "newton", demand, RunSettings(rate=rate), clock=WorldClock(world), **options).run(0.1)
+    return found[0]
+
+
+def watched(world):
+    """Return the list to which the states and commanded tensions of all modules are added while time passes."""
+    seen = []
+    world.watch = lambda traces: seen.append(
+        (max(trace.state.max() for trace in traces), max(trace.commanded.max() for trace in traces))
+    )
+    return seen
+
+
+@pytest.mark.parametrize("rate", [8.0, 50.0, 1000.0])
+@pytest.mark.parametrize("name", RIGS)
+def test_a_run_begins_when_slack_has_been_reeled_in_and_then_knows_the_pose(name, rate):
+    """At 1 kHz, three cycles are over before a slack cable moves; 3 m are reeled in by all spools at one speed."""
+    rig = tl.load_rig(name)
+    for metres in (0.3, 3.0):
+        world = out_and_back(rig, metres)
+        assert slack(world).max() > 0.6 * metres
+        left, off = begin(world, rig, rate)
+        assert left < 1e-2  # spools bounce a little as cables become taut
+        assert off < 5e-3
+
+
+def test_until_the_pose_is_known_no_module_pulls_with_more_than_its_taut_minimum():
+    """Also where the rig's own lower limits are higher; only then do tensions rise, by the limit on their slew."""
+    published = tl.load_rig("bartels2026-validation")
+    modules = [tl.Module(each.name, each.anchor, 1.5, 6.0) for each in published.modules]
+    rig = tl.Rig("taut", published.kind, modules, published.home)
+    world = out_and_back(rig, 2.0)
+    group = world.group()
+    for client in group.clients:
+        client.set_parameter("tension_lower", 0.4)
+    seen, begun, sent = watched(world), [], []
+
+    def demand(state):
+        begun.append(len(seen))
+        sent.extend([] if runner.latest is None else [runner.latest.commanded.max()])
+        return Demand()
+
+    runner = Runner(rig, group, "newton", demand, RunSettings(), clock=WorldClock(world))
+    runner.run(0.2)
+    assert max(tension for _, tension in seen[: begun[0]]) == pytest.approx(0.4)
+    assert max(tension for _, tension in seen) == pytest.approx(1.5)
+    assert sent[0] <= 0.4 + 60.0 / 50.0
+
+
+@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize(("metres", "tracked"), [(0.0, False), (0.5, False), (0.5, True)])
+def test_a_cable_that_holds_nothing_is_named_before_anything_is_rendered(name, metres, tracked):
+    rig = tl.load_rig(name)
+    world = out_and_back(rig, metres)
+    loose = world.modules[1]
+    loose.damage("cable")
+    before, rendered, place = loose.sample.length, [], Pose(rig.home)
+    runner = Runner(
+        rig,
+        world.group(),
+        "newton",
+        lambda state: rendered.append(state) or Demand(PULL),
+        clock=WorldClock(world),
+        tracker=(lambda time: place) if tracked else None,
+    )
+    said = f'cable of module "{rig.modules[1].name}" is loose: it has been reeled in to .* hook it on'
+    with pytest.raises(HardwareError, match=said):
+        runner.run(1.0)
+    assert not rendered
+    assert before - loose.sample.length < 2.0
+    assert {module.sample.state for module in world.modules} == {State.IDLE}
+
+
+def misjudged(rig, index, metres):
+    """Return the world and the group of a rig, one of whose modules takes its taut cable for longer than it is."""
+    world = World(rig)
+    group = world.group()
+    length = float(rig.lengths(rig.home)[index])
+    group.clients[index].calibrate(Calibration.LENGTH, length + metres)
+    return world, group
+
+
+@pytest.mark.parametrize(
+    ("metres", "said"),
+    [
+        (0.4, "0.40 m too long. A cable is too long where it is slack or caught: pull at it"),
+        (-0.4, "0.40 m too short. A cable is too short where it is off its hook, or"),
+    ],
+)
+def test_a_cable_at_rest_whose_length_does_not_fit_is_named_and_a_place_helps(metres, said):
+    rig = tl.load_rig("seven-modules")
+    world, group = misjudged(rig, 4, metres)
+    with pytest.raises(HardwareError, match=f'fit no pose: that of module "{rig.modules[4].name}" is {said}') as e:
+        begin(world, rig, group=group)
+    assert "--at X Y Z" in str(e.value)
+    assert "calibrate" not in str(e.value)
+    assert {module.sample.state for module in world.modules} == {State.IDLE}
+    place = Pose(rig.home)
+    begin(world, rig, group=group, tracker=lambda time: place)
+
+
+def test_with_one_cable_more_than_unknowns_each_explains_a_misfit_by_the_same_sign():
+    rig = tl.load_rig("bartels2026-validation")
+    world, group = misjudged(rig, 3, 0.4)
+    with pytest.raises(HardwareError, match="fit no pose") as caught:
+        begin(world, rig, group=group)
+    said = str(caught.value)
+    assert said.count("too long") == 1 + said.count("that of module")
+    assert 'that of module "top" is 0.40 m too long' in said
+    assert "too short" not in said
+
+
+def test_two_caught_cables_are_more_than_one():
+    rig = tl.load_rig("seven-modules")
+    world, group = misjudged(rig, 1, 0.6)
+    group.clients[4].calibrate(Calibration.LENGTH, float(rig.lengths(rig.home)[4]) + 0.8)
+    with pytest.raises(HardwareError, match=r"no single one explains it\. Cables are slack, caught, or off"):
+        begin(world, rig, group=group)
+
+
+def test_lengths_too_short_for_any_pose_are_refused_before_a_module_is_armed():
+    """Slack cannot explain them: it makes lengths longer."""
+    rig = tl.load_rig("bartels2026-validation")
+    world = World(rig)
+    group = world.group()
+    for client in group.clients[:3]:
+        client.calibrate(Calibration.LENGTH, 0.1)
+    seen = watched(world)
+    said = r'cables of modules "floor-\d" and "\S+" are .* m together to meet\. .* calibrate them .*--at X Y Z'
+    with pytest.raises(HardwareError, match=said):
+        begin(world, rig, group=group)
+    assert {state for state, _ in seen} == {State.IDLE}
+
+
+def test_cables_that_do_not_come_to_rest_are_named():
+    rig = tl.load_rig("floor-3")
+    world = out_and_back(rig, 50.0)
+    with pytest.raises(
+        HardwareError, match=r'not come to rest within 20 s \(module "floor-1", "floor-2", "floor-3"'
+    ):
+        begin(world, rig)
+    assert {module.sample.state for module in world.modules} == {State.IDLE}
+
+
+def test_a_run_that_is_told_the_place_reels_in_first_too():
+    rig = tl.load_rig("bartels2026-validation")
+    place = Pose(rig.home)
+    left, _ = begin(out_and_back(rig, 2.0), rig, tracker=lambda time: place)
+    assert left <= MAX_LENGTH_ERROR_M
+    world = out_and_back(rig, 2.0)
+    group = world.group()
+    for client in group.clients:  # nobody knows the lengths
+        client.set_parameter("motor_direction", -1.0)
+        client.set_parameter("motor_direction", 1.0)
+    left, _ = begin(world, rig, group=group, tracker=lambda time: place)
+    assert left < 1e-2
+
+
+def test_where_the_place_says_that_no_cable_is_slack_a_run_begins_at_once():
+    rig = tl.load_rig("bartels2026-validation")
+    world, place, begun = World(rig), Pose(rig.home), []
+    runner = Runner(
+        rig,
+        world.group(),
+        "newton",
+        lambda state: begun.append(world.time) or Demand(PULL),
+        clock=WorldClock(world),
+        tracker=lambda time: place,
+    )
+    runner.run(0.1)
+    assert begun[0] < WINDOW_S
+
+
+def test_an_interruption_while_cables_are_reeled_in_stops_all_modules():
+    rig = tl.load_rig("bartels2026-validation")
+    world = out_and_back(rig, 3.0)
+
+    class Interrupting(WorldClock):
+        def wait_until(self, when):
+            super().wait_until(when)
+            if slack(world).max() < 2.0:
+                raise KeyboardInterrupt
+
+    runner = Runner(rig, world.group(), "newton", lambda state: Demand(PULL), clock=Interrupting(world))
+    with pytest.raises(KeyboardInterrupt):
+        runner.run(1.0)
+    assert 1.5 < slack(world).max() < 2.1
+    assert {module.sample.state for module in world.modules} == {State.IDLE}
+    assert runner.statistics.cycles == 0
+
+
+@pytest.mark.parametrize("period", [0.01, 0.125])
+def test_average_speeds_are_those_of_the_window(period):
+    """A cable that shortens by 2 m/s from 1 s on, and one that swings."""
+    average, found = CableSpeeds(), {}
+    for step in range(round(3.0 / period)):
+        time = period * step
+        lengths = np.array([5.0 - 2.0 * max(time - 1.0, 0.0), np.sin(4.0 * np.pi * time)])
+        found[round(time, 3)] = average.take(time, lengths)
+    assert all(speeds is None for time, speeds in found.items() if time < WINDOW_S - 1e-6)
+    np.testing.assert_allclose(found[1.0], [0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(found[1.25], [-1.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(found[2.5], [-2.0, 0.0], atol=1e-9)
