@@ -22,7 +22,7 @@ from tensionlab.hardware.client import parameter_file
 from tensionlab.hardware.client.discovery import find_all, ports
 from tensionlab.hardware.client.discovery import identify as pulse
 from tensionlab.hardware.client.emergency_stop import emergency_stop
-from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S
+from tensionlab.hardware.client.group import PATIENT_TIMEOUTS_S, load_modules
 from tensionlab.hardware.client.locks import locked_links
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.client.parameter_file import Change, firmware, plain
@@ -218,8 +218,9 @@ def _plain(info: Info) -> dict[str, Any]:
 @config.command()
 def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Show parameters, such as slew or ttl; all of them if none is named."""
-    named = [word for word in words or () if word in PARAMETERS] or list(PARAMETERS)
-    links = find_links([word for word in words or () if word not in PARAMETERS], modules)
+    named, these = _parameters(words, modules, lambda word: word in PARAMETERS)
+    named = named or list(PARAMETERS)
+    links = find_links(these, modules)
     answers, failed = call_all(links, parameter_file.parameters)
     if json:
         output.print_json(
@@ -243,7 +244,8 @@ def get(words: LinksAndParameters = None, modules: ModulesFile = None, json: Jso
 @config.command(name="set")
 def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Save = False) -> None:
     """Change parameters, such as slew=50 ttl=200, until the next start, or for good with --save."""
-    pairs = [word.partition("=") for word in words or () if "=" in word]
+    settings, these = _parameters(words, modules, lambda word: "=" in word)
+    pairs = [word.partition("=") for word in settings]
     if not pairs:
         raise typer.BadParameter("no parameters; write them like slew=50")
     values: dict[str, float] = {}
@@ -253,8 +255,17 @@ def set_(words: LinksAndParameters = None, modules: ModulesFile = None, save: Sa
         except ValueError:
             raise typer.BadParameter(f"{name}={value}: give a number, such as {name}=50") from None
     parameter_file.checked(values, "set")
-    links = find_links([word for word in words or () if "=" not in word], modules)
+    links = find_links(these, modules)
     _change(links, lambda client: parameter_file.change(client, values, "set"), save)
+
+
+def _parameters(
+    words: list[str] | None, modules: Path | None, is_parameter: Callable[[str], bool]
+) -> tuple[list[str], list[str]]:
+    """Return the words about parameters, and the others; what names a module in the file is none of the former."""
+    names = load_modules(modules) if modules is not None else {}
+    found = [word for word in words or () if word not in names and is_parameter(word)]
+    return found, [word for word in words or () if word not in found]
 
 
 @config.command()

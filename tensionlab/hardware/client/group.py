@@ -27,6 +27,7 @@ from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import LATCHED_STATES
 from tensionlab.hardware.protocol.messages import Acknowledge, Info, Message, Stop
 from tensionlab.hardware.protocol.parameters import PARAMETERS
+from tensionlab.model.module import MAX_NAME
 from tensionlab.model.rig import Rig
 
 PATIENT_TIMEOUTS_S = (*ANSWER_TIMEOUTS_S, *(ANSWER_TIMEOUTS_S[-1],) * 5)
@@ -304,6 +305,10 @@ def load_modules(path: str | Path) -> dict[str, str]:
     if not isinstance(links, dict) or not links:
         raise HardwareError(f'{path}: no modules; write [modules] and lines such as name = "/dev/rfcomm0"')
     for name, link in links.items():
+        if not name or not name.isprintable() or len(name) > MAX_NAME:
+            raise HardwareError(
+                f"{path}: modules: a name is {brief(name)}; give 1 to {MAX_NAME} characters, all of them printable"
+            )
         if not isinstance(link, str) or not link:
             raise HardwareError(f'{path}: modules: "{name:.40}" is {brief(link)}; give a link as text, as "COM5"')
     repeated = [link for link, count in Counter(links.values()).items() if count > 1]

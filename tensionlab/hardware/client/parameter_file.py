@@ -16,6 +16,7 @@ A file may leave parameters out; those stay as they are.
 from __future__ import annotations
 
 import difflib
+import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,6 +43,12 @@ LOWER_BOUNDS = frozenset({"tension_lower", "length_lower", "supply_lower"})
 LENGTH_PARAMETERS = frozenset({"spool_radius", "motor_direction"})
 """Parameters whose change makes a module forget its cable's length."""
 COMMENT_COLUMN = 34
+UNFIT_CHARACTERS = re.compile(r'[%/\\:*?"<>|\x00-\x1f\x7f]')
+"""Characters that file names do not have on some system."""
+DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
+"""Names that are no files on Windows, whatever follows behind a full stop."""
+MAX_NAME_BYTES = 200
+"""Of a file name before its suffix; most systems take 255 bytes."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +78,18 @@ def dump(client: ModuleClient) -> str:
 
 
 def file_of(folder: Path, module: str) -> Path:
-    """Return the path of a module's file in a folder, NAME.toml, with a slash as %2F and a per cent as %25."""
-    return folder / (re.sub(r'[%/\\:*?"<>|\x00-\x1f\x7f]', lambda each: f"%{ord(each[0]):02X}", module) + ".toml")
+    """Return the path of a module's file in a folder, NAME.toml, with a slash as %2F and a per cent as %25.
+
+    The first letter of a name that Windows keeps for devices is written so, too: %6Eul. The end of a name that is
+    too long is a checksum.
+    """
+    name = UNFIT_CHARACTERS.sub(lambda each: f"%{ord(each[0]):02X}", module)
+    if DEVICE_NAMES.fullmatch(name):
+        name = f"%{ord(name[0]):02X}{name[1:]}"
+    if len(name.encode()) > MAX_NAME_BYTES:
+        checksum = hashlib.sha256(name.encode()).hexdigest()[:16]
+        name = name.encode()[: MAX_NAME_BYTES - len(checksum)].decode(errors="ignore") + checksum
+    return folder / f"{name}.toml"
 
 
 def parse(text: str, origin: str) -> dict[str, float]:

@@ -37,6 +37,9 @@ def test_what_is_written_is_read_again(tmp_path):
         ('[module]\na = "COM5"', 'unknown key "module"; the file has one table'),
         ("[modules]\na = 5", '"a" is 5; give a link as text'),
         ('[modules]\na = ""', "\"a\" is ''"),
+        ('[modules]\n"" = "COM5"', "a name is ''; give 1 to 100 characters"),
+        ('[modules]\n"a\\nb" = "COM5"', "all of them printable"),
+        (f'[modules]\n{101 * "a"} = "COM5"', "give 1 to 100 characters"),
         ('[modules]\na = "COM5"\nb = "COM5"', "COM5 is there twice"),
     ],
 )
@@ -202,6 +205,32 @@ def test_modules_whose_links_close_release_and_a_broken_link_keeps_none_from_it(
     modules.links[NAMES[0]].cut()
     modules.group.close()
     assert modules.states == [State.TIMEOUT] * RIG.m
+
+
+class FastLink(SimulatedLink):
+    """Link whose module, and so its clock, is ten times as fast as the others are."""
+
+    def receive(self, timeout):
+        return super().receive(10.0 * timeout)
+
+
+@pytest.mark.parametrize("fast", [0, 1])
+def test_modules_are_kept_alive_and_waited_for_by_the_clock_that_goes_fastest(fast, monkeypatch):
+    """Clocks of simulated modules pass as fast as they are computed; each times out by its own."""
+    world = World(RIG)
+    fast_link = FastLink(world.modules[fast])
+    slow_link = FaultyLink(SimulatedLink(world.modules[2]), Conditions(latency=0.02))
+    clients = [ModuleClient("fast", fast_link), ModuleClient("slow", slow_link)]
+    pair = ModuleGroup(clients if fast == 0 else clients[::-1])
+    pair.arm([1.0, 1.0])
+    assert fast_link.clock() > 0.3, "as long as a set-point lives, and more"
+    assert {world.modules[index].sample.state for index in (fast, 2)} <= {State.ARMED, State.RUNNING}
+    slow_link.freeze()
+    monkeypatch.setattr(group, "PATIENT_TIMEOUTS_S", (0.5,))
+    began, slow_began = fast_link.clock(), slow_link.clock()
+    assert list(pair.stop()) == ["slow"]
+    assert fast_link.clock() - began == pytest.approx(0.5, abs=0.05)
+    assert slow_link.clock() - slow_began < 0.1
 
 
 def test_links_that_are_slow_to_close_are_closed_side_by_side():
