@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, nullcontext
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -16,7 +17,10 @@ from tensionlab.cli.common.modules import call_all, exit_if_failed, find_links, 
 from tensionlab.cli.common.options import Json, Links, ModulesFile
 from tensionlab.errors import HardwareError, LinkError, ModuleFault
 from tensionlab.hardware.client.latency import RoundTrips, is_bluetooth, measure, safe_rates
+from tensionlab.hardware.client.links import OPENERS
+from tensionlab.hardware.client.locks import Holder, holder, locked_links
 from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.shared_telemetry import Report, Watcher
 from tensionlab.hardware.protocol.codes import DESCRIPTIONS, Fault, Limit
 from tensionlab.hardware.runner.settings import RealClock
 
@@ -27,6 +31,8 @@ if TYPE_CHECKING:
 TELEMETRY_PERIOD_MS = 50
 REFRESH_PERIOD_S = 0.2
 """Of the table."""
+SILENCE_S = 1.0
+"""How long another process may send no report before it is looked for."""
 TELEMETRY = ("<module", "<state", "tension\nN", "current\nA", "length\nm", "speed\nm/s", "<limit", "<faults",
              "heat\n%", "supply\nV", "age\nms", "bad/\nlost")  # fmt: skip
 """Columns of `monitor`."""
@@ -36,47 +42,88 @@ TRIPS = ("<module", "pings", "lost", "p50\nms", "p95\nms", "p99\nms", "max\nms",
 PERCENTILES = (50.0, 95.0, 99.0, 100.0)
 
 
+class WatchedModule:
+    """Module that another process has, as far as that one publishes it; to `monitor`, the same as a client."""
+
+    def __init__(self, url: str, process: Holder) -> None:
+        self.url, self.name, self.process = url, url, process
+        self._report: Report | None = None
+        self._came = time.perf_counter()
+
+    def take(self, report: Report) -> None:
+        """Take what the process says of the module now."""
+        self.name, self._report, self._came = report.name, report, time.perf_counter()
+
+    def check(self) -> None:
+        """Raise a `LinkError` where the process has ended, or given the module up."""
+        if time.perf_counter() - self._came > SILENCE_S and holder(self.url) != self.process:
+            raise LinkError(f"{self.process} has ended or released it; start the monitor again to reach it")
+
+    def report(self) -> Report:
+        """Return the latest report; its age is that of now."""
+        if self._report is None:
+            return Report(self.url, self.name, None, math.inf, 0)
+        return replace(self._report, age=self._report.age + time.perf_counter() - self._came)
+
+
+Monitored = dict[str, ModuleClient | WatchedModule]
+
+
 def monitor(
     links: Links = None,
     modules: ModulesFile = None,
     seconds: Annotated[float, typer.Option(help="How long; until Ctrl-C if left out.", min=0.1)] = math.inf,
     json: Json = False,
 ) -> None:
-    """Show the telemetry of modules in a live table.
+    """Show the telemetry of modules in a live table, also of those in a run.
 
-    Nothing is changed, nothing pulls. In a file or a pipe only the last table is printed. Exit status 1 where a
-    link broke or could not be opened.
+    Nothing is changed, nothing pulls. Modules that another process uses, such as `tensionlab run`, are shown as
+    that one hears them, which does not slow it down. Without links and file: all modules that processes of yours
+    use on this computer. In a file or a pipe only the last table is printed. Exit status 1 where a link broke or
+    could not be opened, or the other process has ended.
     """
     from rich.live import Live
 
-    urls = find_links(links, modules)
+    urls = {url: url for url in locked_links()} if not links and modules is None else find_links(links, modules)
+    if not urls:
+        output.print_error("no process of yours uses a module; name the modules to watch")
+        raise typer.Exit(1)
     with ExitStack() as stack:
-        clients, failed = _connect(urls, stack)
-        clock = RealClock(clients.values())
+        found, failed = _connect(urls, stack)
+        watchers = _watchers(found, stack)
+        clock = RealClock(each for each in found.values() if isinstance(each, ModuleClient))
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
-        live = Live(_telemetry_table(clients, failed), console=output.console(), auto_refresh=False)
+        live = Live(_telemetry_table(found, failed), console=output.console(), auto_refresh=False)
         with until_interrupted() as interrupted, live if shown else nullcontext():
-            while clients.keys() - failed.keys() and not interrupted() and clock.now() < end:
+            while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
+                for watcher in watchers:
+                    watcher.ask()
                 clock.wait_until(clock.now() + REFRESH_PERIOD_S)
-                for name, client in clients.items():
-                    _check(name, client, failed)
-                live.update(_telemetry_table(clients, failed), refresh=shown)
+                reports = {report.url: report for watcher in watchers for report in watcher.take()}
+                for name, each in found.items():
+                    if isinstance(each, WatchedModule) and each.url in reports:
+                        each.take(reports[each.url])
+                    _check(name, each, failed)
+                live.update(_telemetry_table(found, failed), refresh=shown)
         if json:
-            output.print_json([_telemetry_json(name, client) for name, client in clients.items()])
+            output.print_json([_telemetry_json(urls[name], each) for name, each in found.items()])
         elif not shown:
-            output.console().print(_telemetry_table(clients, failed))
+            output.console().print(_telemetry_table(found, failed))
     exit_if_failed(failed)
 
 
-def _connect(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleClient], dict[str, HardwareError]]:
-    """Open all modules and have them report; they are closed with the stack."""
+def _connect(links: dict[str, str], stack: ExitStack) -> tuple[Monitored, dict[str, HardwareError]]:
+    """Open all modules that are free and have them report; they are closed with the stack."""
     failed: dict[str, HardwareError] = {}
 
-    def connect(name: str) -> ModuleClient | None:
-        client = None
+    def connect(name: str) -> ModuleClient | WatchedModule | None:
+        client, url = None, links[name]
         try:
-            client = ModuleClient(name, links[name])
+            user = None if url in OPENERS else holder(url)
+            if user is not None and user.port is not None:
+                return WatchedModule(url, user)
+            client = ModuleClient(name, url)
             client.telemetry_every(TELEMETRY_PERIOD_MS)
         except HardwareError as error:
             failed[name] = error
@@ -84,42 +131,52 @@ def _connect(links: dict[str, str], stack: ExitStack) -> tuple[dict[str, ModuleC
 
     with ThreadPoolExecutor(len(links)) as threads:
         reached = dict(zip(links, threads.map(connect, links), strict=True))
-    clients = {name: client for name, client in reached.items() if client is not None}
-    for client in clients.values():
-        stack.callback(client.close)
-    return clients, failed
+    found = {name: each for name, each in reached.items() if each is not None}
+    for each in found.values():
+        if isinstance(each, ModuleClient):
+            stack.callback(each.close)
+    return found, failed
 
 
-def _check(name: str, client: ModuleClient, failed: dict[str, HardwareError]) -> None:
+def _watchers(found: Monitored, stack: ExitStack) -> list[Watcher]:
+    """Return a watcher of each other process; they are closed with the stack."""
+    processes = {each.process for each in found.values() if isinstance(each, WatchedModule)}
+    watchers = [Watcher(process.port, process.token) for process in processes if process.port is not None]
+    for watcher in watchers:
+        stack.callback(watcher.close)
+    return watchers
+
+
+def _check(name: str, each: ModuleClient | WatchedModule, failed: dict[str, HardwareError]) -> None:
     """Take note of a link that broke; whether the module has released its cable is in the table."""
     try:
-        client.check()
+        each.check()
     except LinkError as error:
         failed[name] = error
     except ModuleFault:
         pass
 
 
-def _telemetry_table(clients: dict[str, ModuleClient], failed: dict[str, HardwareError]) -> RenderableType:
-    """Return the table, and below it what the limits and faults in it mean."""
+def _telemetry_table(found: Monitored, failed: dict[str, HardwareError]) -> RenderableType:
+    """Return the table, and below it what the limits and faults in it mean, and who has the modules."""
     from rich.console import Group
     from rich.text import Text
 
     grid = output.table(TELEMETRY, gap=1)
     faults = Fault(0)
     limits: set[Limit] = set()
-    for name, client in clients.items():
-        last = client.telemetry
+    for name, each in found.items():
+        report = each.report()
+        message = report.telemetry
         if name in failed:
-            grid.add_row(name, "lost")
-        elif last is None:
-            grid.add_row(name, "silent")
+            grid.add_row(report.name, "lost")
+        elif message is None:
+            grid.add_row(report.name, "silent")
         else:
-            message = last.message
             limits.add(message.limit)
             faults |= message.faults
             grid.add_row(
-                name,
+                report.name,
                 message.state.name.lower(),
                 f"{message.tension:.2f}",
                 f"{message.current:.2f}",
@@ -129,20 +186,24 @@ def _telemetry_table(clients: dict[str, ModuleClient], failed: dict[str, Hardwar
                 ", ".join(fault.name.lower() for fault in message.faults if fault.name),
                 f"{100 * message.thermal:.0f}",
                 f"{message.supply:.1f}",
-                f"{1e3 * (client.link.clock() - last.time):.0f}",
-                f"{client.bad_frames + message.bad_frames}/{message.lost_frames}",
+                f"{1e3 * report.age:.0f}",
+                f"{report.bad_frames + message.bad_frames}/{message.lost_frames}",
             )
     lines = [f"{limit.name.lower()}: {DESCRIPTIONS[Limit][limit.name]}" for limit in sorted(limits - {Limit.NONE})]
     lines += [f"{fault.name.lower()}: {DESCRIPTIONS[Fault][fault.name]}" for fault in faults if fault.name]
+    users: dict[str, list[str]] = {}
+    for each in found.values():
+        if isinstance(each, WatchedModule):
+            users.setdefault(str(each.process), []).append(each.name)
+    lines += [f"as {user} hears them: {', '.join(names)}" for user, names in users.items()]
     return Group(grid, Text("\n".join(lines).replace("`", ""), style="dim"))
 
 
-def _telemetry_json(name: str, client: ModuleClient) -> dict[str, Any]:
+def _telemetry_json(url: str, each: ModuleClient | WatchedModule) -> dict[str, Any]:
     """Return the last telemetry as JSON has it: codes by their names."""
-    last = client.telemetry
+    report = each.report()
     telemetry: dict[str, Any] | None = None
-    if last is not None:
-        message = last.message
+    if (message := report.telemetry) is not None:
         telemetry = asdict(message) | {
             "state": message.state.name,
             "faults": [fault.name for fault in message.faults],
@@ -150,10 +211,11 @@ def _telemetry_json(name: str, client: ModuleClient) -> dict[str, Any]:
             "brake": message.brake.name,
         }
     return {
-        "module": name,
-        "url": client.link.url,
-        "age": None if last is None else client.link.clock() - last.time,
-        "bad_frames_here": client.bad_frames,
+        "module": report.name,
+        "url": url,
+        "process": each.process.pid if isinstance(each, WatchedModule) else None,
+        "age": None if telemetry is None else report.age,
+        "bad_frames_here": report.bad_frames,
         "telemetry": telemetry,
     }
 

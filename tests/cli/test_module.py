@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,10 @@ from tensionlab.errors import LinkError
 from tensionlab.hardware.client import discovery as discover
 from tensionlab.hardware.client.group import modules_to_toml
 from tensionlab.hardware.client.links import SerialPort
-from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.hardware.client.locks import Holder, LinkLock
+from tensionlab.hardware.client.shared_telemetry import Publisher, Report, Watcher
+from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
+from tensionlab.hardware.protocol.messages import Telemetry
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.model.files import load_rig
 from tests.support.reachable import ReachableRig
@@ -249,15 +253,99 @@ def test_parameters_from_one_module_to_a_file_and_back(call, tmp_path, urls):
 def test_names_that_are_no_file_names_stay_inside_the_folder(run, tmp_path):
     folder, file = tmp_path / "in" / "here", tmp_path / "modules.toml"
     folder.parent.mkdir()
-    for name in ("../../../x", "a/b", "..", "100 %", "a\\b"):
-        file.write_text(f"[modules]\n'{name}' = 'sim:'\n")
+    names = ["../../../x", "a/b", "..", "100 %", "a\\b", "Nul", "com1.left", "ü→ [red]"]
+    for name in (*names, 99 * "😀" + "1", 99 * "😀" + "2"):
+        file.write_text(f"[modules]\n'{name}' = 'sim:'\n", encoding="utf-8")
         status, out, err = run("module", "config", "dump", "--modules", file, "--folder", folder)
         assert (status, err) == (0, "")
         assert Path(out.strip()).parent == folder
         said = run("module", "config", "restore", folder, "--modules", file)[1]
         assert said == f"{name}: nothing to change\n"
-    files = ["..%2F..%2F..%2Fx.toml", "...toml", "100 %25.toml", "a%2Fb.toml", "a%5Cb.toml"]
-    assert sorted(path.name for path in folder.iterdir()) == files
+    files = ["%4Eul", "%63om1.left", "..", "..%2F..%2F..%2Fx", "100 %25", "a%2Fb", "a%5Cb", "ü→ [red]"]
+    found = sorted(path.name.removesuffix(".toml") for path in folder.iterdir())
+    assert [name for name in found if "😀" not in name] == files
+    assert len(found) == len(files) + 2
+    assert max(len(name.encode()) for name in found) < 250
+
+
+def test_a_module_may_be_named_as_a_parameter_is_or_as_a_change_of_one(run, tmp_path, urls):
+    file = tmp_path / "modules.toml"
+    file.write_text(modules_to_toml({"slew": urls["floor-1"], "ttl=9": urls["floor-2"]}))
+    status, out, err = run("module", "config", "get", "--modules", file, "slew", "ttl")
+    assert (status, err) == (0, "")
+    assert [line.split()[:2] for line in out.splitlines() if "250.0" in line] == [["ttl", "250.0"]]
+    status, out, err = run("module", "config", "set", "--modules", file, "ttl=9", "ttl=300")
+    assert (status, out, err) == (0, "ttl=9: ttl 250.0 -> 300.0\n", "")
+
+
+class Elsewhere:
+    """Process that has some modules, as this one sees it by its notes. What it is asked for comes at once."""
+
+    def __init__(self, monkeypatch, urls):
+        monkeypatch.setattr("tensionlab.hardware.client.shared_telemetry.MIN_PERIOD_S", 0.0)
+        publisher = Publisher()
+        process = Holder(4711, "tensionlab run floor", publisher.port, publisher.token)
+        for name, url in urls.items():
+            publisher.reports[url] = lambda name=name, url=url: Report(url, f"my {name}", TELEMETRY, 0.01, 7)
+        self.holders = dict.fromkeys(urls.values(), process)
+
+        class Patient(Watcher):
+            def take(self):
+                self._socket.settimeout(60.0)
+                return islice(super().take(), len(publisher.reports))
+
+        verb = "tensionlab.cli.module_monitor"
+        monkeypatch.setattr(f"{verb}.Watcher", Patient)
+        monkeypatch.setattr(f"{verb}.holder", self.holders.get)
+        monkeypatch.setattr(f"{verb}.locked_links", lambda: self.holders)
+
+
+TELEMETRY = Telemetry(
+    1, State.RUNNING, Fault(0), Limit.SLEW, 17, 2.5, 0.75, 1.25, -0.5, 12.0, 0.25, BrakeState.OPEN, 3, 4, 250
+)
+OTHERS = {"left": "socket://127.0.0.1:50001", "right": "socket://127.0.0.1:50002"}
+
+
+def test_monitor_shows_modules_of_another_process_as_that_one_hears_them(run, monkeypatch, simulated_time):
+    Elsewhere(monkeypatch, OTHERS)
+    status, out, err = run("module", "monitor", "--seconds", "0.6")
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    assert [line.split()[:7] for line in lines[3:5]] == [
+        ["my", name, "running", "2.50", "0.75", "1.250", "-0.50"] for name in OTHERS
+    ]
+    assert lines[3].split()[-1] == "10/4"
+    assert lines[-1] == "as process 4711 (tensionlab run floor) hears them: my left, my right"
+    status, out, _ = run("module", "monitor", "--seconds", "0.6", "--json", OTHERS["right"])
+    [found] = json.loads(out)
+    assert (found["module"], found["url"], found["process"]) == ("my right", OTHERS["right"], 4711)
+    assert found["telemetry"]["state"] == "RUNNING"
+    assert found["age"] >= 0.01
+
+
+def test_monitor_shows_free_modules_and_others_in_one_table(run, monkeypatch, urls, tmp_path, simulated_time):
+    Elsewhere(monkeypatch, OTHERS)
+    file = tmp_path / "all.toml"
+    file.write_text(modules_to_toml({"floor-1": urls["floor-1"], **OTHERS}))
+    status, out, err = run("module", "monitor", "--seconds", "0.6", "--modules", file)
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()[3:6]] == ["floor-1", "my", "my"]
+
+
+def test_monitor_says_that_the_other_process_has_ended(run, monkeypatch, simulated_time):
+    other = Elsewhere(monkeypatch, OTHERS)
+    monkeypatch.setattr("tensionlab.cli.module_monitor.SILENCE_S", 0.0)
+    after_a_second(simulated_time, other.holders.clear)
+    status, _, err = run("module", "monitor", "--seconds", "20", *OTHERS.values())
+    assert status == 1
+    assert "process 4711 (tensionlab run floor) has ended or released it; start the monitor again" in err
+
+
+def test_monitor_needs_modules_where_no_process_has_any(run, monkeypatch):
+    Elsewhere(monkeypatch, {})
+    status, out, err = run("module", "monitor")
+    assert (status, out) == (1, "")
+    assert err == "tensionlab: no process of yours uses a module; name the modules to watch\n"
 
 
 def test_parameters_of_all_modules_in_a_folder(call, tmp_path, urls):

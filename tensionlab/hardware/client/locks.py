@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 
 from tensionlab.errors import LinkError
 from tensionlab.files.writing import acquire_lock
+from tensionlab.hardware.client.shared_telemetry import publisher
 from tensionlab.operating_system import is_private, patiently, user
 
 if TYPE_CHECKING:
@@ -33,10 +34,12 @@ MAX_PROGRAM_CHARACTERS = 100
 
 @dataclass(frozen=True)
 class Holder:
-    """Process that has a lock: its number, and the program as it was called."""
+    """Process that has a lock: its number, the program as it was called, and where it publishes telemetry."""
 
     pid: int
     program: str
+    port: int | None = None
+    token: str = ""
 
     def __str__(self) -> str:
         return f"process {self.pid} ({self.program})"
@@ -55,6 +58,8 @@ class LinkLock:
         if self._lock is None:
             raise LinkError(f"{url} is in use by {_read(self._note) or 'another process'}; end that first")
         content = {"pid": os.getpid(), "program": _program(), "url": url}
+        if (published := publisher()) is not None:
+            content |= {"port": published.port, "token": published.token}
         new = path.with_suffix(".new")
         new.write_text(json.dumps(content), encoding="utf-8")
         patiently(lambda: new.replace(self._note))
@@ -152,7 +157,7 @@ def _read(note: Path) -> Holder | None:
     """Return the process that a note names; None if it cannot be read."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads(note.read_text(encoding="utf-8"))
-        return Holder(int(content["pid"]), str(content["program"]))
+        return Holder(int(content["pid"]), str(content["program"]), content.get("port"), content.get("token", ""))
     return None
 
 

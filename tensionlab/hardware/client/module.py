@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import threading
 import time
@@ -13,6 +14,7 @@ from typing import Generic, Self, TypeVar
 
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
 from tensionlab.hardware.client.links import Link, open_link
+from tensionlab.hardware.client.shared_telemetry import Report, publisher
 from tensionlab.hardware.protocol import messages
 from tensionlab.hardware.protocol.codes import (
     FOLLOWING_STATES,
@@ -121,6 +123,8 @@ class ModuleClient:
         if not self.link.lockstep:
             self._reader = threading.Thread(target=self._read, name=f"reader of {name}", daemon=True)
             self._reader.start()
+            if (published := publisher()) is not None:
+                published.reports[self.link.url] = self.report
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -138,6 +142,8 @@ class ModuleClient:
     def close(self) -> None:
         """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
+        if self._reader is not None and (published := publisher()) is not None:
+            published.reports.pop(self.link.url, None)
         self.link.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=1.0)
@@ -362,6 +368,18 @@ class ModuleClient:
     def forget_refusals(self) -> None:
         """Discard the refusals up to now."""
         self._refused = None
+
+    @property
+    def age(self) -> float:
+        """Time since the latest telemetry came, in s; infinite before the first."""
+        heard = self.telemetry
+        return math.inf if heard is None else self.link.clock() - heard.time
+
+    def report(self) -> Report:
+        """Return what other processes may know of the module."""
+        heard = self.telemetry
+        telemetry = None if heard is None else heard.message
+        return Report(self.link.url, self.name, telemetry, self.age, self.bad_frames)
 
     @property
     def bad_frames(self) -> int:

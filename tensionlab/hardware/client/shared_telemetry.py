@@ -1,0 +1,131 @@
+"""Telemetry of modules for other processes: the one that has their links answers requests on this computer.
+
+A thread of it waits at a UDP port of 127.0.0.1, and answers whoever knows the token, which is in the notes of its
+locks, with one datagram for each module: JSON, with the latest telemetry as a frame. Nothing is sent unasked and
+nothing is kept for a watcher that is slow; neither the loop of a run nor the readers of links take part. Telemetry
+is all that can be had: nothing that comes to this port reaches a module.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from tensionlab.errors import ProtocolError
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import Telemetry, read
+
+HOST = "127.0.0.1"
+MIN_PERIOD_S = 0.05
+"""Requests that come faster are lost in the system: a flood must not take the processor from a run."""
+MAX_REQUEST_BYTES, MAX_REPLY_BYTES = 64, 2048
+
+
+@dataclass(frozen=True)
+class Report:
+    """Reply about a module: its link and name, its latest telemetry, if any, and the age of that in s.
+
+    `bad_frames` were damaged on their way to the process that has the module.
+    """
+
+    url: str
+    name: str
+    telemetry: Telemetry | None
+    age: float
+    bad_frames: int
+
+    def pack(self) -> bytes:
+        """Return the datagram."""
+        frame = "" if self.telemetry is None else self.telemetry.frame(0).pack().hex()
+        age = self.age if math.isfinite(self.age) else None
+        row = {"url": self.url, "name": self.name, "age": age, "bad_frames": self.bad_frames, "telemetry": frame}
+        return json.dumps(row).encode()
+
+    @classmethod
+    def unpack(cls, content: bytes) -> Report:
+        """Return what a datagram says; a `ValueError` or the like if it is none."""
+        row: dict[str, Any] = json.loads(content)
+        frames = Decoder().feed(bytes.fromhex(row["telemetry"]))
+        telemetry = read(frames[0]) if frames else None
+        if not (telemetry is None or isinstance(telemetry, Telemetry)):
+            raise ProtocolError("no telemetry")
+        age = math.inf if row["age"] is None else float(row["age"])
+        return cls(str(row["url"]), str(row["name"]), telemetry, age, int(row["bad_frames"]))
+
+
+class Publisher:
+    """Thread that answers requests for telemetry.
+
+    Attributes
+    ----------
+    port, token : int, str
+        Where it listens, and what a request must be.
+    reports : dict
+        By the URLs of links, a function that returns the `Report` of each.
+    """
+
+    def __init__(self) -> None:
+        self.reports: dict[str, Callable[[], Report]] = {}
+        self.token = secrets.token_hex(16)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((HOST, 0))
+        self.port: int = self._socket.getsockname()[1]
+        threading.Thread(target=self._serve, name="telemetry for watchers", daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            with suppress(OSError):  # a watcher that has gone, or reads nothing
+                request, watcher = self._socket.recvfrom(MAX_REQUEST_BYTES)
+                if secrets.compare_digest(request, self.token.encode()):
+                    for report in list(self.reports.values()):
+                        self._socket.sendto(report().pack(), watcher)
+            time.sleep(MIN_PERIOD_S)
+
+
+class Watcher:
+    """Watcher of the modules of another process, which has them published."""
+
+    def __init__(self, port: int, token: str) -> None:
+        self._token = token.encode()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.connect((HOST, port))
+        self._socket.setblocking(False)
+
+    def ask(self) -> None:
+        """Request a report of each module."""
+        with suppress(OSError):  # of a process that has ended
+            self._socket.send(self._token)
+
+    def take(self) -> Iterator[Report]:
+        """Yield the reports that have come."""
+        while True:
+            try:
+                content = self._socket.recv(MAX_REPLY_BYTES)
+            except OSError:
+                return
+            with suppress(ValueError, KeyError, TypeError, ProtocolError):
+                yield Report.unpack(content)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+_publisher: Publisher | None = None
+_starting = threading.Lock()
+
+
+def publisher() -> Publisher | None:
+    """Return the publisher of this process, started at the first call; None where it gets no port."""
+    global _publisher  # noqa: PLW0603 - one for all links of the process
+    with _starting, suppress(OSError):
+        _publisher = _publisher or Publisher()
+    return _publisher
