@@ -13,6 +13,7 @@ from tensionlab.hardware.protocol.messages import (
     Acknowledge,
     Arm,
     Calibrate,
+    Clear,
     ConfigureTelemetry,
     EmergencyStop,
     Event,
@@ -255,6 +256,38 @@ def test_a_second_chore_waits_for_the_first_and_stop_ends_an_alignment():
     assert host.module.parameters["motor_zero"] == 1.0
 
 
+def test_what_is_stored_is_what_was_aligned_and_no_command_but_an_end_gives_an_alignment_up():
+    host = Host()
+    host.say(Calibrate(Calibration.ENCODER))
+    assert host.say(Clear())[0].code == Code.OK, "which is no reason to give it up"
+    host.module.advance(0.01)
+    assert [answer.code for answer in host.hear()] == [Code.OK]
+    assert host.say(Save()) == []
+    assert [answer.command for answer in host.say(Stop())] == [Type.STOP], "storing goes on"
+    host.module.advance(0.01)
+    assert [(answer.command, answer.code) for answer in host.hear()] == [(Type.SAVE, Code.OK)]
+    assert Host(settings=host.module.settings).module.parameters["motor_zero"] == 1.0
+
+
+def test_an_alignment_that_fails_leaves_the_zero_as_it_was():
+    host = Host()
+    host.module.damage("encoder")
+    host.say(Calibrate(Calibration.ENCODER))
+    host.module.advance(0.002)
+    assert [(answer.command, answer.code) for answer in host.hear()] == [(Type.CALIBRATE, Code.FAILED)]
+    assert host.module.parameters["motor_zero"] == 0.0
+
+
+@pytest.mark.parametrize(
+    "kind", [Type.HELLO, Type.PING, Type.SAVE, Type.STOP, Type.ESTOP, Type.CLEAR, Type.ARM, Type.SET_TENSION]
+)
+def test_a_command_of_another_length_is_refused_and_does_nothing(kind):
+    host = host_in(State.IDLE)
+    assert raw(host, kind, "3B", 1, 2, 3) == Code.BAD_LENGTH
+    host.module.advance(0.01)
+    assert (host.state, host.module.settings) == (State.IDLE, b"")
+
+
 def test_settings_are_stored_and_found_again_but_not_if_they_are_damaged():
     host = Host()
     host.set(slew=50.0)
@@ -308,6 +341,18 @@ def test_the_length_is_forgotten_when_turns_or_their_meaning_may_be_lost(event):
     assert not host.say(Hello())[0].length_known
     assert host.code(Calibrate(Calibration.LENGTH, 1.0)) == Code.OK
     assert host.code(Calibrate(Calibration.LENGTH, UPPER + 0.1)) == Code.BAD_VALUE
+
+
+def test_the_length_may_be_none_or_the_longest_and_nothing_beyond():
+    host = Host()
+    host.calibrate()
+    for length, code in (
+        (0.0, Code.OK),
+        (UPPER, Code.OK),
+        (-1e-3, Code.BAD_VALUE),
+        (UPPER + 1e-3, Code.BAD_VALUE),
+    ):
+        assert host.code(Calibrate(Calibration.LENGTH, length)) == code, length
 
 
 # Answers

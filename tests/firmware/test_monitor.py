@@ -7,19 +7,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tensionlab.hardware.protocol.codes import Fault
+from tensionlab.hardware.protocol.codes import Calibration, Fault, State
+from tensionlab.hardware.protocol.frames import Decoder
+from tensionlab.hardware.protocol.messages import (
+    Arm,
+    Calibrate,
+    ConfigureTelemetry,
+    EmergencyStop,
+    SetParameter,
+    SetTension,
+    Stop,
+    Telemetry,
+    read,
+)
+from tensionlab.hardware.protocol.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 USUAL = {"elapsed": 250, "angle": 10.0, "speed": 0.0, "current": 0.7, "supply": 12.0, "ok": 1, "commanded": 0.7}
 RADIUS, SPEED_LIMIT, PEAK = 0.0195, 3.0, 2.2  # as a module has them at first
 
 
-def built(name, folder):
-    """Compile a program of `tests/data` with the firmware's headers."""
+def built(name, folder, *parts):
+    """Compile a program of `tests/data` with the firmware's headers, and these sources of it."""
     compiler = shutil.which("c++")
     strict = ["-std=c++17", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{ROOT / 'firmware'}"]
     source = ROOT / "tests" / "data" / f"{name}.cpp"
-    subprocess.run([compiler, *strict, str(source), "-o", str(folder / name)], check=True)
+    sources = [str(source), *(str(ROOT / "firmware" / "core" / part) for part in parts)]
+    subprocess.run([compiler, *strict, *sources, "-o", str(folder / name)], check=True)
     return str(folder / name)
 
 
@@ -114,3 +128,102 @@ def test_what_is_left_of_a_windings_budget_may_be_spent_within_a_tenth_of_its_ti
     np.testing.assert_allclose(stands, np.minimum(np.sqrt(1.0 + 10.0 * left), PEAK), atol=1e-3)
     assert stands[0] == pytest.approx(PEAK)
     assert stands[-1] == 1.0
+
+
+# The core step by step, with made-up samples
+
+STEP_US, TAUT_A = 250, np.float32(0.5) / np.float32(3.0)
+READY = (Calibrate(Calibration.NEWTON_PER_AMPERE, 3.0), Arm(77))
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory):
+    """Return a function: what the core asks for after each step of a story of commands and samples."""
+    program = built("module", tmp_path_factory.mktemp("module"), "answers.cpp", "commands.cpp", "module.cpp")
+
+    def play(*story):
+        lines, sequence = [], 0
+        for each in story:
+            if isinstance(each, dict):
+                sample = {"elapsed": STEP_US, "angle": 0.0, "speed": 0.0, "current": 0.0} | each
+                lines.append("step " + " ".join(str(value) for value in sample.values()))
+            else:
+                sequence += 1
+                lines.append("receive " + each.frame(sequence).pack().hex())
+        out = subprocess.run([program], input="\n".join(lines), check=True, capture_output=True, text=True).stdout
+        rows = [line.split() for line in out.splitlines()]
+        on, current, state = (np.array([float(row[column]) for row in rows]) for column in range(3))
+        decoder = Decoder()
+        sent = [[read(frame) for frame in decoder.feed(bytes.fromhex(row[3][1:]))] for row in rows]
+        return on != 0.0, current, state, sent
+
+    return play
+
+
+def parameter(name, value):
+    return SetParameter(PARAMETERS[name].index, value)
+
+
+@pytest.mark.parametrize("off", [(), (*READY, {}, Stop(), *[{}] * 100), (*READY, {}, EmergencyStop())])
+def test_while_the_driver_is_off_nothing_is_asked_of_the_motor_however_the_spool_turns(core, off):
+    """Friction is compensated, and a spool that runs down reels in: that is no reason to pull, nor warms it."""
+    turning = [{"speed": -5.0}] * 300
+    on, current, _, sent = core(
+        {}, parameter("friction_coulomb", 2.0), *off, ConfigureTelemetry(20), *turning, *[{"speed": -100.0}] * 80
+    )
+    assert not on[-380:].any()
+    assert not current[-380:].any()
+    told = [message for step in sent[-380:] for message in step if isinstance(message, Telemetry)]
+    assert {message.faults for message in told} == {Fault(0)}, "as if a wire were off"
+    assert told[-1].thermal == pytest.approx(told[0].thermal, rel=2e-3)
+
+
+def thermal_after(core, seconds, current, *before):
+    """Return the share of the budget that is spent while a motor has this current."""
+    steps = round(1e6 * seconds / STEP_US)
+    sample = {"current": current}
+    sent = core({}, *before, *[sample] * steps, ConfigureTelemetry(5), *[sample] * 20)[3]
+    return sent[-1][0].thermal
+
+
+def spent(current, seconds):
+    """Return the share that a current spends: the winding stands 1 A for ever, and warms with 20 s."""
+    return current**2 * (1.0 - np.exp(-seconds / 20.0))
+
+
+def test_a_winding_is_warmed_by_the_larger_of_what_is_measured_and_what_is_asked_for(core):
+    assert thermal_after(core, 0.5, 0.9) == pytest.approx(spent(0.9, 0.505), rel=1e-3), "also while it is off"
+    assert thermal_after(core, 0.5, -0.9) == pytest.approx(spent(0.9, 0.505), rel=1e-3)
+    assert thermal_after(core, 0.2, 0.9, *READY) == pytest.approx(spent(0.9, 0.205), rel=1e-3)
+    assert thermal_after(core, 0.04, -0.9, *READY) == pytest.approx(spent(0.9, 0.045), rel=5e-3), "either way"
+    assert thermal_after(core, 0.2, 0.09, *READY) == pytest.approx(spent(TAUT_A, 0.205), rel=0.06)
+
+
+def test_the_first_step_that_is_too_late_is_the_one_after_the_end_of_a_set_points_life(core):
+    """It lives as long as it says, and one step more: at its very end it still counts."""
+    story = [{}, *READY, {}, SetTension(77, 1.0, False, 100), *[{"current": 0.3}] * 1000]
+    _, _, state, _ = core(*story)
+    begin = 2  # the first step after the set-point
+    assert (state[begin : begin + 400] == State.RUNNING).all()
+    assert state[begin + 400] == State.TIMEOUT
+
+
+def test_what_arms_a_module_lets_it_live_as_long_as_its_own_parameter_says(core):
+    """However long set-points of the session before lived."""
+    story = [{}, parameter("ttl", 100.0), *READY, {}, SetTension(77, 1.0, False, 2000), {}, Stop(), *[{}] * 200]
+    _, _, state, _ = core(*story, Arm(78), *[{"current": TAUT_A}] * 500)
+    assert (state[-500:-100] == State.ARMED).all()
+    assert state[-100] == State.TIMEOUT
+
+
+def test_two_seconds_after_the_timeout_to_the_step_the_cable_is_released(core):
+    _, current, state, _ = core({}, *READY, *[{"current": TAUT_A}] * 10_000)
+    begin = int(np.argmax(state == State.TIMEOUT))
+    assert current[begin : begin + 8000] == pytest.approx(TAUT_A)
+    assert current[begin + 8000] < TAUT_A - 1e-4
+
+
+def test_telemetry_comes_in_the_step_in_which_its_period_is_over(core):
+    sent = core({}, ConfigureTelemetry(20), *[{}] * 400)[3]
+    steps = [index for index, step in enumerate(sent) if any(isinstance(each, Telemetry) for each in step)]
+    assert steps == [80, 160, 240, 320, 400]
