@@ -1,7 +1,8 @@
 """Times of the workspace metrics, and agreement with a linear program for each pose.
 
 `python -m benchmarks.workspace` times them, one core and all, beside HiGHS and NumPy in turn;
-with `--verify` it compares the sign of the capacity margin with feasibility by HiGHS at 100,000 random poses.
+with `--verify` it compares the sign of the capacity margin with feasibility by HiGHS at 100,000 random poses, and
+what is required of suspended robots, weight and pushes, with `scipy.optimize.linprog` at 10,000 poses each.
 """
 
 from __future__ import annotations
@@ -19,16 +20,25 @@ from numpy.typing import NDArray
 
 from benchmarks import highs
 from tensionlab.arrays import Floats
-from tensionlab.benchmarking.rigs import structures
+from tensionlab.benchmarking.rigs import rotations, structures, unit_vectors
 from tensionlab.benchmarking.speed import instruction_set, using_threads
 from tensionlab.model.files import load_rig
-from tensionlab.workspace import capacity_margin, wrench_closure
+from tensionlab.model.requirement import Requirement
+from tensionlab.workspace import PoseList, capacity_margin, wrench_closure
+from tensionlab.workspace.structure_metrics import feasibility_tolerance
+from tensionlab.workspace.sweep import sweep
 
 LOWER, UPPER = 0.5, 6.0
 SHAPES = ((2, 4), (3, 4), (3, 8), (6, 8))
 """Components and cables of the verification."""
 UNDECIDED_MARGIN_N = 1e-6
 """Margins this close to zero are left out of the verification: HiGHS itself has a tolerance of 1e-7."""
+SUSPENDED = ("cogiro", "caroca", "fast")
+"""Robots of the verification that hang from their cables."""
+PUSH_SHARE = 0.1
+"""Of the weight: how hard they are pushed along each axis."""
+TILT = np.radians(10.0)
+"""They are turned by up to this angle."""
 BASELINE_CALLS = 400
 """Linear programs in each round."""
 
@@ -148,17 +158,17 @@ class Verification:
 
     Attributes
     ----------
-    n, m, poses : int
+    name : str
+    poses : int
     feasible : int
-        Poses at which HiGHS finds tensions.
+        Poses at which the linear program finds tensions.
     undecided : int
         Margins too close to zero to tell.
     contradicted : int
-        Of the others, those whose sign HiGHS contradicts.
+        Of the others, those whose sign the linear program contradicts.
     """
 
-    n: int
-    m: int
+    name: str
     poses: int
     feasible: int
     undecided: int
@@ -179,7 +189,40 @@ def verify(n: int, m: int, count: int, seed: int = 0) -> Verification:
     found = np.array(highs.feasibility_checker()(map(highs.model, W, wrench, lower, upper)))
     decided = np.abs(margin) > UNDECIDED_MARGIN_N
     wrong = decided & ((margin > 0) != found)
-    return Verification(n, m, count, *(int(np.count_nonzero(each)) for each in (found, ~decided, wrong)))
+    return _verification(f"n = {n}, m = {m}", found, decided, wrong)
+
+
+def verify_suspended(name: str, count: int, seed: int = 0) -> Verification:
+    """Compare the metric "wrench-feasible" of a robot that holds its weight with `scipy.optimize.linprog`.
+
+    At random poses below the anchors, turned by up to `TILT` about a random axis; the weight must be held while a
+    force of `PUSH_SHARE` of it acts along any axis, either way: six programs a pose, until one has no solution.
+    """
+    from scipy.optimize import linprog
+
+    rng, rig = np.random.default_rng([seed, 1]), load_rig(name)
+    low, high = rig.anchors.min(axis=0), rig.anchors.max(axis=0)
+    position = rng.uniform(low * [1.0, 1.0, 0.0], high, size=(count, 3))
+    rotation = rotations(unit_vectors(rng, count, 3), rng.uniform(0.0, TILT, count))
+    push = PUSH_SHARE * float(np.linalg.norm(rig.gravity()[:3])) * np.eye(6)[:3]
+    required = Requirement(wrenches=np.concatenate([push, -push]), gravity=True)
+    metrics = ["wrench-feasible", "capacity-margin"]
+    swept = sweep(rig, PoseList(position, rotation), metrics, required=required, progress=False)
+    feasible, margin = (swept[each].to_numpy()[0] for each in metrics)
+    wrenches = required.at(rig, rotation)
+    bounds = [(float(low), float(high)) for low, high in zip(rig.limits.lower, rig.limits.upper, strict=True)]
+    found = np.array([
+        all(linprog(np.zeros(rig.m), A_eq=W, b_eq=wrench, bounds=bounds).success for wrench in corners)
+        for W, corners in zip(rig.structure_matrix(position, rotation), wrenches, strict=True)
+    ])  # fmt: skip
+    decided = np.abs(margin) > feasibility_tolerance(wrenches)
+    return _verification(f"{name}, {rig.required.describe(rig)}", found, decided, decided & (feasible != found))
+
+
+def _verification(
+    name: str, found: NDArray[np.bool_], decided: NDArray[np.bool_], wrong: NDArray[np.bool_]
+) -> Verification:
+    return Verification(name, len(found), *(int(np.count_nonzero(each)) for each in (found, ~decided, wrong)))
 
 
 def main() -> None:
@@ -190,13 +233,12 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=9)
     options = parser.parse_args()
     if options.verify:
-        print("  n   m    poses feasible  undecided  contradicted")
+        print(f"{'':36}   poses feasible  undecided  contradicted")
         found = [verify(n, m, options.count // len(SHAPES)) for n, m in SHAPES]
+        found += [verify_suspended(name, options.count // 10) for name in SUSPENDED]
         for each in found:
-            print(
-                f"{each.n:3d} {each.m:3d} {each.poses:8,d} {each.feasible:8,d} {each.undecided:10,d} "
-                f"{each.contradicted:13,d}"
-            )
+            counts = f"{each.poses:8,d} {each.feasible:8,d} {each.undecided:10,d} {each.contradicted:13,d}"
+            print(f"{each.name:36}{counts}")
         raise SystemExit(any(each.contradicted for each in found))
     print(f"Instruction set: {instruction_set()}")
     print(

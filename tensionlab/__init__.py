@@ -19,11 +19,12 @@ from tensionlab.errors import (
     UnknownSolver,
     Unreachable,
 )
-from tensionlab.model.files import load_rig, save_rig
+from tensionlab.model.files import load_requirement, load_rig, save_rig
 from tensionlab.model.kinematics import PoseEstimate
 from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
 from tensionlab.model.module import Module, Platform, TensionLimits
 from tensionlab.model.pose import Frame
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import SOLVERS, Solver, Status
 from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
@@ -63,6 +64,7 @@ __all__ = [
     "Pseudoinverse",
     "Puncture",
     "QuadraticProgram",
+    "Requirement",
     "Rig",
     "RigError",
     "ShapeError",
@@ -81,6 +83,7 @@ __all__ = [
     "box_corners",
     "compare",
     "datasets",
+    "load_requirement",
     "load_rig",
     "plots",
     "ring_plus_top",

@@ -10,6 +10,7 @@ import typer
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Nearest, RigArgument, Solver
+from tensionlab.cli.common.required import Gravity, with_requirement
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
@@ -29,6 +30,7 @@ def allocate(
     wrench: Annotated[
         str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).", show_default=False)
     ],
+    gravity: Gravity = None,
     at: At = None,
     solver: Solver = "newton",
     nearest: Nearest = None,
@@ -42,12 +44,12 @@ def allocate(
 ) -> None:
     """Choose the cable tensions that render one wrench. Exit status 1 where they do not render it exactly.
 
-    Body frames stay at rest, at the origin of the world.
+    Where the rig's file or --gravity says so, they hold the weight as well. Body frames stay at rest, at the
+    origin of the world.
     """
-    loaded = load_rig(rig)
+    loaded = with_requirement(load_rig(rig), wrench, gravity)
     options.check_solvers(loaded, [solver], nearest)
-    desired = options.parse_numbers(wrench)
-    options.check_components("--wrench", desired, output.components(loaded), loaded.name)
+    desired = loaded.required.middle(loaded).tolist()
     position = loaded.home if at is None else options.parse_numbers(at)
     allocator = Allocator(
         loaded.limits,
@@ -96,6 +98,8 @@ def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, st
             at = "at its upper limit"
         rows.append((module.name, f"{tension:.4f}", module.lower, module.upper, at))
     title = f"{rig.name} at {output.vector(position)} m"
+    if rig.required.gravity and rig.platform is not None:
+        title += f", its weight of {rig.platform.mass:g} kg held as well"
     output.print_table(title, ("<module", "tension N", "lower N", "upper N", "<"), rows)
     console = output.console()
     console.print()

@@ -11,6 +11,7 @@ import typer
 from tensionlab import records
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import At, Json, Plot, RigArgument, Rows
+from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.comparison import compare as comparison
 from tensionlab.comparison.compare import COLUMNS, STATUSES, Column, RowType
 from tensionlab.model import directions as direction_sets
@@ -29,7 +30,10 @@ call: one force, verification included   batch: all forces in one call, time for
 def compare(
     rig: RigArgument,
     at: At = None,
-    magnitude: Annotated[float, typer.Option(help="Size of each force in N.")] = 1.5,
+    magnitude: Annotated[
+        float | None,
+        typer.Option(help="Size of each force in N. Left out: 1.5, or the radius of a required ball."),
+    ] = None,
     directions: Annotated[
         str | None,
         typer.Option(
@@ -48,6 +52,9 @@ def compare(
             help="Only this policy for infeasible wrenches: force, tension or direction; all if left out.",
         ),
     ] = None,
+    wrench: Wrench = None,
+    gravity: Gravity = None,
+    required: Required = None,
     plot: Plot = None,
     out: Rows = None,
     json: Json = False,
@@ -57,9 +64,11 @@ def compare(
     Shows what each renders, how far off it is, and how long it takes.
 
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
-    count, the grid is inferred). Body frames stay at rest, at the origin of the world.
+    count, the grid is inferred). They are commanded beside what is required: a wrench, the weight; the wrenches
+    of a required list or the corners of a box are compared in their place, unless directions are given. Body
+    frames stay at rest, at the origin of the world.
     """
-    loaded = load_rig(rig)
+    loaded = with_requirement(load_rig(rig), wrench, gravity, required)
     names = None if solvers is None else options.parse_names([solvers])
     options.check_solvers(loaded, names, nearest)
     with output.progress(f"Comparing on {loaded.name}") as progress:
@@ -86,7 +95,7 @@ def compare(
                 rig=loaded.name,
                 position=result.position,
                 vectors=len(result.wrenches),
-                magnitude=magnitude,
+                magnitude=result.magnitude,
                 rows=rows,
                 left_out=result.missing,
                 manifest=manifest,

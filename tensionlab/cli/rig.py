@@ -10,6 +10,7 @@ import typer
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot, RigArgument
+from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.files import writing
 from tensionlab.model import caspr as caspr_models
 from tensionlab.model.files import load_rig, rig_to_toml, save_rig
@@ -64,13 +65,20 @@ def _print(loaded: Rig, lengths: Floats) -> None:
 
 
 @rig.command()
-def check(path: RigArgument, plot: Plot = None, json: Json = False) -> None:
+def check(
+    path: RigArgument,
+    wrench: Wrench = None,
+    gravity: Gravity = None,
+    required: Required = None,
+    plot: Plot = None,
+    json: Json = False,
+) -> None:
     """Check that a rig can work at its home.
 
-    Checks rank, limits, balance and strength; exit status 1 where it cannot. Body frames stay at rest, at the
-    origin of the world.
+    Checks rank, limits, what is required, balance and strength; exit status 1 where it cannot. Body frames stay at
+    rest, at the origin of the world.
     """
-    loaded = load_rig(path)
+    loaded = with_requirement(load_rig(path), wrench, gravity, required)
     findings = check_rig(loaded)
     passed = all(finding.passed is not False for finding in findings)
     with output.ResultWriter(quiet=json) as writer:

@@ -14,6 +14,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -26,6 +27,8 @@ from tensionlab.workspace.sweep.dataset import MEDIAN_SAMPLE, SUMMARY_HEADINGS, 
 DEFAULT_METRICS = ["wrench-closure", "capacity-margin", "isotropic-force", "reachable-share"]
 DRAWN_METRIC = "capacity-margin"
 """If none is named."""
+ROOT_MEAN_SQUARE = "the root mean square distance of its attachments"
+"""What the characteristic length is, if the file of the rig has none."""
 STEPS = 40
 """Along the longest edge of the box, if no step is given."""
 
@@ -65,6 +68,9 @@ def workspace(
             "--measure", metavar="A,B,...", help=f"Metrics, also repeated. Left out: {', '.join(DEFAULT_METRICS)}."
         ),
     ] = None,
+    wrench: Wrench = None,
+    gravity: Gravity = None,
+    required: Required = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -97,7 +103,7 @@ def workspace(
     At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box. Body
     frames stay at rest, at the origin of the world.
     """
-    loaded = [load_rig(path) for path in rigs]
+    loaded = [with_requirement(load_rig(path), wrench, gravity, required) for path in rigs]
     if poses is not None and (box is not None or step is not None):
         raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
     if poses is not None and plot is not None:
@@ -105,7 +111,7 @@ def workspace(
     where = _box(loaded, box, step) if poses is None else read_poses(poses)
     frames = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     named = options.parse_names(measures)
-    names = DEFAULT_METRICS if named is None else named
+    names = _default_metrics(loaded) if named is None else named
     try:
         data = sweep(loaded, where, names, frames=frames, out=out, scheduler=scheduler)
     except OSError as error:  # as Zarr has it, without the name of a file
@@ -132,6 +138,24 @@ def workspace(
             )
         else:
             _print(found, where, out)
+            _print_requirements(loaded)
+
+
+def _default_metrics(rigs: list[Rig]) -> list[str]:
+    """Return the metrics if none is named: with whether what is required is feasible, if anything is."""
+    return ["wrench-feasible", *DEFAULT_METRICS] if any(rig.required for rig in rigs) else DEFAULT_METRICS
+
+
+def _print_requirements(rigs: list[Rig]) -> None:
+    """Print what is required of each rig, and at which arm its torques count as forces."""
+    console = output.console()
+    for rig in rigs:
+        if rig.required:
+            console.print(f"required of {rig.name}: {rig.required.describe(rig)}", style="dim", soft_wrap=True)
+        if rig.n > rig.dimension:
+            text = f"torques of {rig.name} count as forces at {rig.characteristic_length:.3g} m in margins"
+            own = rig.required.length is not None
+            console.print(f"{text}, {'as required' if own else ROOT_MEAN_SQUARE}", style="dim", soft_wrap=True)
 
 
 def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:

@@ -38,6 +38,9 @@ TIMED_BATCHES = 5
 
 QUICK_BATCH_S = 0.05
 
+PUBLISHED_FORCE_N = 1.5
+"""Magnitude of the forces of the published validation."""
+
 
 @dataclass(frozen=True)
 class Score:
@@ -122,7 +125,8 @@ class Comparison:
     """Rows of every solver with each of its policies on one rig, with body frames at rest.
 
     At a position (d,) with a structure matrix (n, m): desired wrenches (K, n), and the K answers of each row.
-    ``missing`` has reasons by the names of solvers left out.
+    ``missing`` has reasons by the names of solvers left out. ``magnitude`` is that of the forces in N; None where
+    the wrenches are the required ones.
     """
 
     rig: Rig
@@ -132,13 +136,18 @@ class Comparison:
     rows: tuple[Row, ...]
     allocations: tuple[Allocation, ...]
     missing: dict[str, str]
+    magnitude: float | None
 
     @property
     def title(self) -> str:
         """Rig, and number and size of the forces."""
-        size = f"{np.linalg.norm(self.wrenches[0]):g} N at {display.vector(self.position)} m"
-        modules, forces = display.count(self.rig.m, "module"), display.count(len(self.wrenches), "force")
-        return f"{self.rig.name}, {modules}: {forces} of {size}"
+        rig, count = self.rig, len(self.wrenches)
+        if self.magnitude is None:
+            forces = f"{count} required wrenches"
+        else:
+            beside = f" beside {rig.required.describe(rig)}" if rig.required else ""
+            forces = f"{display.count(count, 'force')} of {self.magnitude:g} N{beside}"
+        return f"{rig.name}, {display.count(rig.m, 'module')}: {forces} at {display.vector(self.position)} m"
 
     def __repr__(self) -> str:
         return f"<Comparison of {display.count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
@@ -160,7 +169,7 @@ def compare(
     *,
     position: ArrayLike | None = None,
     directions: ArrayLike | None = None,
-    magnitude: float = 1.5,
+    magnitude: float | None = None,
     solvers: Sequence[str | Solver] | None = None,
     nearest: Nearest | None = None,
     progress: Callable[[float], None] | None = None,
@@ -173,13 +182,14 @@ def compare(
     Parameters
     ----------
     rig : Rig
-        Its body frames stay at rest.
+        Its body frames stay at rest. The forces are beside what it requires, such as to hold its weight; where
+        that is a set of wrenches, and no directions are given, its corners are compared.
     position : (d,) array, optional
         Where the forces act, in m; left out: the rig's home.
     directions : (K, d) array, optional
         Directions of the forces; left out: the 182 of `grid18`, or 72 on a circle for a planar rig.
-    magnitude : float
-        Size of each force, in N; that of the published validation if left out.
+    magnitude : float, optional
+        Size of each force, in N; left out: the ball that the rig requires, or 1.5 as in the published validation.
     solvers : sequence of str or Solver, optional
         Names, as `tensionlab solvers` lists them or ``"module:Class"``, and instances; left out: all by name.
     nearest : {"force", "tension", "direction"}, optional
@@ -208,12 +218,17 @@ def compare(
     runs, missing = select_solvers(solvers, nearest, (rig.n, rig.m))
     place = rig.home if position is None else np.asarray(position, dtype=np.float64)
     structure = rig.structure_matrix(place, frames=rig.at_rest)
-    if directions is None:
-        directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
-    if not (np.isfinite(magnitude) and magnitude > 0):
-        raise InputError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
-    forces = magnitude * np.asarray(directions, dtype=np.float64)
-    wrenches = direction_sets.forces(forces, rig.n, rig.dimension)
+    wrenches = rig.required.at(rig)
+    if directions is not None or len(wrenches) == 1:
+        magnitude = (rig.required.ball or PUBLISHED_FORCE_N) if magnitude is None else magnitude
+        if not (np.isfinite(magnitude) and magnitude > 0):
+            raise InputError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
+        if directions is None:
+            directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
+        forces = magnitude * np.asarray(directions, dtype=np.float64)
+        wrenches = rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension)
+    elif magnitude is not None:
+        raise InputError(f"magnitude {magnitude}: the required wrenches are compared; give directions as well")
     allocators = [Allocator(rig.limits, solver, nearest=policy) for _, policy, solver in runs]
 
     def seconds(allocator: Allocator, wrench: Floats) -> float:
@@ -259,7 +274,7 @@ def compare(
             batch_s=float(np.median(batch[column])) / len(wrenches),
         )
         rows.append(row)
-    return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing)
+    return Comparison(rig, place, structure, wrenches, tuple(rows), tuple(allocations), missing, magnitude)
 
 
 def score(solver: str, nearest: Nearest | None, wrenches: Floats, found: Allocation, dimension: int) -> Score:

@@ -18,6 +18,7 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
 from tensionlab.files.reading import MAX_NESTING, brief, read_bytes
 from tensionlab.model.module import KINDS, Module, Platform
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 
 
@@ -149,8 +150,9 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
     """Read a rig from two XML files of CASPR.
 
     A robot with one body, which moves in a plane or in space. The reference point is CASPR's, the origin of the
-    body's joint; home is its initial position. Elastic cables become stiff, and passive springs are left out: the
-    description of the rig says so.
+    body's joint; home is its initial position. The cables must hold its weight, as in CASPR, where its z is an
+    axis of the rig. Elastic cables become stiff, and passive springs are left out: the description of the rig says
+    so.
 
     Source: Lau, Eden, Tan and Oetomo, "CASPR: a comprehensive cable-robot analysis and simulation platform for the
     research of cable-driven parallel robots", 2016; what the elements mean is read off its program.
@@ -182,6 +184,7 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
         if np.delete(part.anchor - parent - part.attachment, axes).any():
             part.element.fail(f"leaves the {joint.axes} plane in which the body moves; no rig is like that")
     point = np.zeros(3) if kind.turns else parts[0].attachment
+    up = {"xyz": "z", "xz": "y", "yz": "y"}.get(joint.axes)  # its z, if that is an axis of the rig
     return Rig(
         name=Path(bodies).stem.removesuffix("_bodies"),
         kind=joint.kind,
@@ -192,7 +195,8 @@ def load_caspr(bodies: str | PathLike[str], cables: str | PathLike[str], cable_s
         home=(parent + point)[axes] + initial[: kind.dimension],
         platform=_platform(physical, com, joint),
         description=_describe(links[0], chosen, joint, bool(initial[kind.dimension :].any())),
-        up={"xyz": "z", "xz": "y", "yz": "y"}.get(joint.axes),  # its z, if that is an axis of the rig
+        up=up,
+        required=Requirement(gravity=up is not None),
         source=f"CASPR (github.com/darwinlau/CASPR), {Path(bodies).name} and {Path(cables).name}",
     )
 

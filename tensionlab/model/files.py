@@ -12,8 +12,9 @@ import numpy as np
 from tensionlab.errors import RigError
 from tensionlab.files import writing
 from tensionlab.files.named import find
-from tensionlab.files.reading import parse_toml, read_text
+from tensionlab.files.reading import parse_toml, read_text, read_toml
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 
 SHARED = ("lower", "upper", "brake", "newton_per_ampere", "spool_radius")
@@ -94,10 +95,48 @@ def rig_from_toml(text: str, source: str) -> Rig:
                     raise RigError(f'{here}: key "{key}" is missing; give {give}{elsewhere}')
             modules.append(Module(**keys))
         platform = None if table.platform is None else Platform(**table.platform.model_dump())
-        others = table.model_dump(exclude={"modules", "limits", "platform"})
-        return Rig(modules=tuple(modules), platform=platform, **others)
+        required = _requirement(table.required.model_dump(), "[required]: ")
+        others = table.model_dump(exclude={"modules", "limits", "platform", "required"})
+        return Rig(modules=tuple(modules), platform=platform, required=required, **others)
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
+
+
+def load_requirement(path: str | PathLike[str]) -> Requirement:
+    r"""Read a file of required wrenches: the keys of the table ``[required]`` of a rig file, and nothing else.
+
+    Parameters
+    ----------
+    path : path
+        Of the TOML file; ``datasets/README.md`` shows its keys.
+
+    Raises
+    ------
+    RigError
+        Naming the file and the key.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> import tensionlab as tl
+    >>> _ = pathlib.Path("pushes.toml").write_text("gravity = true\nbox = [50.0, 50.0, 50.0, 5.0, 5.0, 5.0]\n")
+    >>> tl.load_requirement("pushes.toml").at(tl.load_rig("cogiro")).shape
+    (64, 6)
+    """
+    from tensionlab.model import schema
+
+    document = read_toml(path, "a file of required wrenches (*.toml)", RigError)
+    try:
+        return _requirement(schema.check(schema.RequiredTable, document).model_dump())
+    except RigError as error:
+        raise RigError(f"{path}: {error}") from None
+
+
+def _requirement(keys: dict[str, Any], where: str = "") -> Requirement:
+    try:
+        return Requirement(**keys)
+    except RigError as error:
+        raise RigError(f"{where}{error}") from None
 
 
 def rig_to_toml(rig: Rig) -> str:
@@ -114,6 +153,10 @@ def rig_to_toml(rig: Rig) -> str:
     document["limits"] = _given(first, common)
     if rig.platform is not None:
         document["platform"] = _given(rig.platform, ["mass", "com", "inertia"])
+    if rig.required != Requirement():
+        document["required"] = _given(rig.required, ["wrench", "box", "wrenches", "length"])
+        document["required"] |= {"ball": rig.required.ball} if rig.required.ball else {}
+        document["required"] |= {"gravity": True} if rig.required.gravity else {}
     own = ["attachment"] if KINDS[rig.kind].turns else []
     own += [key for key in SHARED if key not in common]
     document["modules"] = [
@@ -131,7 +174,7 @@ def rig_to_toml(rig: Rig) -> str:
     )
 
 
-def _given(record: Module | Platform, keys: Sequence[str]) -> dict[str, Any]:
+def _given(record: Module | Platform | Requirement, keys: Sequence[str]) -> dict[str, Any]:
     """Return those of the values that are known, as TOML has them."""
     values = {key: getattr(record, key) for key in keys}
     return {key: np.asarray(value, np.float64).tolist() for key, value in values.items() if value is not None}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,6 +30,7 @@ from tensionlab.model.module import (
     vector,
 )
 from tensionlab.model.pose import Frames
+from tensionlab.model.requirement import Requirement
 
 if TYPE_CHECKING:
     import pandas
@@ -68,6 +69,8 @@ class Rig:
     up : str or None
         Axis of the world that points up: "x", "y" or "z", or with a minus if it points down. None if that is not
         known: then the rig has no weight, and plays in no scenario.
+    required : Requirement
+        What the cables must exert wherever the rig works, if nothing else is said; nothing if left out.
 
     Examples
     --------
@@ -90,6 +93,7 @@ class Rig:
     description: str = ""
     source: str = ""
     up: str | None = None
+    required: Requirement = field(default_factory=Requirement)
 
     def __post_init__(self) -> None:
         require_name(self.name, "rig", "name", "give the rig a name")
@@ -115,6 +119,7 @@ class Rig:
             module.check_kind(self.kind)
         if self.platform is not None:
             self.platform.check_kind(self.kind)
+        self.required.check_rig(self)
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -228,21 +233,49 @@ class Rig:
             platform = replace(platform, com=turn(platform.com))
         if platform is not None and platform.inertia is not None and self.dimension == 3:
             platform = replace(platform, inertia=rotation @ platform.inertia @ rotation.T)
-        return replace(self, modules=modules, home=turn(self.home), platform=platform, up=up)
+        required = self.required.turned(rotation)
+        return replace(self, modules=modules, home=turn(self.home), platform=platform, up=up, required=required)
+
+    def gravity(self, rotation: ArrayLike | None = None) -> Floats:
+        """Return the wrench of gravity on the platform, (..., n), in N and N·m.
+
+        Parameters
+        ----------
+        rotation : array or None
+            As in `structure_matrix`: the centre of mass turns with the platform.
+
+        Raises
+        ------
+        RigError
+            If the platform's mass or ``up`` is unknown.
+        """
+        if self.platform is None:
+            raise RigError(f'rig "{self.name}": [platform] is missing; give its mass')
+        force = -self.platform.mass * GRAVITY_M_S2 * self.upward
+        if not self._kind.turns:
+            return force
+        arm = np.zeros((1, self.dimension)) if self.platform.com is None else self.platform.com[None]
+        if rotation is not None:
+            arm = kinematics.rotate(pose.rotations(rotation, self.dimension, "rotation"), arm)
+        return kinematics.structure_matrix(np.broadcast_to(force, arm.shape), arm)[..., 0]
 
     @property
     def weight(self) -> Floats | None:
         """Wrench of gravity on the platform at home, (n,), in N and N·m; None if ``up`` or the mass is unknown."""
-        if self.up is None or self.platform is None:
-            return None
-        force = -self.platform.mass * GRAVITY_M_S2 * self.upward
-        wrench = np.zeros(self.n)
-        wrench[: self.dimension] = force
-        if self.platform.com is not None and self.n > self.dimension:
-            arm = np.pad(self.platform.com, (0, 3 - self.dimension))
-            torque = np.cross(arm, np.pad(force, (0, 3 - self.dimension)))
-            wrench[self.dimension :] = torque[-(self.n - self.dimension) :]
-        return wrench
+        return None if self.up is None or self.platform is None else self.gravity()
+
+    @property
+    def characteristic_length(self) -> float:
+        """Length in m by which torques are divided to be counted as forces.
+
+        That of `required`, or the root mean square distance of the attachments from the reference point, at which
+        a force across the arm makes the torque. 1 m where nothing turns, or all attachments are at the reference
+        point. That one length makes a wrench of one unit is in Angeles, "Fundamentals of Robotic Mechanical
+        Systems", 2014; that it is the mean of these distances is a choice of this package.
+        """
+        if self.required.length is not None:
+            return self.required.length
+        return float(np.sqrt((self.attachments**2).sum(axis=1).mean())) or 1.0
 
     @property
     def vertical(self) -> str:

@@ -60,6 +60,17 @@ class PlatformTable(Table):
     )
 
 
+class RequiredTable(Table):
+    """The ``[required]`` table, and a file that holds nothing else."""
+
+    wrench: list[float] | None = Field(None, description="a wrench, a list of numbers in N (and N·m)")
+    box: list[float] | None = Field(None, description="half of each edge, a list of numbers in N (and N·m)")
+    wrenches: list[list[float]] | None = Field(None, description="a list of wrenches in N (and N·m)")
+    ball: float = Field(0.0, description="a radius in N, a number")
+    gravity: bool = Field(False, description="true if the cables hold the platform's weight, or false")
+    length: float | None = Field(None, description="the characteristic length in m, a number")
+
+
 class RigFile(Table):
     """Rig file."""
 
@@ -71,6 +82,7 @@ class RigFile(Table):
     up: str | None = Field(None, description='the axis that points up, in quotes, as in up = "z"')
     limits: LimitsTable = Field(LimitsTable(), description="a [limits] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
+    required: RequiredTable = Field(RequiredTable(), description="a [required] table")
     modules: list[ModuleTable] = Field(min_length=1, description="at least one [[modules]] table")
 
 

@@ -10,13 +10,19 @@ from tensionlab.display import Finding
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import ImpactCap
 from tensionlab.model import directions
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import RANK_TOLERANCE, Status
+from tensionlab.workspace.margin import required_margin
+from tensionlab.workspace.structure_metrics import feasibility_tolerance
+from tensionlab.workspace.wrench_set import half_spaces
 
 MAX_TENSION_RATIO = 1e4
 """Tensions that balance only with a larger ratio between the cables do not count as balancing."""
 LIKELY_LENGTHS_M = (0.01, 100.0)
 """Of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs."""
+ALONG_FACET = 1e-12
+"""Share of a unit vector along a facet's normal below which it does not lead to that facet."""
 HEAD_FORCE_N = ImpactCap().force
 """Largest force of all cables together on a head."""
 
@@ -25,18 +31,25 @@ def check_rig(rig: Rig) -> list[Finding]:
     """Check whether a rig can work at its home, with body frames at the origin of the world.
 
     Findings are the rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong;
-    weight, where it is known; balance, that is the zero wrench inside the limits; strength, the largest force that
-    the rig renders in its weakest direction; and body frames.
+    weight, where it is known; what the rig requires, if anything; balance, that is the zero wrench inside the
+    limits; strength, the largest force and torque that the rig renders in its weakest direction, beside what it
+    requires, or its weight where that closes it; and body frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig), *_scale(rig)]
+    held = False
     if rig.weight is not None:
         findings.append(_weight(rig, structure, rig.weight))
-    held = findings[-1].name == "weight" and findings[-1].passed is True
-    balanced = allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT
-    findings.append(_balance(structure, bool(balanced), held))
-    if balanced:
-        findings.append(_strength(rig, structure))
+        held = findings[-1].passed is True
+    met = True
+    if rig.required:
+        findings.append(_required(rig, structure))
+        met = findings[-1].passed is True
+    balanced = bool(allocate(structure, np.zeros(rig.n), rig.limits).status == Status.EXACT)
+    findings.append(_balance(structure, balanced, held or (met and bool(rig.required))))
+    if met and (balanced or held or rig.required):
+        beside = rig.required if rig.required or balanced else Requirement(gravity=True)
+        findings.append(_strength(rig, structure, beside))
     if rig.frames:
         names = ", ".join(rig.frames)
         findings.append(Finding("frames", None, f"{names}: must be given at run time; at rest for this check"))
@@ -90,6 +103,17 @@ def _weight(rig: Rig, structure: Floats, weight: Floats) -> Finding:
     return Finding("weight", False, text)
 
 
+def _required(rig: Rig, structure: Floats) -> Finding:
+    """Check that the cables can exert all that is required of the rig at home."""
+    margin = float(required_margin(rig, structure, rig.required))
+    arm = f" (torques at {rig.characteristic_length:.3g} m)" if rig.n > rig.dimension else ""
+    what = rig.required.describe(rig)
+    if margin >= -feasibility_tolerance(rig.required.at(rig)):
+        return Finding("required", True, f"{what}: feasible, {max(margin, 0.0):.3g} N from the edge{arm}")
+    text = f"{what}: infeasible by {-margin:.3g} N{arm}: move modules, widen the limits or require less"
+    return Finding("required", False, text)
+
+
 def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
     """Check that the cables can hold the platform still with no outside force; not needed where weight pulls."""
     if balanced:
@@ -103,14 +127,28 @@ def _balance(structure: Floats, balanced: bool, held: bool) -> Finding:
     return Finding("balance", None if held else False, text)
 
 
-def _strength(rig: Rig, structure: Floats) -> Finding:
-    """Check the force, without torque, that the rig renders in its weakest direction."""
-    vectors = directions.grid18() if rig.dimension == 3 else directions.circle()
-    beyond = 2.0 * float(rig.limits.upper.sum())
-    wrenches = directions.forces(beyond * vectors, rig.n, rig.dimension)
-    strength = beyond * np.nan_to_num(allocate(structure, wrenches, rig.limits, nearest="direction").scale)
+def _strength(rig: Rig, structure: Floats, beside: Requirement) -> Finding:
+    """Check the force, and the torque, that the rig renders alone in its weakest direction."""
+    normals, offsets = half_spaces(structure, rig.limits)
+    room = offsets - normals @ beside.middle(rig)
+    forces = directions.grid18() if rig.dimension == 3 else directions.circle()
+    strength = _reach(room, normals[:, : rig.dimension], forces)
     weakest = int(np.argmin(strength))
-    where = ", ".join(f"{part:.2f}" for part in vectors[weakest] + 0.0)
-    text = f"{strength[weakest]:.3g} N in its weakest of {len(vectors)} directions, ({where})"
+    where = ", ".join(f"{part:.2f}" for part in forces[weakest] + 0.0)
+    text = f"{strength[weakest]:.3g} N in its weakest of {len(forces)} directions, ({where})"
     text += f"; {strength.max():.3g} N in its strongest"
+    if rig.n > rig.dimension:
+        torques = directions.grid18() if rig.dimension == 3 else np.array([[1.0], [-1.0]])
+        twist = _reach(room, normals[:, rig.dimension :], torques)
+        text += f"; torque {twist.min():.3g} to {twist.max():.3g} N·m"
+    if beside:
+        text += f"; beside {beside.describe(rig)}"
     return Finding("strength", bool(strength[weakest] > 0), text)
+
+
+def _reach(room: Floats, normals: Floats, vectors: Floats) -> Floats:
+    """Return how far it is in each direction (K,) to the first facet, with so much room (k,) along its normal."""
+    along = vectors @ normals.T
+    ahead = along > ALONG_FACET
+    nearest = np.min(np.where(ahead, room, np.inf) / np.where(ahead, along, 1.0), axis=1)
+    return np.asarray(nearest.clip(min=0.0))

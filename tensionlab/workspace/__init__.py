@@ -30,6 +30,7 @@ from tensionlab.workspace.metrics import (
     SquaredTension,
     TensionFactor,
     WrenchClosure,
+    WrenchFeasible,
 )
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
 from tensionlab.workspace.structure_metrics import (
@@ -75,6 +76,7 @@ __all__ = [
     "Surface",
     "TensionFactor",
     "WrenchClosure",
+    "WrenchFeasible",
     "body_distance",
     "box",
     "cable_distance",

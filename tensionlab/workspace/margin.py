@@ -13,6 +13,7 @@ from tensionlab.arrays import Floats, finite, rows
 from tensionlab.errors import ShapeError
 from tensionlab.model import kinematics, pose
 from tensionlab.model.pose import Frames
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.wrench_set import StructureBatch, TensionRange, structure_batch, structure_matrices
 
@@ -61,7 +62,8 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     0 or more if and only if all of it is feasible. The available wrench set is all ``W t`` with t inside the
     limits; one without volume (W of lower rank) ends at once in the directions that it lacks: its margin is at
     most 0, less the distance of the required set from its plane. Where n is more than 3, its distances mix N and
-    N·m: divide the torques of W and of the required wrenches by a length of your choice first. ShapeError names
+    N·m: divide the torques of W and of the required wrenches by a length of your choice first, such as
+    `Rig.characteristic_length`. ShapeError names
     an entry that does not fit.
 
     Source: Guay, Cardou, Cruz-Ruiz and Caro, "Measuring how well a structure supports varying external wrenches",
@@ -93,6 +95,21 @@ def capacity_margin(structure: ArrayLike, limits: TensionRange, required: Requir
     batch, wrenches, radius = _arguments(structure, limits, required)
     margin = _native.capacity_margin(*batch[:3], wrenches, RANK_TOLERANCE)
     return np.asarray(margin.reshape(batch.shape) - radius)[()]
+
+
+def required_margin(
+    rig: Rig, structure: Floats, required: Requirement, rotation: ArrayLike | None = None
+) -> Floats:
+    """Return the capacity margin (...) of a rig about what is required of it, in N.
+
+    Torques, of the structure matrices (..., n, m) of its poses as of what is required, are divided by the
+    characteristic length of the requirement. The rotation, whose leading axes are those of the matrices, is as in
+    `Rig.structure_matrix`.
+    """
+    unit = np.ones(rig.n)
+    unit[rig.dimension :] /= required.length_for(rig)
+    corners = required.at(rig, rotation) * unit
+    return capacity_margin(structure * unit[:, None], rig.limits, corners) - required.ball
 
 
 def margin_gradient(

@@ -7,6 +7,7 @@ docstring describes it on the command line and in datasets.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Literal, Protocol, get_args
 
 import numpy as np
@@ -16,6 +17,7 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError
 from tensionlab.model.directions import circle, fibonacci
 from tensionlab.model.pose import Frames
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import interference, margin, structure_metrics
 
@@ -24,7 +26,8 @@ from tensionlab.workspace import interference, margin, structure_metrics
 class Batch:
     """B poses of one rig at which no cable has length zero, and their structure matrices (B, n, m).
 
-    Position (B, d), in m, rotation and frames are as in `Rig.structure_matrix`.
+    Position (B, d), in m, rotation and frames are as in `Rig.structure_matrix`; ``required`` is what the cables
+    must exert at all of them.
     """
 
     rig: Rig
@@ -32,6 +35,17 @@ class Batch:
     rotation: Floats | None
     frames: Frames
     structure: Floats
+    required: Requirement
+
+    @cached_property
+    def wrench(self) -> Floats:
+        """The middle of the required wrenches, (n,), or (B, n) where it turns with the platform."""
+        return self.required.middle(self.rig, self.rotation)
+
+    @cached_property
+    def margin(self) -> Floats:
+        """The capacity margin about all required wrenches, (B,), in N."""
+        return margin.required_margin(self.rig, self.structure, self.required, self.rotation)
 
 
 class Metric(Protocol):
@@ -48,10 +62,10 @@ class Metric(Protocol):
 
 @dataclass(frozen=True)
 class CapacityMargin:
-    """Distance of a ball of required wrenches (radius 0 if left out) from the edge of the available set.
+    """Distance of the required wrenches, less a radius (0 if left out), from the edge of the available set.
 
-    The ball is about zero, of forces and torques as one (N and N·m) if the rig has torques. Below zero is how much
-    of it is infeasible.
+    What is required is zero if nothing is said. Torques count as forces, divided by the characteristic length.
+    Below zero is how much of it is infeasible.
 
     Examples
     --------
@@ -67,15 +81,41 @@ class CapacityMargin:
 
     title: ClassVar[str] = "capacity margin"
     unit: ClassVar[str] = "N"
-    above_zero: ClassVar[str] = "a force of the radius is feasible in every direction"
+    above_zero: ClassVar[str] = "all of it is feasible, and the radius in every direction beside"
 
     def __post_init__(self) -> None:
         _check(self, "radius", np.isfinite(self.radius) and self.radius >= 0, "a wrench in N, 0 or more")
 
     def evaluate(self, batch: Batch) -> Floats:
         """Return the value at every pose."""
-        ball = (np.zeros(batch.rig.n), self.radius)
-        return margin.capacity_margin(batch.structure, batch.rig.limits, ball)
+        return batch.margin - self.radius
+
+
+@dataclass(frozen=True)
+class WrenchFeasible:
+    """Whether the cables exert every required wrench within their limits: 1 or 0.
+
+    Zero is required if nothing is said. A wrench outside by no more than the tolerance of an exact allocation
+    counts as feasible.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
+    >>> swept = tl.sweep(rig, poses, "wrench-feasible", required=[0.0, 5.0, 0.0], progress=False)
+    >>> swept["wrench-feasible"].values
+    array([[0., 1.]])
+    """
+
+    title: ClassVar[str] = "wrench feasibility"
+    unit: ClassVar[str] = "1"
+    above_zero: ClassVar[str] = "it is feasible"
+
+    def evaluate(self, batch: Batch) -> Floats:
+        """Return 1 or 0 at every pose."""
+        tolerance = structure_metrics.feasibility_tolerance(batch.required.at(batch.rig, batch.rotation))
+        return (batch.margin >= -tolerance).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -126,7 +166,9 @@ class TensionFactor:
 
 @dataclass(frozen=True)
 class IsotropicForce:
-    """Maximum force that is feasible in every direction, without torque.
+    """Maximum force that is feasible in every direction beside the required wrench, without torque.
+
+    Of a set of required wrenches, beside its middle.
 
     Examples
     --------
@@ -144,14 +186,16 @@ class IsotropicForce:
 
     def evaluate(self, batch: Batch) -> Floats:
         """Return the value at every pose."""
-        return structure_metrics.isotropic_force(batch.structure, batch.rig.limits, batch.rig.dimension)
+        rig = batch.rig
+        return structure_metrics.isotropic_force(batch.structure, rig.limits, rig.dimension, batch.wrench)
 
 
 @dataclass(frozen=True)
 class ReachableShare:
     """Feasible-direction fraction: share of directions in which a force (1 N if left out) is feasible.
 
-    Without torque, in directions that cover the circle or sphere evenly.
+    Without torque, in directions that cover the circle or sphere evenly, and beside the required wrench, or the
+    middle of a set of them.
 
     Examples
     --------
@@ -176,7 +220,9 @@ class ReachableShare:
     def evaluate(self, batch: Batch) -> Floats:
         """Return the value at every pose."""
         directions = _even_directions(batch.rig, self.count)
-        return structure_metrics.reachable_share(batch.structure, batch.rig.limits, directions, self.magnitude)
+        return structure_metrics.reachable_share(
+            batch.structure, batch.rig.limits, directions, self.magnitude, batch.wrench
+        )
 
 
 @dataclass(frozen=True)
@@ -229,7 +275,8 @@ class ConditionNumber:
 class SquaredTension:
     """Sum of squared tensions for a force (1 N), its mean over directions, or its maximum (worst).
 
-    Without torque, in directions that cover the circle or sphere evenly. NaN where some are infeasible.
+    Without torque, in directions that cover the circle or sphere evenly, and beside the required wrench, or the
+    middle of a set of them. NaN where some are infeasible.
 
     Examples
     --------
@@ -256,7 +303,8 @@ class SquaredTension:
     def evaluate(self, batch: Batch) -> Floats:
         """Return the value at every pose."""
         directions = _even_directions(batch.rig, self.count)
-        found = structure_metrics.effort(batch.structure, batch.rig.limits, directions, self.magnitude)
+        limits = batch.rig.limits
+        found = structure_metrics.effort(batch.structure, limits, directions, self.magnitude, batch.wrench)
         return found.mean if self.over == "mean" else found.worst
 
 
@@ -313,6 +361,7 @@ class BodyDistance:
 
 METRICS: dict[str, type[Any]] = {
     "capacity-margin": CapacityMargin,
+    "wrench-feasible": WrenchFeasible,
     "wrench-closure": WrenchClosure,
     "tension-factor": TensionFactor,
     "isotropic-force": IsotropicForce,

@@ -69,11 +69,13 @@ def wrench_closure(structure: ArrayLike) -> NDArray[np.bool_]:
     return tension_factor(structure) > CLOSURE_TOLERANCE
 
 
-def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int | None = None) -> Floats:
+def isotropic_force(
+    structure: ArrayLike, limits: TensionRange, dimension: int | None = None, beside: ArrayLike | None = None
+) -> Floats:
     """Return the maximum force (...), in N, that is feasible in every direction, without a torque.
 
-    The radius of the largest ball of forces, about zero, in the available wrench set; each facet bounds it by the
-    part of its normal that is a force. 0 where some directions, or zero itself, are infeasible.
+    The radius of the largest ball of forces, about zero or a wrench, in the available wrench set; each facet
+    bounds it by the part of its normal that is a force. 0 where some directions, or the middle, are infeasible.
 
     Parameters
     ----------
@@ -82,6 +84,8 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
     dimension : int or None
         How many of the n components are forces; the others are torques, and stay zero. None: the first three, or
         all where n is less. A planar platform, which has n = 3, needs 2: give ``rig.dimension``.
+    beside : (..., n) array or None
+        Wrench that is rendered at the same time, such as that which holds a weight; None is zero.
 
     Raises
     ------
@@ -96,12 +100,21 @@ def isotropic_force(structure: ArrayLike, limits: TensionRange, dimension: int |
     >>> f"{tl.workspace.isotropic_force(structure, rig.limits):.3f} N"
     '3.681 N'
     """
-    batch = structure_batch(structure_matrices(structure), limits)
-    n = batch.structure.shape[1]
+    matrices = structure_matrices(structure)
+    n = matrices.shape[-2]
+    middle = _beside(beside, n)
+    batch = structure_batch(matrices, limits, beside=middle.shape[:-1])
     forces = min(n, 3) if dimension is None else dimension
     if not 1 <= forces <= n:
         raise InputError(f"dimension is {dimension}; of {n} wrench components, 1 to {n} can be forces")
-    return _native.isotropic_force(*batch[:3], forces, RANK_TOLERANCE).reshape(batch.shape)[()]
+    if not middle.any():
+        return _native.isotropic_force(*batch[:3], forces, RANK_TOLERANCE).reshape(batch.shape)[()]
+    # Tensions that render the wrench, whatever their limits, move the limits of those that render the rest.
+    W, wrenches = batch.structure, rows(middle, batch.shape, 1)
+    tensions = (np.linalg.pinv(W, RANK_TOLERANCE) @ wrenches[..., None])[..., 0]
+    found = _native.isotropic_force(W, batch.lower - tensions, batch.upper - tensions, forces, RANK_TOLERANCE)
+    missing = np.linalg.norm(wrenches - np.einsum("bnm,bm->bn", W, tensions), axis=1)
+    return np.where(missing <= feasibility_tolerance(wrenches), found, 0.0).reshape(batch.shape)[()]
 
 
 def least_singular_value(structure: ArrayLike) -> Floats:
@@ -170,7 +183,13 @@ def _singular_values(structure: ArrayLike) -> Floats:
     return np.asarray(found)
 
 
-def reachable_share(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, magnitude: float) -> Floats:
+def reachable_share(
+    structure: ArrayLike,
+    limits: TensionRange,
+    directions: ArrayLike,
+    magnitude: float,
+    beside: ArrayLike | None = None,
+) -> Floats:
     """Return the feasible-direction fraction (...): the share of directions in which a wrench is feasible.
 
     By the half-spaces of the available wrench set; nothing is solved. A wrench outside by no more than the
@@ -185,6 +204,8 @@ def reachable_share(structure: ArrayLike, limits: TensionRange, directions: Arra
         other components are zero: no torque.
     magnitude : float
         Of the wrench; in N, if the directions are forces.
+    beside : (..., n) array or None
+        As in `isotropic_force`.
 
     Raises
     ------
@@ -201,9 +222,9 @@ def reachable_share(structure: ArrayLike, limits: TensionRange, directions: Arra
     '0.363'
     """
     matrices = structure_matrices(structure)
-    wrenches = _wrenches(directions, magnitude, matrices.shape[-2])
+    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], beside)
     batch = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
-    tolerance = TOLERANCE * max(1.0, magnitude)
+    tolerance = feasibility_tolerance(wrenches)
     share = _native.reachable_share(*batch[:3], rows(wrenches, batch.shape, 2), tolerance, RANK_TOLERANCE)
     return share.reshape(batch.shape)[()]
 
@@ -227,7 +248,13 @@ class Effort(NamedTuple):
     worst: Floats
 
 
-def effort(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, magnitude: float) -> Effort:
+def effort(
+    structure: ArrayLike,
+    limits: TensionRange,
+    directions: ArrayLike,
+    magnitude: float,
+    beside: ArrayLike | None = None,
+) -> Effort:
     """Return the squared tensions that wrenches of a magnitude take, over a set of directions.
 
     For each direction the tensions with the minimum sum of squares, by `tensionlab.allocate`. Parameters and
@@ -235,7 +262,7 @@ def effort(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, ma
 
     Parameters
     ----------
-    structure, limits, directions, magnitude
+    structure, limits, directions, magnitude, beside
         As in `reachable_share`.
 
     Examples
@@ -248,7 +275,7 @@ def effort(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, ma
     '11.19 N², 14.91 N²'
     """
     matrices = structure_matrices(structure)
-    wrenches = _wrenches(directions, magnitude, matrices.shape[-2])
+    wrenches = _wrenches(directions, magnitude, matrices.shape[-2], beside)
     structures, lower, upper, shape = structure_batch(matrices, limits, directions=wrenches.shape[:-2])
     desired = rows(wrenches, shape, 2)
     mean, worst = np.empty(len(desired)), np.empty(len(desired))
@@ -262,8 +289,26 @@ def effort(structure: ArrayLike, limits: TensionRange, directions: ArrayLike, ma
     return Effort(mean.reshape(shape)[()], worst.reshape(shape)[()])
 
 
-def _wrenches(directions: ArrayLike, magnitude: float, n: int) -> Floats:
-    """Return wrenches of one magnitude, (..., k, n)."""
+def feasibility_tolerance(wrenches: Floats) -> float:
+    """Return how far outside the available wrench set a wrench may be and count as feasible, in N.
+
+    The tolerance of an exact allocation: a share of the largest of the wrenches.
+    """
+    return TOLERANCE * max(1.0, float(np.linalg.norm(wrenches, axis=-1).max(initial=0.0)))
+
+
+def _beside(wrench: ArrayLike | None, n: int) -> Floats:
+    """Return a wrench that is rendered at the same time, (..., n)."""
+    if wrench is None:
+        return np.zeros(n)
+    found = finite("beside", wrench, 1)
+    if found.shape[-1] != n:
+        raise ShapeError(f"beside has {found.shape[-1]} components where structure has {n} rows")
+    return found
+
+
+def _wrenches(directions: ArrayLike, magnitude: float, n: int, beside: ArrayLike | None) -> Floats:
+    """Return wrenches of one magnitude beside another wrench, (..., k, n)."""
     if not (math.isfinite(magnitude) and magnitude >= 0):
         raise InputError(f"magnitude is {magnitude}; give a finite number, 0 or more")
     vectors = finite("directions", directions, 2)
@@ -277,4 +322,4 @@ def _wrenches(directions: ArrayLike, magnitude: float, n: int) -> Floats:
         raise ShapeError(f"directions[{index}] is zero; give vectors with a direction")
     wrenches = np.zeros((*vectors.shape[:-1], n))
     wrenches[..., : vectors.shape[-1]] = magnitude * vectors / lengths
-    return wrenches
+    return wrenches + _beside(beside, n)[..., None, :]

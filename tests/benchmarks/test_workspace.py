@@ -4,7 +4,7 @@ import pytest
 import tensionlab as tl
 from benchmarks import highs
 from benchmarks import workspace as workspace_bench
-from benchmarks.workspace import closure_by_svd, closure_row, margin_row, verify
+from benchmarks.workspace import closure_by_svd, closure_row, margin_row, verify, verify_suspended
 
 
 @pytest.mark.parametrize(("n", "m"), workspace_bench.SHAPES)
@@ -13,6 +13,14 @@ def test_the_margin_has_the_sign_that_highs_finds(n, m):
     assert found.poses == 1500
     assert 0.1 < found.feasible / found.poses < 0.9
     assert found.undecided < 3
+    assert found.contradicted == 0
+
+
+@pytest.mark.parametrize("name", workspace_bench.SUSPENDED)
+def test_what_a_suspended_robot_holds_is_what_linprog_finds(name):
+    found = verify_suspended(name, 150)
+    assert 0 < found.feasible < found.poses == 150
+    assert found.undecided == 0
     assert found.contradicted == 0
 
 

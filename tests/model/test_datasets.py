@@ -24,7 +24,7 @@ CLOSED = {
     "spidar-g6x4": 8,
     "tetra-4": 4,
 }
-OPEN = {"floor-3": 3, "cogiro": 8}
+OPEN = {"floor-3": 3, "cogiro": 8, "caroca": 8, "fast": 6}
 
 
 def home_matrix(name):

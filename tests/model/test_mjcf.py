@@ -128,7 +128,7 @@ def test_allocated_tensions_accelerate_the_body_as_the_wrench_demands(rig, posit
     inside = np.random.default_rng(5).uniform(0.7 * lower + 0.3 * upper, upper, size=(4, rig.m))
     wrench = np.einsum("nm,km->kn", structure, inside)
     result = tl.allocate(structure, wrench, rig.limits).raise_for_status()
-    model, data = judge(dataclasses.replace(rig, up=None), frames)  # without weight
+    model, data = judge(dataclasses.replace(rig, up=None, required=tl.Requirement()), frames)  # without weight
     for demanded, tensions in zip(wrench, result.tensions, strict=True):
         mujoco.mj_resetData(model, data)
         stand(data, frames)

@@ -72,7 +72,35 @@ def test_a_suspended_robot_needs_its_weight():
     rig = tl.load_rig(RIGS / "cogiro.toml")
     assert verdicts(rig)["balance"] is None
     assert verdicts(rig)["weight"] is True
-    assert verdicts(dataclasses.replace(rig, platform=None))["balance"] is False
+    assert verdicts(rig)["required"] is True
+    assert verdicts(rig)["strength"] is True
+    weightless = dataclasses.replace(rig, platform=None, required=tl.Requirement())
+    assert verdicts(weightless)["balance"] is False
+
+
+@pytest.mark.parametrize("name", ["cogiro", "caroca", "fast"])
+def test_the_strength_of_a_suspended_robot_is_beside_its_weight(name):
+    rig = tl.load_rig(name)
+    structure, weight = rig.structure_matrix(rig.home), -rig.weight
+    text = next(f.text for f in check_rig(rig) if f.name == "strength")
+    strength, torque = float(text.split()[0]), float(text.partition("torque ")[2].split()[0])
+    for share, all_of_them in ((0.99, True), (1.01, False)):
+        for first, size in ((0, strength), (3, torque)):
+            wrenches = np.tile(weight, (182, 1))
+            wrenches[:, first : first + 3] += share * size * grid18()
+            exact = tl.allocate(structure, wrenches, rig.limits).status == tl.Status.EXACT
+            assert exact.all() == all_of_them
+
+
+def test_what_is_required_at_home_is_checked_with_what_is_missing():
+    rig = dataclasses.replace(published(), required=tl.Requirement(wrench=[0.0, 3.0, 0.0], ball=1.0))
+    found = {finding.name: finding for finding in check_rig(rig)}
+    assert found["required"].passed
+    margin = tl.workspace.capacity_margin(rig.structure_matrix(rig.home), rig.limits, rig.required.wrench)
+    assert f"feasible, {margin - 1.0:.3g} N from the edge" in found["required"].text
+    found = {f.name: f for f in check_rig(dataclasses.replace(rig, required=tl.Requirement(ball=5.0)))}
+    assert found["required"].passed is False
+    assert "infeasible by 1.32 N" in found["required"].text
 
 
 @pytest.mark.parametrize("name", ["cogiro", "ipanema-1", "ipanema-2", "kntu-planar"])

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab.errors import SweepError
 from tensionlab.model.pose import Frames
+from tensionlab.model.requirement import Requirement, as_requirement
 from tensionlab.model.rig import Rig
 from tensionlab.workspace import metrics
 from tensionlab.workspace.metrics import Metric
@@ -43,6 +44,7 @@ def sweep(
     measures: str | Metric | Sequence[str | Metric],
     *,
     frames: Frames | None = None,
+    required: Requirement | ArrayLike | None = None,
     out: str | PathLike[str] | None = None,
     scheduler: str | None = None,
     chunk: int = CHUNK_VALUES,
@@ -63,6 +65,9 @@ def sweep(
         Names in `tensionlab.workspace.METRICS`, such as "capacity-margin" or "reachable-share:2.0", or instances.
     frames : mapping of name to Frame or (position, rotation), optional
         Where the body frames of the rigs are: one pose for each, the same all over the sweep.
+    required : Requirement, (n,) array, (k, n) array or None
+        What the cables must exert at every pose: a wrench, the vertices of a set, or a `tensionlab.Requirement`,
+        which holds the weight as well if it says so. None is `Rig.required` of each rig.
     out : path, optional
         A folder, by custom called DIR.zarr, to which chunks are written as they are finished. A sweep that was
         killed goes on where it was when it is called again, and a finished one is only opened. Without it, the
@@ -80,8 +85,10 @@ def sweep(
     xarray.Dataset
         A variable for each metric, called as it was given, with the axes of the configurations, then those of the
         poses. NaN where a cable has no length, or a metric has no value. Every variable has ``units`` and
-        ``long_name``. The coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves.
-        Among the attributes is the ``manifest``, as JSON: the call, versions, commit and processor.
+        ``long_name``. The coordinates ``anchor``, ``attachment``, ``lower`` and ``upper`` are the rigs themselves;
+        ``required`` says in words what the cables must exert, ``characteristic_length`` at which arm a torque
+        counts as a force. Among the attributes is the ``manifest``, as JSON: the call, versions, commit and
+        processor.
 
     Raises
     ------
@@ -110,6 +117,7 @@ def sweep(
         metrics=_by_name(measures),
         frames={} if frames is None else frames,
         chunk=chunk,
+        required=None if required is None else as_requirement(required),
     )
     if out is not None:
         require_space(plan, Path(out))

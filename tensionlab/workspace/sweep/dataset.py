@@ -36,7 +36,8 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
 
     Every rig is made on the way, and refused if it does not suit the poses or the metrics, or lacks a body frame.
     """
-    found = [*plan.configurations.coordinates(), *_rig_coordinates(plan), *plan.poses.coordinates()]
+    of_rigs, demands = _rig_coordinates(plan)
+    found = [*plan.configurations.coordinates(), *of_rigs, *plan.poses.coordinates()]
     names = Counter([each.name for each in found] + list(plan.metrics))
     if twice := [name for name, count in names.items() if count > 1]:
         raise SweepError(f'two axes or variables of the sweep are called "{twice[0]}"; rename one')
@@ -48,7 +49,7 @@ def empty_dataset(plan: Plan) -> xarray.Dataset:
     }
     attrs = {
         "title": f"tensionlab sweep: {', '.join(plan.metrics)}",
-        "sweep": json.dumps(_identity(plan, found, manifest["versions"]["tensionlab"])),
+        "sweep": json.dumps(_identity(plan, found, demands, manifest["versions"]["tensionlab"])),
         "manifest": json.dumps(manifest),
     }
     empty: xarray.Dataset = records.import_xarray().Dataset(coords=labels, attrs=attrs)
@@ -65,10 +66,13 @@ def attributes(metric: Metric) -> dict[str, str]:
     }
 
 
-def _rig_coordinates(plan: Plan) -> list[Coordinate]:
-    """Return anchors, attachments and limits of every configuration; NaN for modules that it lacks."""
+def _rig_coordinates(plan: Plan) -> tuple[list[Coordinate], str]:
+    """Return what labels the rig of every configuration, and a text of what is required of each, if anything is.
+
+    Its anchors, attachments and limits are NaN for modules that it lacks.
+    """
     shape, dims = plan.configurations.shape, plan.configurations.dims
-    names, rows, homes = [], [], []
+    names, rows, homes, arms, demands = [], [], [], [], []
     used: set[str] = set()
     seen: set[tuple[str, int]] = set()
     for index in np.ndindex(*shape):
@@ -82,20 +86,27 @@ def _rig_coordinates(plan: Plan) -> list[Coordinate]:
             plan.check(rig)
             seen.add((rig.kind, rig.m))
         homes.append(rig.home)
-        names.append((rig.name, rig.kind, rig.up or "", [module.name for module in rig.modules]))
+        required = plan.requirement(rig)
+        if required or rig.n > rig.dimension:
+            demands.append(f"{required} at {required.length_for(rig)} m")
+        labels = [module.name for module in rig.modules]
+        names.append((rig.name, rig.kind, rig.up or "", required.describe(rig), labels))
+        arms.append(required.length_for(rig))
         rows.append((anchors, rig.attachments, rig.limits.lower, rig.limits.upper))
     if unknown := sorted(set(plan.frames) - used):
         raise SweepError(f'frames: no module rides on "{unknown[0]}"; leave it out')
 
     most = max(len(row[0]) for row in rows)
     anchors, attachments, lower, upper = (_padded([row[i] for row in rows], most, shape) for i in range(4))
-    titles, kinds, ups = (np.array([row[i] for row in names]).reshape(shape) for i in range(3))
+    titles, kinds, ups, words = (np.array([row[i] for row in names]).reshape(shape) for i in range(4))
     modules = np.array([own + [""] * (most - len(own)) for *_, own in names]).reshape(*shape, most)
     axes = "xyz"[: plan.poses.dimension]
     each = (*dims, "module")
     found = [
         Coordinate("kind", dims, kinds, "1", "kind of the rig"),
         Coordinate("up", dims, ups, "1", "axis of the world that points up; empty: not known"),
+        Coordinate("required", dims, words, "1", "what the cables must exert at every pose"),
+        Coordinate("characteristic_length", dims, np.reshape(arms, shape), "m", "arm of torques as forces"),
         Coordinate("module", ("module",), np.arange(most), "1", "number of the module"),
         Coordinate("axis", ("axis",), np.array(list(axes)), "1", "axis of the world or of the platform"),
         Coordinate("home", (*dims, "axis"), np.stack(homes).reshape(*shape, -1), "m", "home position of the rig"),
@@ -105,7 +116,9 @@ def _rig_coordinates(plan: Plan) -> list[Coordinate]:
         Coordinate("lower", each, lower, "N", "minimum tension of the cable"),
         Coordinate("upper", each, upper, "N", "maximum tension of the cable"),
     ]
-    return found if "rig" in dims else [Coordinate("rig", dims, titles, "1", "name of the rig"), *found]
+    if "rig" not in dims:
+        found.insert(0, Coordinate("rig", dims, titles, "1", "name of the rig"))
+    return found, "; ".join(demands)
 
 
 def _padded(rows: list[Floats], length: int, shape: tuple[int, ...]) -> Floats:
@@ -116,13 +129,14 @@ def _padded(rows: list[Floats], length: int, shape: tuple[int, ...]) -> Floats:
     return table.reshape(*shape, *table.shape[1:])
 
 
-def _identity(plan: Plan, found: Sequence[Coordinate], version: str) -> dict[str, Any]:
+def _identity(plan: Plan, found: Sequence[Coordinate], demands: str, version: str) -> dict[str, Any]:
     """Return what tells a sweep from every other; stores are compared by it."""
     of_poses = plan.poses.coordinates()
-    names = {each.name for each in of_poses}
+    names = {"required", "characteristic_length", *(each.name for each in of_poses)}
     return {
         "rigs": _digest([each for each in found if each.name not in names]),
         "poses": _digest(of_poses),
+        **({"required": hashlib.sha256(demands.encode()).hexdigest()} if demands else {}),
         "measures": {name: repr(metric) for name, metric in plan.metrics.items()},
         "chunks": list(plan.chunks),
         "version": version,

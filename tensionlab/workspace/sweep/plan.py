@@ -16,6 +16,7 @@ from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import kinematics, layouts, pose
 from tensionlab.model.pose import Frames
+from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.metrics import Batch, Metric
 from tensionlab.workspace.poses import Coordinate, Poses
@@ -213,13 +214,15 @@ class Task:
     poses: Poses
     metrics: tuple[Metric, ...]
     frames: Frames
+    required: tuple[Requirement, ...]
+    """Of each rig."""
 
     def evaluate(self) -> Floats:
         """Return the values, (metrics, *shape of the block); NaN where a cable has no length."""
         position, rotation = self.poses.arrays()
         values = np.full((len(self.metrics), len(self.rigs), len(position)), np.nan)
         for number, rig in enumerate(self.rigs):
-            batch, sound = _batch(rig, position, rotation, self.frames)
+            batch, sound = _batch(rig, position, rotation, self.frames, self.required[number])
             for row, metric in enumerate(self.metrics):
                 values[row, number, sound] = metric.evaluate(batch)
         return values.reshape(len(self.metrics), *(part.stop - part.start for part in self.block))
@@ -229,7 +232,8 @@ class Task:
 class Plan:
     """Every metric, of every configuration, at every pose, in chunks of at most so many values.
 
-    The axes are those of the configurations, then those of the poses.
+    The axes are those of the configurations, then those of the poses. What is required is each rig's own where it
+    is None.
     """
 
     configurations: Configurations
@@ -237,6 +241,7 @@ class Plan:
     metrics: Mapping[str, Metric]
     frames: Frames
     chunk: int
+    required: Requirement | None = None
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -283,14 +288,18 @@ class Plan:
             self.configurations.rig([part.start + i for i, part in zip(index, block[:count], strict=True)])
             for index in np.ndindex(*(part.stop - part.start for part in block[:count]))
         )
-        return Task(
-            number, block, rigs, self.poses.block(block[count:]), tuple(self.metrics.values()), self.frames
-        )
+        poses, metrics = self.poses.block(block[count:]), tuple(self.metrics.values())
+        return Task(number, block, rigs, poses, metrics, self.frames, tuple(map(self.requirement, rigs)))
+
+    def requirement(self, rig: Rig) -> Requirement:
+        """Return what is required of a rig."""
+        return rig.required if self.required is None else self.required
 
     def check(self, rig: Rig) -> None:
         """Refuse a rig that does not suit the poses, or that a metric refuses.
 
-        For its dimensions, no body to turn, a body frame that is not given, or more cables than a metric takes.
+        For its dimensions, no body to turn, a body frame that is not given, required wrenches of another size, or
+        more cables than a metric takes.
         """
         if rig.dimension != self.poses.dimension:
             raise SweepError(
@@ -302,12 +311,15 @@ class Plan:
         if rotation is not None and rig.n == rig.dimension:
             raise SweepError(f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn')
         nothing = None if rotation is None else rotation[:0]
-        batch, _ = _batch(rig, position[:0], nothing, self.frames)
+        batch, _ = _batch(rig, position[:0], nothing, self.frames, self.requirement(rig))
+        batch.required.check_rig(rig)
         for metric in self.metrics.values():
             metric.evaluate(batch)
 
 
-def _batch(rig: Rig, position: Floats, rotation: Floats | None, frames: Frames) -> tuple[Batch, NDArray[np.bool_]]:
+def _batch(
+    rig: Rig, position: Floats, rotation: Floats | None, frames: Frames, required: Requirement
+) -> tuple[Batch, NDArray[np.bool_]]:
     """Return the poses of a rig whose cables have a length, and which of those given they are."""
     own = {name: frames[name] for name in rig.frames if name in frames}
     anchors = pose.place_anchors(rig.modules, rig.anchors, own)
@@ -321,4 +333,4 @@ def _batch(rig: Rig, position: Floats, rotation: Floats | None, frames: Frames) 
     if not sound.all():
         position, structure = position[sound], structure[sound]
         rotation = None if rotation is None else rotation[sound]
-    return Batch(rig, position, rotation, own, structure), sound
+    return Batch(rig, position, rotation, own, structure, required), sound

@@ -1,0 +1,204 @@
+"""Wrenches that the cables of a rig must exert: `Requirement`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab import display
+from tensionlab.arrays import Floats, as_floats, frozen
+from tensionlab.errors import RigError, ShapeError
+from tensionlab.files.reading import brief
+from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, same
+
+if TYPE_CHECKING:
+    from tensionlab.model.rig import Rig
+
+MAX_WRENCHES = 100_000
+"""Wrenches of a list: each of them is looked at in every pose."""
+
+
+@dataclass(frozen=True, eq=False)
+class Requirement:
+    """Wrenches that the cables must exert on the platform, and whether they hold its weight besides.
+
+    A wrench alone, or about it a box, a ball or a list of wrenches; at the reference point and in world axes, in N
+    (and N·m). All of a set can be rendered where its corners can, since the available wrench set is convex.
+    RigError names the wrong key.
+
+    Attributes
+    ----------
+    wrench : (n,) read-only array or None
+        The middle of the set; None for zero.
+    box : (n,) read-only array or None
+        Half of the edges: from ``wrench - box`` to ``wrench + box``.
+    wrenches : (k, n) read-only array or None
+        What is added to the wrench, one at a time; not beside a box.
+    ball : float
+        Radius, in N: all that is no further away from any of these. Torques are divided by the length.
+    gravity : bool
+        Whether the cables hold the weight of the platform besides, in whichever orientation.
+    length : float or None
+        Characteristic length in m, by which torques are divided to be forces in margins and balls; None for the
+        rig's own, `Rig.characteristic_length`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("cogiro")
+    >>> lift = tl.Requirement(wrench=[0.0, 0.0, 500.0, 0.0, 0.0, 0.0], gravity=True)
+    >>> lift.at(rig)[0, :3].round()  # 500 N upwards, beside the weight of 91.058 kg
+    array([   0.,    0., 1393.])
+    >>> lift.at(rig)[0, 3:].round(1)  # N·m: its centre of mass is not the reference point
+    array([-11.6,  30.4,   0. ])
+    """
+
+    wrench: Floats | None = None
+    box: Floats | None = None
+    wrenches: Floats | None = None
+    ball: float = 0.0
+    gravity: bool = False
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        for key, axes in (("wrench", 1), ("box", 1), ("wrenches", 2)):
+            if (values := getattr(self, key)) is not None:
+                object.__setattr__(self, key, _wrenches(key, values, axes))
+        if self.box is not None and (self.box < 0).any():
+            raise RigError(f'key "box" is {brief(self.box.tolist())}; give half of each edge, 0 or more')
+        if self.box is not None and self.wrenches is not None:
+            raise RigError('keys "box" and "wrenches" are both there; give one of them')
+        sizes = {key: each.shape[-1] for key, each in self._arrays().items()}
+        if len(set(sizes.values())) > 1:
+            raise RigError(f"{_together(sizes)}; give all the same number")
+        if not (np.isfinite(self.ball) and 0 <= self.ball <= MAX_TENSION):
+            raise RigError(f'key "ball" is {self.ball}; give a radius in N, 0 or more')
+        if self.length is not None and not (np.isfinite(self.length) and 0 < self.length <= MAX_LENGTH):
+            raise RigError(f'key "length" is {self.length}; give a length in m, above zero')
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+    def __repr__(self) -> str:
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        keys = (
+            f"{name}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
+            for name, value in given.items()
+            if value is not None and value is not False and not (name == "ball" and value == 0.0)
+        )
+        return f"Requirement({', '.join(keys)})"
+
+    def __bool__(self) -> bool:
+        """Tell whether anything is required but to hold still without a load."""
+        return self.gravity or self.ball > 0 or any(each.any() for each in self._arrays().values())
+
+    def _arrays(self) -> dict[str, Floats]:
+        given = {key: getattr(self, key) for key in ("wrench", "box", "wrenches")}
+        return {key: each for key, each in given.items() if each is not None}
+
+    def check_rig(self, rig: Rig) -> None:
+        """Refuse wrenches of another size than the rig's, and the weight of a rig that does not know it."""
+        for key, each in self._arrays().items():
+            if each.shape[-1] != rig.n:
+                raise RigError(
+                    f'required: key "{key}" has {each.shape[-1]} components; '
+                    f"{rig.name}, a {rig.kind} rig, needs {rig.n}"
+                )
+        if self.gravity and rig.weight is None:
+            missing = '[platform] with a "mass"' if rig.platform is None else '"up", as in up = "z"'
+            raise RigError(
+                f'required: key "gravity" is true, but {rig.name} does not know its weight; its file needs '
+                f"{missing}, or give the wrench that holds it"
+            )
+
+    def middle(self, rig: Rig, rotation: ArrayLike | None = None) -> Floats:
+        """Return the wrench in the middle of the set, (n,).
+
+        (..., n) for rotations (...) of the platform, as in `Rig.structure_matrix`, with which the weight's torque
+        turns.
+        """
+        self.check_rig(rig)
+        middle = np.zeros(rig.n) if self.wrench is None else self.wrench
+        return middle - rig.gravity(rotation) if self.gravity else middle
+
+    def at(self, rig: Rig, rotation: ArrayLike | None = None) -> Floats:
+        """Return the corners of the set, (k, n), or (..., k, n) for rotations as in `middle`.
+
+        RigError if they do not suit the rig, or it should hold a weight that it does not know.
+        """
+        around = np.zeros((1, rig.n)) if self.wrenches is None else self.wrenches
+        if self.box is not None:
+            ends = [(-half, half) if half else (0.0,) for half in self.box]
+            around = np.array(list(product(*ends)))
+        return self.middle(rig, rotation)[..., None, :] + around
+
+    def turned(self, rotation: Floats) -> Requirement:
+        """Return the same requirement in axes that are turned by right angles, by a matrix (d, d)."""
+        d = len(rotation)
+
+        def turn(wrenches: Floats) -> Floats:
+            parts = wrenches[..., :d], wrenches[..., d:]
+            return np.concatenate([part @ rotation.T if part.shape[-1] == d else part for part in parts], axis=-1)
+
+        turned = {key: turn(each) + 0.0 for key, each in self._arrays().items()}
+        if self.box is not None:
+            turned["box"] = abs(turned["box"])
+        return replace(self, **turned)  # type: ignore[arg-type]  # arrays alone
+
+    def length_for(self, rig: Rig) -> float:
+        """Return the length, in m, by which torques are divided."""
+        return rig.characteristic_length if self.length is None else self.length
+
+    def describe(self, rig: Rig) -> str:
+        """Return in a few words what is required of a rig."""
+        unit = "N" if rig.n == rig.dimension else "N and N·m"
+        parts = []
+        if self.gravity and rig.platform is not None:
+            parts.append(f"its weight of {rig.platform.mass:g} kg")
+        if self.wrench is not None and (self.wrench.any() or not parts):
+            parts.append(f"the wrench {display.vector(self.wrench)} {unit}")
+        if self.box is not None:
+            parts.append(f"a box of ± {display.vector(self.box)} {unit}")
+        if self.wrenches is not None:
+            parts.append(f"{len(self.wrenches)} wrenches")
+        if self.ball:
+            parts.append(f"a ball of {self.ball:g} N")
+        return " and ".join(parts) or "no load"
+
+
+def as_requirement(required: Requirement | ArrayLike | tuple[ArrayLike, float]) -> Requirement:
+    """Return a requirement, in whichever way it was given.
+
+    An array with one axis is a wrench, one with two holds the vertices (k, n) of a set, a tuple is a ball,
+    ``(centre, radius)``: all that the cables exert, with the weight in it.
+    """
+    if isinstance(required, Requirement):
+        return required
+    if isinstance(required, tuple) and [np.ndim(each) for each in required] == [1, 0]:
+        return Requirement(wrench=required[0], ball=float(required[1]))
+    values = as_floats("required", required)  # type: ignore[arg-type]  # a tuple of two lists, too
+    return Requirement(wrench=values) if values.ndim == 1 else Requirement(wrenches=values)
+
+
+def _wrenches(key: str, values: Any, axes: int) -> Floats:
+    """Return a read-only array of wrenches, or say what is wrong with it."""
+    expected = "a list of numbers in N (and N·m)" if axes == 1 else "a list of wrenches, all of one size"
+    try:
+        array = frozen(as_floats(key, values))
+    except ShapeError:
+        raise RigError(f'key "{key}" is {brief(values)}; give {expected}') from None
+    if array.ndim != axes or not array.size or not (np.abs(array) <= MAX_TENSION).all():
+        raise RigError(f'key "{key}" is {brief(array.tolist())}; give {expected}, each within {MAX_TENSION:g}')
+    if len(array) > MAX_WRENCHES:
+        raise RigError(f'key "{key}" has {len(array):,} wrenches; give {MAX_WRENCHES:,} at most')
+    return array
+
+
+def _together(sizes: dict[str, int]) -> str:
+    return " and ".join(f'key "{key}" has {size} components' for key, size in sizes.items())

@@ -1,0 +1,111 @@
+"""What is required of a rig, in metrics: by the answers of the allocation, and by scale."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.model.directions import fibonacci
+from tensionlab.model.kinematics import exponential
+from tensionlab.workspace.margin import required_margin
+
+COGIRO = tl.load_rig("cogiro")
+
+
+def scattered(count, seed=0):
+    """Poses of CoGiRo, some of them beyond what it can do, turned a little."""
+    rng = np.random.default_rng(seed)
+    position = rng.uniform([-7.0, -5.0, 0.5], [7.0, 5.0, 5.2], (count, 3))
+    return tl.workspace.PoseList(position, exponential(rng.normal(scale=0.1, size=(count, 3))))
+
+
+@pytest.mark.parametrize(
+    "required",
+    [
+        tl.Requirement(gravity=True),
+        tl.Requirement(gravity=True, box=[100.0, 100.0, 200.0, 0.0, 0.0, 30.0]),
+        tl.Requirement(wrench=[0.0, 0.0, 900.0, 0.0, 0.0, 0.0]),
+    ],
+    ids=["weight", "box", "wrench"],
+)
+def test_a_pose_is_feasible_where_every_corner_has_exact_tensions(required):
+    poses = scattered(200)
+    structure = COGIRO.structure_matrix(poses.position, poses.rotation)
+    corners = np.broadcast_to(required.at(COGIRO, poses.rotation), (200, len(required.at(COGIRO)), 6))
+    found = tl.allocate(structure[:, None], corners, COGIRO.limits)
+    expected = (found.status == tl.Status.EXACT).all(axis=1)
+    assert 0.1 < expected.mean() < 0.9
+    data = tl.sweep(COGIRO, poses, ["wrench-feasible", "capacity-margin"], required=required)
+    np.testing.assert_array_equal(data["wrench-feasible"].values[0] > 0, expected)
+    np.testing.assert_array_equal(data["capacity-margin"].values[0] > 0, expected)
+
+
+def test_an_array_is_what_is_required_with_the_weight_in_it():
+    poses, own = scattered(50), COGIRO.required.at(COGIRO)
+    level = tl.workspace.PoseList(poses.position)
+    by_array = tl.sweep(COGIRO, level, "wrench-feasible", required=own)
+    by_rig = tl.sweep(COGIRO, level, "wrench-feasible")
+    np.testing.assert_array_equal(by_array["wrench-feasible"], by_rig["wrench-feasible"])
+    assert by_rig["required"].values.tolist() == ["its weight of 91.058 kg"]
+    unloaded = tl.sweep(COGIRO, level, "wrench-feasible", required=np.zeros(6))["wrench-feasible"]
+    assert unloaded.sum() < 0.2 * by_rig["wrench-feasible"].sum()
+
+
+def test_a_ball_takes_its_radius_off_the_margin():
+    poses = scattered(20)
+    requirements = [tl.Requirement(gravity=True, ball=radius) for radius in (0.0, 40.0)]
+    point, ball = (tl.sweep(COGIRO, poses, "capacity-margin", required=each) for each in requirements)
+    np.testing.assert_allclose(ball["capacity-margin"], point["capacity-margin"] - 40.0)
+
+
+def test_margins_do_not_depend_on_the_unit_of_length():
+    """A robot of three times the size is as strong: in N, its torques are at three times the arm."""
+    modules = [dataclasses.replace(m, anchor=3 * m.anchor, attachment=3 * m.attachment) for m in COGIRO.modules]
+    platform = tl.Platform(COGIRO.platform.mass, com=3 * COGIRO.platform.com)
+    large = dataclasses.replace(COGIRO, modules=tuple(modules), home=3 * COGIRO.home, platform=platform)
+    assert large.characteristic_length == pytest.approx(3 * COGIRO.characteristic_length)
+    poses = scattered(30)
+    small_margin = required_margin(
+        COGIRO, COGIRO.structure_matrix(poses.position, poses.rotation), COGIRO.required, poses.rotation
+    )
+    large_margin = required_margin(
+        large, large.structure_matrix(3 * poses.position, poses.rotation), large.required, poses.rotation
+    )
+    np.testing.assert_allclose(large_margin, small_margin, rtol=1e-9)
+
+
+def test_isotropic_force_share_and_effort_are_beside_the_weight():
+    structure, weight = COGIRO.structure_matrix(COGIRO.home), COGIRO.required.middle(COGIRO)
+    force = tl.workspace.isotropic_force(structure, COGIRO.limits, 3, weight)
+    wrenches = np.zeros((500, 6))
+    wrenches[:, :3] = fibonacci(500)
+    inside = tl.allocate(structure, weight + 0.999 * force * wrenches, COGIRO.limits)
+    outside = tl.allocate(structure, weight + 1.02 * force * wrenches, COGIRO.limits)
+    assert (inside.status == tl.Status.EXACT).all()
+    share = np.mean(outside.status == tl.Status.EXACT)
+    assert share < 1
+    directions = wrenches[:, :3]
+    assert tl.workspace.reachable_share(
+        structure, COGIRO.limits, directions, 1.02 * force, weight
+    ) == pytest.approx(share)
+    squares = (inside.tensions**2).sum(axis=1)
+    found = tl.workspace.effort(structure, COGIRO.limits, directions, 0.999 * force, weight)
+    assert found == pytest.approx((squares.mean(), squares.max()))
+    names = ["isotropic-force", "reachable-share:100", "effort"]
+    data = tl.sweep(COGIRO, [COGIRO.home], names)
+    assert data["isotropic-force"].item() == pytest.approx(force)
+    assert data["reachable-share:100"].item() == 1.0
+    assert tl.workspace.isotropic_force(structure, COGIRO.limits, 3) == 0.0
+
+
+def test_stores_tell_what_is_required_apart(tmp_path):
+    poses = [COGIRO.home]
+    tl.sweep(COGIRO, poses, "wrench-feasible", out=tmp_path / "a.zarr")
+    with pytest.raises(tl.SweepError, match="a sweep that differs in required"):
+        tl.sweep(COGIRO, poses, "wrench-feasible", required=np.zeros(6), out=tmp_path / "a.zarr")
+
+
+def test_a_requirement_of_another_size_is_refused_before_any_work():
+    with pytest.raises(tl.RigError, match='key "wrench" has 3 components; cogiro, a platform rig, needs 6'):
+        tl.sweep(COGIRO, [COGIRO.home], "wrench-feasible", required=[0.0, 0.0, 1.0])
