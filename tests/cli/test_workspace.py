@@ -89,6 +89,32 @@ def test_body_frames_stay_at_rest(run):
     assert "body-mounted" in out
 
 
+def test_a_suspended_robot_has_a_workspace_beside_its_weight(run, tmp_path):
+    words = ["--box", -6, 6, -4, 4, 0, 3, "--step", 1.5, "--json"]
+    shares = {}
+    (tmp_path / "pushes.toml").write_text("gravity = true\nbox = [200.0, 200.0, 200.0, 0.0, 0.0, 0.0]\n")
+    for name, options in {
+        "weight": [],
+        "nothing": ["--no-gravity"],
+        "payload": ["--wrench", 0, 0, 2943, 0, 0, 0],
+        "pushes": ["--required", tmp_path / "pushes.toml"],
+    }.items():
+        code, out, err = run("cogiro", *words, *options)
+        assert (code, err) == (0, "")
+        rows = {row["measure"]: row for row in json.loads(out)["rows"]}
+        feasible = rows.get("wrench-feasible")
+        shares[name] = feasible and feasible["above_zero"]
+        assert rows["capacity-margin"]["above_zero"] == (shares[name] or 0.0)
+    assert shares["nothing"] is None
+    assert 0.0 < shares["pushes"] < shares["weight"] < shares["payload"] == 1.0
+
+
+def test_what_is_required_and_the_length_of_torques_are_said(run):
+    out = run("cogiro", "--step", 3)[1]
+    assert "required of cogiro: its weight of 91.058 kg" in out
+    assert "count as forces at 0.944 m in margins, the root mean square distance of its attachments" in out
+
+
 @pytest.mark.parametrize(
     ("view", "word"), [("slices", "x (m)"), ("volume", "of the box"), ("shares", "share of the volume")]
 )
@@ -120,6 +146,9 @@ def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
         ([CUBE, CUBE], 'two rigs are called "cube-8"'),
         ([CUBE, PLANAR], 'the poses have 3 coordinates; rig "kntu-planar" (planar) needs 2'),
         ([CUBE, "--measure", ","], "measures is empty"),
+        ([CUBE, "--gravity"], 'key "gravity" is true, but cube-8 does not know its weight'),
+        ([CUBE, "--wrench", 1, 0], "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)"),
+        ([CUBE, "--required", "none.toml"], "none.toml: no such file; give the path of a file of required wrenches"),
     ],
 )
 def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):
