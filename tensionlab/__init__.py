@@ -23,7 +23,7 @@ from tensionlab.model.files import load_requirement, load_rig, save_rig
 from tensionlab.model.kinematics import PoseEstimate
 from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
 from tensionlab.model.module import Module, Platform, TensionLimits
-from tensionlab.model.pose import Frame
+from tensionlab.model.pose import Frame, RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import SOLVERS, Solver, Status
@@ -65,6 +65,7 @@ __all__ = [
     "Puncture",
     "QuadraticProgram",
     "Requirement",
+    "RestPose",
     "Rig",
     "RigError",
     "ShapeError",

@@ -37,6 +37,7 @@ PROGRAM = "tensionlab"
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
 """Variable of the environment in which a shell asks how an unfinished command may go on."""
 NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
+FRAME_OPTION = "--frame"
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {
     r"Value error, ": "",
@@ -140,17 +141,20 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     """Join the numbers after ``--at`` and the like to one word, and return all words.
 
     ``--at 0 -0.1 0.3`` becomes ``--at 0,-0.1,0.3``: the parser knows neither how many components a rig has
-    nor that ``-0.1`` is a number and not an option.
+    nor that ``-0.1`` is a number and not an option. So do a name and the numbers after ``--frame``.
     """
     joined: list[str] = []
     start: int | None = None
+    name_first = False
     for word in words:
-        name, equals, _ = word.partition("=")
-        if name in NUMBER_OPTIONS:
+        option, equals, _ = word.partition("=")
+        if option in (*NUMBER_OPTIONS, FRAME_OPTION):
             joined.append(word)
             start = len(joined) - bool(equals)
-        elif start is not None and NUMBERS.fullmatch(word):
+            name_first = option == FRAME_OPTION and not equals
+        elif start is not None and (name_first or NUMBERS.fullmatch(word)):
             joined[start:] = [",".join([*joined[start:], word])]
+            name_first = False
         else:
             joined.append(word)
             start = None

@@ -9,7 +9,7 @@ import typer
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, Json, Nearest, RigArgument, Solver
+from tensionlab.cli.common.options import At, BodyFrames, Json, Nearest, RigArgument, Solver
 from tensionlab.cli.common.required import Gravity, with_requirement
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -31,6 +31,7 @@ def allocate(
         str, typer.Option(metavar="FX FY ...", help="Desired wrench in N (and N·m).", show_default=False)
     ],
     gravity: Gravity = None,
+    frames: BodyFrames = None,
     at: At = None,
     solver: Solver = "newton",
     nearest: Nearest = None,
@@ -44,10 +45,9 @@ def allocate(
 ) -> None:
     """Choose the cable tensions that render one wrench. Exit status 1 where they do not render it exactly.
 
-    Where the rig's file or --gravity says so, they hold the weight as well. Body frames stay at rest, at the
-    origin of the world.
+    Where the rig's file or --gravity says so, they hold the weight as well.
     """
-    loaded = with_requirement(load_rig(rig), wrench, gravity)
+    loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity)
     options.check_solvers(loaded, [solver], nearest)
     desired = loaded.required.middle(loaded).tolist()
     position = loaded.home if at is None else options.parse_numbers(at)

@@ -10,7 +10,7 @@ import typer
 
 from tensionlab import records
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import At, Json, Plot, RigArgument, Rows
+from tensionlab.cli.common.options import At, BodyFrames, Json, Plot, RigArgument, Rows
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.comparison import compare as comparison
 from tensionlab.comparison.compare import COLUMNS, STATUSES, Column, RowType
@@ -55,6 +55,7 @@ def compare(
     wrench: Wrench = None,
     gravity: Gravity = None,
     required: Required = None,
+    frames: BodyFrames = None,
     plot: Plot = None,
     out: Rows = None,
     json: Json = False,
@@ -65,10 +66,9 @@ def compare(
 
     The default is the published validation: 182 forces of 1.5 N (a grid of 18 degrees; the paper gives the
     count, the grid is inferred). They are commanded beside what is required: a wrench, the weight; the wrenches
-    of a required list or the corners of a box are compared in their place, unless directions are given. Body
-    frames stay at rest, at the origin of the world.
+    of a required list or the corners of a box are compared in their place, unless directions are given.
     """
-    loaded = with_requirement(load_rig(rig), wrench, gravity, required)
+    loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity, required)
     names = None if solvers is None else options.parse_names([solvers])
     options.check_solvers(loaded, names, nearest)
     with output.progress(f"Comparing on {loaded.name}") as progress:

@@ -9,7 +9,7 @@ import typer
 
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json, Plot, RigArgument
+from tensionlab.cli.common.options import BodyFrames, Json, Plot, RigArgument
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.files import writing
 from tensionlab.model import caspr as caspr_models
@@ -24,9 +24,9 @@ SHOWN = ("<module", "<frame", "anchor\nm", "attachment\nm", "cable at\nhome m", 
 
 
 @rig.command()
-def show(path: RigArgument, plot: Plot = None, json: Json = False) -> None:
-    """Show anchors, cable lengths at home and limits of a rig. Body frames stay at rest."""
-    loaded = load_rig(path)
+def show(path: RigArgument, frames: BodyFrames = None, plot: Plot = None, json: Json = False) -> None:
+    """Show anchors, cable lengths at home and limits of a rig."""
+    loaded = options.with_frames(load_rig(path), frames)
     lengths = loaded.lengths(loaded.home, frames=loaded.at_rest)
     with output.ResultWriter(quiet=json) as writer:
         _draw(loaded, plot, writer)
@@ -70,15 +70,15 @@ def check(
     wrench: Wrench = None,
     gravity: Gravity = None,
     required: Required = None,
+    frames: BodyFrames = None,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
     """Check that a rig can work at its home.
 
-    Checks rank, limits, what is required, balance and strength; exit status 1 where it cannot. Body frames stay at
-    rest, at the origin of the world.
+    Checks rank, limits, what is required, balance and strength; exit status 1 where it cannot.
     """
-    loaded = with_requirement(load_rig(path), wrench, gravity, required)
+    loaded = with_requirement(options.with_frames(load_rig(path), frames), wrench, gravity, required)
     findings = check_rig(loaded)
     passed = all(finding.passed is not False for finding in findings)
     with output.ResultWriter(quiet=json) as writer:

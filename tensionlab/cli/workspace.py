@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json
+from tensionlab.cli.common.options import BodyFrames, Json
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
@@ -71,6 +71,7 @@ def workspace(
     wrench: Wrench = None,
     gravity: Gravity = None,
     required: Required = None,
+    frames: BodyFrames = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -100,20 +101,20 @@ def workspace(
 ) -> None:
     """Evaluate where, and how well, rigs can pull.
 
-    At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box. Body
-    frames stay at rest, at the origin of the world.
+    At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box.
     """
-    loaded = [with_requirement(load_rig(path), wrench, gravity, required) for path in rigs]
+    loaded = [options.with_frames(load_rig(path), frames) for path in rigs]
+    loaded = [with_requirement(rig, wrench, gravity, required) for rig in loaded]
     if poses is not None and (box is not None or step is not None):
         raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
     if poses is not None and plot is not None:
         raise typer.BadParameter("--plot draws a box, not the poses of a file; leave one out")
     where = _box(loaded, box, step) if poses is None else read_poses(poses)
-    frames = {name: place for rig in loaded for name, place in rig.at_rest.items()}
+    places = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     named = options.parse_names(measures)
     names = _default_metrics(loaded) if named is None else named
     try:
-        data = sweep(loaded, where, names, frames=frames, out=out, scheduler=scheduler)
+        data = sweep(loaded, where, names, frames=places, out=out, scheduler=scheduler)
     except OSError as error:  # as Zarr has it, without the name of a file
         if out is None:
             raise

@@ -14,6 +14,7 @@ from tensionlab.files import writing
 from tensionlab.files.named import find
 from tensionlab.files.reading import parse_toml, read_text, read_toml
 from tensionlab.model.module import KINDS, WORLD, Module, Platform
+from tensionlab.model.pose import RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 
@@ -96,8 +97,9 @@ def rig_from_toml(text: str, source: str) -> Rig:
             modules.append(Module(**keys))
         platform = None if table.platform is None else Platform(**table.platform.model_dump())
         required = _requirement(table.required.model_dump(), "[required]: ")
-        others = table.model_dump(exclude={"modules", "limits", "platform", "required"})
-        return Rig(modules=tuple(modules), platform=platform, required=required, **others)
+        rest = tuple(RestPose(**each.model_dump()) for each in table.frames)
+        others = table.model_dump(exclude={"modules", "limits", "platform", "required", "frames"})
+        return Rig(modules=tuple(modules), platform=platform, required=required, rest=rest, **others)
     except RigError as error:
         raise RigError(f"{source}: {error}") from None
 
@@ -157,6 +159,8 @@ def rig_to_toml(rig: Rig) -> str:
         document["required"] = _given(rig.required, ["wrench", "box", "wrenches", "length"])
         document["required"] |= {"ball": rig.required.ball} if rig.required.ball else {}
         document["required"] |= {"gravity": True} if rig.required.gravity else {}
+    if rig.rest:
+        document["frames"] = [{"name": each.name} | _given(each, ["position", "rotation"]) for each in rig.rest]
     own = ["attachment"] if KINDS[rig.kind].turns else []
     own += [key for key in SHARED if key not in common]
     document["modules"] = [
@@ -174,7 +178,7 @@ def rig_to_toml(rig: Rig) -> str:
     )
 
 
-def _given(record: Module | Platform | Requirement, keys: Sequence[str]) -> dict[str, Any]:
+def _given(record: Module | Platform | Requirement | RestPose, keys: Sequence[str]) -> dict[str, Any]:
     """Return those of the values that are known, as TOML has them."""
     values = {key: getattr(record, key) for key in keys}
     return {key: np.asarray(value, np.float64).tolist() for key, value in values.items() if value is not None}

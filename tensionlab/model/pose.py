@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -10,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from tensionlab.arrays import Floats, common_axes, finite
 from tensionlab.errors import RigError, ShapeError
+from tensionlab.files.reading import brief
 from tensionlab.model import kinematics
-from tensionlab.model.module import WORLD, Module
+from tensionlab.model.module import WORLD, Module, require_name, same, vector
 
 ORTHOGONALITY = 1e-6
 """Largest entry of ``R R' - 1`` in what is still taken for a rotation."""
@@ -40,6 +42,66 @@ class Frame(NamedTuple):
 
     position: ArrayLike
     rotation: ArrayLike | None = None
+
+
+MAX_ROTATION_RAD = 100.0
+"""Of a rest pose, about each axis: beyond some turns an angle is a mistake."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestPose:
+    """Where a body frame is when nothing moves it. RigError names the frame and the wrong key.
+
+    Attributes
+    ----------
+    position : (d,) read-only array
+        Of the body's origin in the world, in m.
+    rotation : (3,) or (1,) read-only array, or None
+        Axis times angle in space, an angle in the plane, in rad; None for no turn.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tl.RestPose("hip", [0.0, 0.9, 0.0]).frame.position
+    array([0. , 0.9, 0. ])
+    """
+
+    name: str
+    position: Floats
+    rotation: Floats | None = None
+
+    def __post_init__(self) -> None:
+        require_name(self.name, "frame", "name", "give the name of a body frame")
+        here = f'frame "{self.name}"'
+        object.__setattr__(self, "position", vector(self.position, here, "position"))
+        if self.rotation is None:
+            return
+        turn = vector(self.rotation, here, "rotation")
+        if turn.size != {2: 1, 3: 3}.get(self.position.size):
+            raise RigError(f'{here}: key "rotation" must have three numbers in space, one in the plane')
+        if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
+            raise RigError(
+                f'{here}: key "rotation" is {brief(turn.tolist())}; give rad, within {MAX_ROTATION_RAD:g}'
+            )
+        object.__setattr__(self, "rotation", turn)
+
+    def __eq__(self, other: object) -> bool:
+        return same(self, other)
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+    def turned(self, rotation: Floats) -> RestPose:
+        """Return the same in axes that are turned by right angles, by a matrix (d, d)."""
+        turn = self.rotation if self.rotation is None or self.rotation.size == 1 else rotation @ self.rotation
+        return RestPose(self.name, rotation @ self.position + 0.0, turn)
+
+    @property
+    def frame(self) -> Frame:
+        """The same with a matrix in space and an angle in the plane."""
+        if self.rotation is None:
+            return Frame(self.position)
+        turn = self.rotation
+        return Frame(self.position, kinematics.exponential(turn) if turn.size == 3 else turn[0])
 
 
 Frames = Mapping[str, Frame | tuple[ArrayLike, ArrayLike | None] | ArrayLike]

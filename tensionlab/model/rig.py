@@ -29,7 +29,7 @@ from tensionlab.model.module import (
     upward,
     vector,
 )
-from tensionlab.model.pose import Frames
+from tensionlab.model.pose import Frame, Frames, RestPose
 from tensionlab.model.requirement import Requirement
 
 if TYPE_CHECKING:
@@ -71,6 +71,8 @@ class Rig:
         known: then the rig has no weight, and plays in no scenario.
     required : Requirement
         What the cables must exert wherever the rig works, if nothing else is said; nothing if left out.
+    rest : tuple of RestPose
+        Where body frames are when nothing moves them; those left out are at the origin of the world.
 
     Examples
     --------
@@ -94,6 +96,7 @@ class Rig:
     source: str = ""
     up: str | None = None
     required: Requirement = field(default_factory=Requirement)
+    rest: tuple[RestPose, ...] = ()
 
     def __post_init__(self) -> None:
         require_name(self.name, "rig", "name", "give the rig a name")
@@ -120,6 +123,15 @@ class Rig:
         if self.platform is not None:
             self.platform.check_kind(self.kind)
         self.required.check_rig(self)
+        object.__setattr__(self, "rest", tuple(self.rest))
+        names = [each.name for each in self.rest]
+        for each in self.rest:
+            if each.name not in self.frames or names.count(each.name) > 1:
+                why = "is there twice" if each.name in self.frames else "carries no module"
+                known = f"the frames are {', '.join(self.frames)}" if self.frames else "no module has a frame"
+                raise RigError(f'frame "{each.name}" {why}; {known}')
+            if each.position.size != d:
+                raise RigError(f'frame "{each.name}": key "position" must have {d} coordinates')
 
     def __eq__(self, other: object) -> bool:
         return same(self, other)
@@ -233,8 +245,15 @@ class Rig:
             platform = replace(platform, com=turn(platform.com))
         if platform is not None and platform.inertia is not None and self.dimension == 3:
             platform = replace(platform, inertia=rotation @ platform.inertia @ rotation.T)
-        required = self.required.turned(rotation)
-        return replace(self, modules=modules, home=turn(self.home), platform=platform, up=up, required=required)
+        return replace(
+            self,
+            modules=modules,
+            home=turn(self.home),
+            platform=platform,
+            up=up,
+            required=self.required.turned(rotation),
+            rest=tuple(each.turned(rotation) for each in self.rest),
+        )
 
     def gravity(self, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench of gravity on the platform, (..., n), in N and N·m.
@@ -288,9 +307,10 @@ class Rig:
         return tuple(dict.fromkeys(module.frame for module in self.modules if module.frame != WORLD))
 
     @property
-    def at_rest(self) -> dict[str, tuple[Floats, None]]:
-        """Where body frames are when nothing moves them: at the origin of the world, not turned."""
-        return {name: (np.zeros(self.dimension), None) for name in self.frames}
+    def at_rest(self) -> dict[str, Frame]:
+        """Where body frames are when nothing moves them: as `rest` says, or at the origin of the world."""
+        origin = {name: Frame(np.zeros(self.dimension)) for name in self.frames}
+        return origin | {each.name: each.frame for each in self.rest}
 
     @cached_property
     def limits(self) -> TensionLimits:

@@ -71,6 +71,16 @@ class RequiredTable(Table):
     length: float | None = Field(None, description="the characteristic length in m, a number")
 
 
+class FrameTable(Table):
+    """Entry of ``[[frames]]``: the pose of a body."""
+
+    name: str = Field(min_length=1, description="the name of the body frame in quotes")
+    position: list[float] = Field(description="where the body's origin is, a list of coordinates in m")
+    rotation: list[float] | None = Field(
+        None, description="axis times angle in rad, a list of numbers: three in space, one in the plane"
+    )
+
+
 class RigFile(Table):
     """Rig file."""
 
@@ -83,6 +93,7 @@ class RigFile(Table):
     limits: LimitsTable = Field(LimitsTable(), description="a [limits] table")
     platform: PlatformTable | None = Field(None, description="a [platform] table")
     required: RequiredTable = Field(RequiredTable(), description="a [required] table")
+    frames: list[FrameTable] = Field([], description="[[frames]] tables")
     modules: list[ModuleTable] = Field(min_length=1, description="at least one [[modules]] table")
 
 

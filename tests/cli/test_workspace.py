@@ -148,7 +148,10 @@ def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
         ([CUBE, "--measure", ","], "measures is empty"),
         ([CUBE, "--gravity"], 'key "gravity" is true, but cube-8 does not know its weight'),
         ([CUBE, "--wrench", 1, 0], "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)"),
-        ([CUBE, "--required", "none.toml"], "none.toml: no such file; give the path of a file of required wrenches"),
+        (
+            [CUBE, "--required", "none.toml"],
+            "none.toml: no such file; give the path of a file of required",
+        ),
     ],
 )
 def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):

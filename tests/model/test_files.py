@@ -1,5 +1,6 @@
 """Rig files: nothing is lost on the way, and every mistake is named with file, module and key."""
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import tensionlab as tl
 from tensionlab.errors import RigError
 from tensionlab.model.files import load_rig, rig_from_toml, rig_to_toml, save_rig
 from tensionlab.model.module import KINDS, MAX_LENGTH, Module, Platform
@@ -255,3 +257,31 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
 def test_pydantic_is_imported_only_to_read_a_file():
     code = "import sys; import tensionlab.model.files; sys.exit('pydantic' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_rest_poses_of_body_frames_are_kept_and_turn_with_the_rig():
+    rig = tl.load_rig("body-mounted")
+    assert rig.at_rest["shoulder"].position.tolist() == [-0.2, 1.4, 0.0]
+    turn = tl.RestPose("hip", [-0.15, 0.95, 0.0], [0.1, 0.2, -0.3])
+    rig = dataclasses.replace(rig, rest=(rig.rest[0], turn))
+    assert rig_from_toml(rig_to_toml(rig), "again") == rig
+    upright = rig.turned("z")
+    lengths = [each.lengths(each.home, frames=each.at_rest) for each in (rig, upright)]
+    np.testing.assert_allclose(lengths[0], lengths[1])
+
+
+@pytest.mark.parametrize(
+    ("frames", "error"),
+    [
+        ('name = "knee"\nposition = [0, 1, 0]', 'frame "knee" carries no module; the frames are shoulder, hip'),
+        ('name = "hip"\nposition = [0.0, 1.0]', 'frame "hip": key "position" must have 3 coordinates'),
+        (
+            'name = "hip"\nposition = [0.0, 1.0, 0.0]\nrotation = [1.0]',
+            'frame "hip": key "rotation" must have three',
+        ),
+    ],
+)
+def test_rest_poses_of_no_use_are_refused(frames, error):
+    text = rig_to_toml(dataclasses.replace(tl.load_rig("body-mounted"), rest=()))
+    with pytest.raises(tl.RigError, match=error):
+        rig_from_toml(text.replace("[[modules]]", f"[[frames]]\n{frames}\n\n[[modules]]", 1), "b.toml")

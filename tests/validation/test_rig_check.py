@@ -144,6 +144,12 @@ def test_cables_without_a_choice_are_noted_and_body_frames_too():
     assert all(name in note.text for name in rig.frames)
 
 
+def test_a_rig_on_a_body_is_checked_where_the_body_is_at_rest():
+    rig = tl.load_rig(RIGS / "body-mounted.toml")
+    assert verdicts(rig)["balance"] is True
+    assert verdicts(dataclasses.replace(rig, rest=()))["balance"] is False  # all bodies in the origin
+
+
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
 def test_every_rig_that_comes_along_can_be_checked_and_has_full_rank(path):
     rig = tl.load_rig(path)

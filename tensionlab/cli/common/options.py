@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from tensionlab.errors import WriteError
 from tensionlab.files import writing
 from tensionlab.files.named import list_names
+from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers import every_solver, select_solvers
 
@@ -40,6 +43,22 @@ def require_positive(value: float | None) -> float | None:
     if value is not None and not 0.0 < value < math.inf:
         raise typer.BadParameter(f"give a finite number above 0; got {value:g}")
     return value
+
+
+def with_frames(rig: Rig, frames: list[str] | None) -> Rig:
+    """Return the rig with body frames where ``--frame`` says; each is a name and numbers, with commas between."""
+    rest = {each.name: each for each in rig.rest}
+    for text in frames or []:
+        name, _, numbers = text.partition(",")
+        values, d = parse_numbers(numbers), rig.dimension
+        turn = 3 if d == 3 else 1
+        if len(values) not in (d, d + turn):
+            raise typer.BadParameter(
+                f"--frame {name} has {len(values)} numbers; {rig.name} needs {d} for the position in m, and "
+                f"{turn} more for a turn in rad, if it is turned"
+            )
+        rest[name] = RestPose(name, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
+    return replace(rig, rest=tuple(rest.values()))
 
 
 def check_solvers(rig: Rig, names: list[str] | None, nearest: str | None) -> None:
@@ -137,6 +156,16 @@ def group(help_text: str) -> typer.Typer:
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 RigArgument = Annotated[str, rig_argument()]
 At = Annotated[str | None, typer.Option(metavar="X Y Z", help="Position in m; the rig's home if left out.")]
+BodyFrames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--frame",
+        metavar="NAME X Y Z [RX RY RZ]",
+        help="Where a body frame is, in m, and how it is turned, axis times angle in rad; also repeated. Left "
+        "out: where the file of the rig has it at rest, or the origin.",
+        show_default=False,
+    ),
+]
 Solver = Annotated[
     str,
     typer.Option(

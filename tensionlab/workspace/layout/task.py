@@ -9,23 +9,20 @@ import math
 from os import PathLike
 from typing import NamedTuple
 
-import numpy as np
 from pydantic import Field
 
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.files.named import find
 from tensionlab.files.reading import brief, read_toml
-from tensionlab.model import kinematics, schema
+from tensionlab.model import schema
 from tensionlab.model.module import MAX_LENGTH, Module
-from tensionlab.model.pose import Frame
-from tensionlab.model.schema import ModuleTable, Table, check
+from tensionlab.model.pose import RestPose
+from tensionlab.model.schema import FrameTable, ModuleTable, Table, check
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.search import LayoutSearch, Progress, search_layout
 from tensionlab.workspace.layout.space import HARDWARE, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 
-MAX_ROTATION_RAD = 100.0
-"""Of a frame, about each axis: beyond some turns an angle is a mistake."""
 ROOM_UP = "y"
 """Axis of `room` that points up."""
 MAX_POSES = 1_000_000
@@ -49,16 +46,6 @@ class SurfaceTable(Table):
     corner: list[float] = Field(description="where all edges start, a list of coordinates in m")
     edges: list[list[float]] = Field(description="one to three edges, a list of lists of coordinates in m")
     frame: str = Field("world", description='"world" or the name of a body frame, in quotes')
-
-
-class FrameTable(Table):
-    """Entry of ``[[frames]]``: the pose of a body."""
-
-    name: str = Field(min_length=1, description="the name of the body frame in quotes")
-    position: list[float] = Field(description="where the body's origin is, a list of coordinates in m")
-    rotation: list[float] | None = Field(
-        None, description="axis times angle in rad, a list of numbers: three in space, one in the plane"
-    )
 
 
 class LimitsTable(schema.LimitsTable):
@@ -165,25 +152,10 @@ def _space(table: SpaceFile) -> Space:
         counts=tuple(table.counts),
         limits=(table.limits.lower, table.limits.upper),
         fixed=tuple(Module(**{**limits, **each.model_dump(exclude_none=True)}) for each in table.modules),
-        frames={each.name: _frame(each) for each in table.frames},
+        frames={each.name: RestPose(**each.model_dump()).frame for each in table.frames},
         hardware={key: limits[key] for key in HARDWARE if key in limits},
         up=table.up if table.room is None else ROOM_UP,
     )
-
-
-def _frame(table: FrameTable) -> Frame:
-    if table.rotation is None:
-        return Frame(table.position)
-    size = {2: 1, 3: 3}.get(len(table.position))
-    if len(table.rotation) != size:
-        raise RigError(f'frame "{table.name}": key "rotation" must have three numbers in space, one in the plane')
-    turn = np.array(table.rotation)
-    if not (np.abs(turn) <= MAX_ROTATION_RAD).all():
-        raise RigError(
-            f'frame "{table.name}": key "rotation" is {brief(table.rotation)}; '
-            f"give rad, within {MAX_ROTATION_RAD:g}"
-        )
-    return Frame(table.position, kinematics.exponential(turn) if size == 3 else turn[0])
 
 
 def _target(table: TargetTable) -> Grid:
