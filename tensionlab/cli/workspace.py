@@ -7,7 +7,7 @@ import json as json_text
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -19,6 +19,7 @@ from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.workspace.metrics import description, make
+from tensionlab.workspace.orientations import over_orientations, parse_rotations
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
 from tensionlab.workspace.poses import box as box_of_poses
 from tensionlab.workspace.sweep import sweep
@@ -29,6 +30,8 @@ DRAWN_METRIC = "capacity-margin"
 """If none is named."""
 ROOT_MEAN_SQUARE = "the root mean square distance of its attachments"
 """What the characteristic length is, if the file of the rig has none."""
+ORIENTATION_WORKSPACES: tuple[Literal["total", "inclusive"], ...] = ("total", "inclusive")
+ORIENTATION_HEADINGS = ("<rig", "<metric", "in all orientations\n(total)", "in one at least\n(inclusive)")
 STEPS = 40
 """Along the longest edge of the box, if no step is given."""
 
@@ -56,6 +59,16 @@ def workspace(
             metavar="STEP",
             help=f"Distance between positions in m: one, or one for each axis. Left out: {STEPS} steps along the "
             "longest edge.",
+        ),
+    ] = None,
+    rotations: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SET",
+            help="Orientations at every position of the box, in degrees: cone:10, how far the axis that points "
+            "up is tilted; rpy:-10..10,0,-30..30, roll, pitch and yaw about x, y and z; in the plane "
+            "angle:-30..30; each with :STEP, 5 if left out. Or a file (.csv): rx, ry, rz, axis times angle, rad.",
+            show_default=False,
         ),
     ] = None,
     poses: Annotated[
@@ -101,15 +114,17 @@ def workspace(
 ) -> None:
     """Evaluate where, and how well, rigs can pull.
 
-    At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box.
+    At every position of a box, or at the poses of a file. Platforms keep their home orientation in a box, unless
+    there are rotations: then a second table has how much of it is feasible in all of them, the total orientation
+    workspace, which is drawn, and in one at least, the inclusive one.
     """
     loaded = [options.with_frames(load_rig(path), frames) for path in rigs]
     loaded = [with_requirement(rig, wrench, gravity, required) for rig in loaded]
-    if poses is not None and (box is not None or step is not None):
-        raise typer.BadParameter("--poses takes the place of --box and --step; leave one out")
+    if poses is not None and (box or step or rotations):
+        raise typer.BadParameter("--poses takes the place of --box, --step and --rotations; leave one out")
     if poses is not None and plot is not None:
         raise typer.BadParameter("--plot draws a box, not the poses of a file; leave one out")
-    where = _box(loaded, box, step) if poses is None else read_poses(poses)
+    where = _box(loaded, box, step, rotations) if poses is None else read_poses(poses)
     places = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     named = options.parse_names(measures)
     names = _default_metrics(loaded) if named is None else named
@@ -120,25 +135,31 @@ def workspace(
             raise
         raise unwritable(out, error) from None
     found = summary(data).rows
+    turned = {kind: over_orientations(data, kind) for kind in ORIENTATION_WORKSPACES} if rotations else {}
+    shares = {kind: [each.above_zero for *_, each in summary(part).rows] for kind, part in turned.items()}
     with output.ResultWriter(quiet=json) as writer:
         if plot is not None:
             from tensionlab import plots
 
             drawn = names[0] if measures else DRAWN_METRIC
             draw: Callable[..., Any] = getattr(plots, f"plot_{view}")
-            writer.write("plot", plot, lambda path: plots.save_figure(draw(data, metric=drawn), path))
+            writer.write(
+                "plot", plot, lambda path: plots.save_figure(draw(turned.get("total", data), metric=drawn), path)
+            )
         if json:
             output.print_json(
                 poses=found[0][-1].poses,
                 out=None if out is None else str(out),
                 rows=[
                     {"rig": rig, "measure": name, "unit": unit, **dataclasses.asdict(values)}
-                    for rig, name, unit, values in found
+                    | {f"{kind}_above_zero": each[index] for kind, each in shares.items()}
+                    for index, (rig, name, unit, values) in enumerate(found)
                 ],
                 manifest=json_text.loads(data.manifest),
             )
         else:
             _print(found, where, out)
+            _print_orientations(found, shares)
             _print_requirements(loaded)
 
 
@@ -159,7 +180,19 @@ def _print_requirements(rigs: list[Rig]) -> None:
             console.print(f"{text}, {'as required' if own else ROOT_MEAN_SQUARE}", style="dim", soft_wrap=True)
 
 
-def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
+def _print_orientations(found: Sequence[tuple[str, str, str, Summary]], shares: dict[str, list[float]]) -> None:
+    """Print at how many positions a metric is above zero in all orientations, and in one at least."""
+    if shares:
+        rows = [
+            (rig, name, *(f"{100 * shares[kind][index]:.1f} %" for kind in ORIENTATION_WORKSPACES))
+            for index, (rig, name, *_) in enumerate(found)
+            if make(name).above_zero
+        ]
+        output.console().print()
+        output.print_table("Above 0 at this share of the positions:", ORIENTATION_HEADINGS, rows)
+
+
+def _box(rigs: list[Rig], box: str | None, step: str | None, rotations: str | None) -> Grid:
     """Return the positions of the sweep."""
     dimension = rigs[0].dimension
     if box is None:
@@ -174,7 +207,9 @@ def _box(rigs: list[Rig], box: str | None, step: str | None) -> Grid:
             )
         ends = np.array(numbers).reshape(dimension, 2)
     steps = [float(np.ptp(ends, axis=1).max()) / STEPS or 1.0] if step is None else options.parse_numbers(step)
-    return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0])
+    up = rigs[0].upward if rigs[0].up else np.eye(dimension)[-1]
+    turns = None if rotations is None else parse_rotations(rotations, dimension, up)
+    return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0], rotations=turns)
 
 
 def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:

@@ -32,6 +32,7 @@ from tensionlab.workspace.metrics import (
     WrenchClosure,
     WrenchFeasible,
 )
+from tensionlab.workspace.orientations import cone, over_orientations, roll_pitch_yaw
 from tensionlab.workspace.poses import Grid, PoseList, box, polyline, read_poses
 from tensionlab.workspace.structure_metrics import (
     Effort,
@@ -83,15 +84,18 @@ __all__ = [
     "cable_pairs",
     "capacity_margin",
     "condition_number",
+    "cone",
     "effort",
     "half_spaces",
     "isotropic_force",
     "least_singular_value",
     "margin_gradient",
+    "over_orientations",
     "polyline",
     "reachable_share",
     "read_poses",
     "rig_margin_gradient",
+    "roll_pitch_yaw",
     "room",
     "search_layout",
     "segment_distance",

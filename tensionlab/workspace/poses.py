@@ -21,6 +21,7 @@ from tensionlab.files.reading import brief
 from tensionlab.files.tables import check_columns, read_npz, read_parquet, read_table
 from tensionlab.model import kinematics, pose
 from tensionlab.model.module import MAX_LENGTH
+from tensionlab.workspace.orientations import roll_pitch_yaw_of
 
 POSE_FILE_SUFFIXES = (".csv", ".parquet", ".npz")
 ROTATION_COLUMNS = ["rx", "ry", "rz"]
@@ -121,6 +122,8 @@ class Grid:
         if self.dimension == 3:
             number = np.arange(len(self.rotations))
             found.append(Coordinate("orientation", ("orientation",), number, "1", "number of the orientation"))
+            for name, angle in zip(("roll", "pitch", "yaw"), roll_pitch_yaw_of(self.rotations).T, strict=True):
+                found.append(Coordinate(name, ("orientation",), angle, "rad", f"{name} of the platform"))
         return [*found, _orientation(self.dims[-1], self.rotations)]
 
     def _axes(self) -> list[Floats]:

@@ -158,3 +158,24 @@ def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):
     code, out, err = run(*words)
     assert (code, out) == (2, "")
     assert error in " ".join(err.split())
+
+
+def test_orientations_have_a_total_and_an_inclusive_workspace(run, tmp_path):
+    words = ["cogiro", "--box", -6, 6, -4, 4, 2, 2, "--step", 2, "--rotations", "cone:20:10"]
+    code, out, err = run(*words, "--measure", "wrench-feasible", "--plot", tmp_path / "w.svg")
+    assert (code, err) == (0, "")
+    assert "Above 0 at this share of the positions:" in out
+    (row,) = json.loads(run(*words, "--measure", "wrench-feasible", "--json")[1])["rows"]
+    assert row["poses"] == 7 * 5 * 19
+    assert 0 < row["total_above_zero"] < row["above_zero"] < row["inclusive_above_zero"] <= 1
+    assert "write cone:10" in run(*words[:-1], "rpy:1")[2]
+
+
+def test_frames_on_the_command_line_place_bodies(run):
+    words = ["body-mounted", "--box", 0, 0, 1, 1, 0.4, 0.4, "--step", 1, "--measure", "wrench-closure", "--json"]
+    at_rest = json.loads(run(*words)[1])["rows"][0]["max"]
+    behind = ["--frame", "shoulder", 0, 1, "1.4", "--frame", "hip", 0, 0.5, 1.4, 0, 0.1, 0]
+    placed = json.loads(run(*words, *behind)[1])["rows"][0]["max"]
+    assert (at_rest, placed) == (1.0, 0.0)
+    assert "--frame hip has 1 numbers" in run(*words, "--frame", "hip", 0)[2]
+    assert 'frame "knee" carries no module' in run(*words, "--frame", "knee", 0, 1, 0)[2]

@@ -1,0 +1,199 @@
+"""Sets of orientations to sweep over, and workspaces over all of them or any."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tensionlab.arrays import Floats, finite
+from tensionlab.errors import DataError, InputError, SweepError
+from tensionlab.files.tables import read_table
+from tensionlab.model import kinematics
+
+if TYPE_CHECKING:
+    import xarray
+
+MAX_ORIENTATIONS = 100_000
+"""More are taken for a slip of the step."""
+ORIENTATION_AXES = ("orientation", "angle")
+"""Axes of a sweep along which orientations differ: in space, in the plane."""
+
+
+def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> Floats:
+    """Return the orientations (k, 3, 3) that tilt an axis by up to an angle, in every direction.
+
+    The first is not turned; then come rings, one every step, with neighbours about a step apart. None turns about
+    the axis.
+
+    Parameters
+    ----------
+    half_angle : float
+        Largest tilt, in rad, up to pi.
+    step : float
+        Distance of neighbours, in rad.
+    axis : (3,) array
+        What is tilted, as the axis that points up.
+
+    Raises
+    ------
+    InputError
+        For angles of no use, or an axis without a direction.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> turns = tl.workspace.cone(np.radians(10.0), np.radians(5.0))
+    >>> turns.shape, np.degrees(np.arccos(turns[-1, 2, 2])).round(6)
+    ((19, 3, 3), 10.0)
+    """
+    upward = finite("axis", axis, 1)
+    if upward.shape != (3,) or not upward.any():
+        raise InputError(f"axis is {axis!r}; give a vector in space, not zero")
+    if not (0 < half_angle <= np.pi and step > 0 and half_angle / step < np.sqrt(MAX_ORIENTATIONS)):
+        raise InputError(
+            f"a cone of {half_angle:g} rad with a step of {step:g} rad; give angles above zero, up to pi"
+        )
+    upward = upward / np.linalg.norm(upward)
+    across = np.linalg.svd(upward[None])[2][1:]
+    turns = [np.zeros((1, 3))]
+    rings = max(1, round(half_angle / step))
+    for number in range(1, rings + 1):
+        count = 6 * number
+        around = 2 * np.pi * np.arange(count) / count
+        turns.append(half_angle * number / rings * (np.stack([np.cos(around), np.sin(around)], axis=1) @ across))
+    return kinematics.exponential(np.concatenate(turns))
+
+
+def roll_pitch_yaw(roll: ArrayLike, pitch: ArrayLike, yaw: ArrayLike) -> Floats:
+    """Return the orientations (k, 3, 3) of every combination of angles, in rad; the yaw changes fastest.
+
+    Turns about the fixed axes x, y and z, one after the other: ``Rz(yaw) Ry(pitch) Rx(roll)``.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : arrays of one axis, or numbers
+        In rad.
+
+    Raises
+    ------
+    ShapeError, InputError
+        For angles that are not finite, or too many combinations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> tl.workspace.roll_pitch_yaw(0.0, 0.0, [0.0, np.pi / 2])[1].round(6) + 0.0
+    array([[ 0., -1.,  0.],
+           [ 1.,  0.,  0.],
+           [ 0.,  0.,  1.]])
+    """
+    angles = [
+        np.atleast_1d(finite(name, each, 0)).ravel()
+        for name, each in (("roll", roll), ("pitch", pitch), ("yaw", yaw))
+    ]
+    if not 0 < np.prod([each.size for each in angles]) <= MAX_ORIENTATIONS:
+        raise InputError(f"roll, pitch and yaw have too many combinations; give 1 to {MAX_ORIENTATIONS:,}")
+    grid = np.stack(np.meshgrid(*angles, indexing="ij"), axis=-1).reshape(-1, 3)
+    about = [
+        kinematics.exponential(np.outer(column, axis)) for column, axis in zip(grid.T, np.eye(3), strict=True)
+    ]
+    return np.asarray(about[2] @ about[1] @ about[0])
+
+
+def roll_pitch_yaw_of(rotations: Floats) -> Floats:
+    """Return roll, pitch and yaw (k, 3), in rad, of orientations (k, 3, 3).
+
+    The yaw is 0 where the pitch is a right angle, and roll and yaw turn about the same axis.
+    """
+    R = rotations
+    pitch = np.arctan2(-R[:, 2, 0], np.hypot(R[:, 0, 0], R[:, 1, 0]))
+    locked = np.hypot(R[:, 0, 0], R[:, 1, 0]) < 1e-9
+    roll = np.where(locked, np.arctan2(-R[:, 1, 2], R[:, 1, 1]), np.arctan2(R[:, 2, 1], R[:, 2, 2]))
+    yaw = np.where(locked, 0.0, np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+    return np.stack([roll, pitch, yaw], axis=1)
+
+
+def parse_rotations(text: str, dimension: int, axis: ArrayLike) -> Floats:
+    """Return the orientations that the text of ``--rotations`` means: (k, 3, 3), or (k,) in the plane.
+
+    Angles are in degrees: ``cone:ANGLE[:STEP]`` about the axis, ``rpy:ROLL,PITCH,YAW[:STEP]`` with a number or
+    ``FROM..TO`` for each, in the plane ``angle:FROM..TO[:STEP]``; the step is 5 if left out. Or the path of a CSV
+    file with the columns rx, ry and rz, axis times angle in rad, in the plane angle in rad.
+    """
+    if text.lower().endswith(".csv"):
+        names = ["rx", "ry", "rz"] if dimension == 3 else ["angle"]
+        columns = read_table(text, names, [], error=DataError, what="a list of orientations (*.csv)")
+        turns = np.stack([columns[name] for name in names], axis=1)
+        return kinematics.exponential(turns) if dimension == 3 else turns[:, 0]
+    kind, _, rest = text.partition(":")
+    given, _, last = rest.partition(":")
+    ranges = [part.partition("..")[::2] for part in given.split(",")]
+    sizes = {"cone": 1, "rpy": 3} if dimension == 3 else {"angle": 1}
+    try:
+        step = np.radians(float(last) if last else 5.0)
+        ends = [np.radians([float(low), float(high or low)]) for low, high in ranges]
+    except ValueError:
+        ends, step = [], 0.0
+    if sizes.get(kind) != len(ends) or not 0 < step < np.inf or not np.isfinite(ends).all():
+        ways = "cone:10, cone:10:2, rpy:-10..10,0,-30..30" if dimension == 3 else "angle:-30..30, angle:-30..30:2"
+        raise InputError(f"rotations {text!r}: write {ways}, in degrees, or the path of a .csv file")
+    if kind == "cone":
+        return cone(ends[0][1], step, axis)
+    angles = [_between(low, high, step) for low, high in ends]
+    return angles[0] if kind == "angle" else roll_pitch_yaw(*angles)
+
+
+def _between(low: float, high: float, step: float) -> Floats:
+    """Return angles from one to the other, evenly, about a step apart."""
+    if high < low or (high - low) / step > MAX_ORIENTATIONS:
+        raise InputError(
+            f"angles from {np.degrees(low):g} to {np.degrees(high):g} degrees; give the lower end first"
+        )
+    return np.linspace(low, high, max(1, round((high - low) / step)) + 1) if high > low else np.array([low])
+
+
+def over_orientations(swept: xarray.Dataset, kind: Literal["total", "inclusive"]) -> xarray.Dataset:
+    """Return a sweep without its orientations: the minimum of every metric over them, or the maximum.
+
+    What is above zero of the minimum holds in every orientation: the total orientation workspace; of the maximum,
+    in one of them at least: the inclusive orientation workspace. A cable without a length has no total.
+
+    Source: Merlet, "Parallel Robots", 2006, chapter 7, for the names.
+
+    Parameters
+    ----------
+    swept : Dataset
+        From `tensionlab.sweep` over a grid with orientations.
+    kind : str
+        "total" or "inclusive".
+
+    Raises
+    ------
+    SweepError
+        If it has no orientations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("cogiro")
+    >>> turns = tl.workspace.cone(np.radians(20.0), np.radians(10.0))
+    >>> poses = tl.workspace.box((-6, 6), (-4, 4), 2.0, step=1.0, rotations=turns)
+    >>> swept = tl.sweep(rig, poses, "wrench-feasible", progress=False)
+    >>> total, inclusive = (tl.workspace.over_orientations(swept, kind) for kind in ("total", "inclusive"))
+    >>> bool(total["wrench-feasible"].sum() < inclusive["wrench-feasible"].sum())
+    True
+    """
+    dims = [dim for dim in ORIENTATION_AXES if dim in swept.dims]
+    if not dims:
+        raise SweepError(f"the sweep has the axes {', '.join(map(str, swept.dims))}; sweep a grid with rotations")
+    if kind not in ("total", "inclusive"):
+        raise SweepError(f"kind is {kind!r}; give total or inclusive")
+    reduced = (
+        swept.min(dims, skipna=False, keep_attrs=True) if kind == "total" else swept.max(dims, keep_attrs=True)
+    )
+    return reduced.assign_attrs(title=f"{swept.attrs.get('title', 'sweep')}, {kind} orientation")

@@ -1,0 +1,62 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import tensionlab as tl
+from tensionlab.workspace.orientations import parse_rotations, roll_pitch_yaw_of
+
+UP = np.array([0.0, 0.0, 1.0])
+COGIRO = tl.load_rig("cogiro")
+
+
+def test_a_cone_tilts_its_axis_by_up_to_the_angle_and_turns_nothing_about_it():
+    axis = np.array([1.0, 2.0, -1.0])
+    turns = tl.workspace.cone(np.radians(20.0), np.radians(5.0), axis)
+    unit = axis / np.linalg.norm(axis)
+    tilt = np.degrees(np.arccos(np.clip(turns @ unit @ unit, -1, 1)))
+    assert tilt[0] == 0.0
+    assert np.unique(tilt.round(6)).tolist() == [0.0, 5.0, 10.0, 15.0, 20.0]
+    assert np.abs(Rotation.from_matrix(turns).as_rotvec() @ unit).max() < 1e-12
+
+
+def test_roll_pitch_and_yaw_are_turns_about_fixed_axes_and_read_back():
+    angles = np.radians([[10.0, -80.0, 30.0], [-170.0, 45.0, 100.0]])
+    for roll, pitch, yaw in angles:
+        (turn,) = tl.workspace.roll_pitch_yaw(roll, pitch, yaw)
+        np.testing.assert_allclose(turn, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(roll_pitch_yaw_of(turn[None])[0], [roll, pitch, yaw])
+    upright = tl.workspace.roll_pitch_yaw(0.3, np.pi / 2, 0.1)
+    np.testing.assert_allclose(tl.workspace.roll_pitch_yaw(*roll_pitch_yaw_of(upright)[0]), upright, atol=1e-9)
+
+
+def test_texts_are_sets_of_orientations(tmp_path):
+    assert len(parse_rotations("cone:10", 3, UP)) == 1 + 6 + 12
+    assert parse_rotations("rpy:-10..10,0,-30..30:10", 3, UP).shape == (3 * 7, 3, 3)
+    np.testing.assert_allclose(np.degrees(parse_rotations("angle:-10..10", 2, UP)), [-10, -5, 0, 5, 10], atol=1e-9)
+    path = tmp_path / "turns.csv"
+    path.write_text("rx,ry,rz\n0,0,0\n0.1,0,0\n")
+    assert parse_rotations(str(path), 3, UP)[1] == pytest.approx(Rotation.from_rotvec([0.1, 0, 0]).as_matrix())
+
+
+@pytest.mark.parametrize(
+    "text", ["cone", "cone:0", "cone:10:0", "rpy:1,2", "rpy:5..1,0,0", "angle:5", "ball:3", "cone:x"]
+)
+def test_texts_that_are_none_are_refused(text):
+    with pytest.raises(tl.InputError):
+        parse_rotations(text, 3, UP)
+
+
+def test_total_is_in_all_orientations_and_inclusive_in_one_at_least():
+    turns = tl.workspace.cone(np.radians(20.0), np.radians(10.0))
+    poses = tl.workspace.box((-6, 6), (-4, 4), 2.0, step=2.0, rotations=turns)
+    swept = tl.sweep(COGIRO, poses, ["wrench-feasible", "capacity-margin"], progress=False)
+    each = swept["wrench-feasible"].to_numpy() > 0
+    total, inclusive = (tl.workspace.over_orientations(swept, kind) for kind in ("total", "inclusive"))
+    np.testing.assert_array_equal(total["wrench-feasible"] > 0, each.all(axis=-1))
+    np.testing.assert_array_equal(inclusive["wrench-feasible"] > 0, each.any(axis=-1))
+    np.testing.assert_array_equal(total["capacity-margin"] > 0, each.all(axis=-1))
+    assert 0 < each.all(axis=-1).mean() < each.any(axis=-1).mean()
+    assert swept["roll"].units == "rad"
+    assert np.hypot(swept["roll"], swept["pitch"]).max() == pytest.approx(np.radians(20.0), abs=0.01)
+    with pytest.raises(tl.SweepError, match="sweep a grid with rotations"):
+        tl.workspace.over_orientations(total, "total")
