@@ -87,8 +87,8 @@ def check(
             checks = [{"check": each.name, "passed": each.passed, "finding": each.text} for each in findings]
             output.print_json(rig=loaded.name, passed=passed, checks=checks)
         else:
-            frames = ", with its body frames at rest" if loaded.frames else ""
-            title = f"{loaded.name} {'can' if passed else 'cannot'} work at home{frames}"
+            where = "home, with its body frames at rest" if loaded.frames else "home"
+            title = f"{loaded.name} {'can' if passed else 'cannot'} work at {where}"
             output.print_findings(title, findings)
     raise typer.Exit(0 if passed else 1)
 

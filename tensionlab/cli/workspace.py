@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_text
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -180,7 +180,9 @@ def _print_requirements(rigs: list[Rig]) -> None:
             console.print(f"{text}, {'as required' if own else ROOT_MEAN_SQUARE}", style="dim", soft_wrap=True)
 
 
-def _print_orientations(found: Sequence[tuple[str, str, str, Summary]], shares: dict[str, list[float]]) -> None:
+def _print_orientations(
+    found: Sequence[tuple[str, str, str, Summary]], shares: Mapping[Literal["total", "inclusive"], list[float]]
+) -> None:
     """Print at how many positions a metric is above zero in all orientations, and in one at least."""
     if shares:
         rows = [

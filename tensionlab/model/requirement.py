@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +13,30 @@ from tensionlab import display
 from tensionlab.arrays import Floats, as_floats, frozen
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
-from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, same
-
-if TYPE_CHECKING:
-    from tensionlab.model.rig import Rig
+from tensionlab.model.module import MAX_LENGTH, MAX_TENSION, Platform, same
 
 MAX_WRENCHES = 100_000
 """Wrenches of a list: each of them is looked at in every pose."""
+
+
+class RequiringRig(Protocol):
+    """What a requirement has to know of a `tensionlab.Rig`."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def kind(self) -> str: ...  # noqa: D102
+    @property
+    def platform(self) -> Platform | None: ...  # noqa: D102
+    @property
+    def n(self) -> int: ...  # noqa: D102
+    @property
+    def dimension(self) -> int: ...  # noqa: D102
+    @property
+    def weight(self) -> Floats | None: ...  # noqa: D102
+    @property
+    def characteristic_length(self) -> float: ...  # noqa: D102
+    def gravity(self, rotation: ArrayLike | None = None) -> Floats: ...  # noqa: D102
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +119,7 @@ class Requirement:
         given = {key: getattr(self, key) for key in ("wrench", "box", "wrenches")}
         return {key: each for key, each in given.items() if each is not None}
 
-    def check_rig(self, rig: Rig) -> None:
+    def check_rig(self, rig: RequiringRig) -> None:
         """Refuse wrenches of another size than the rig's, and the weight of a rig that does not know it."""
         for key, each in self._arrays().items():
             if each.shape[-1] != rig.n:
@@ -117,7 +134,7 @@ class Requirement:
                 f"{missing}, or give the wrench that holds it"
             )
 
-    def middle(self, rig: Rig, rotation: ArrayLike | None = None) -> Floats:
+    def middle(self, rig: RequiringRig, rotation: ArrayLike | None = None) -> Floats:
         """Return the wrench in the middle of the set, (n,).
 
         (..., n) for rotations (...) of the platform, as in `Rig.structure_matrix`, with which the weight's torque
@@ -127,7 +144,7 @@ class Requirement:
         middle = np.zeros(rig.n) if self.wrench is None else self.wrench
         return middle - rig.gravity(rotation) if self.gravity else middle
 
-    def at(self, rig: Rig, rotation: ArrayLike | None = None) -> Floats:
+    def at(self, rig: RequiringRig, rotation: ArrayLike | None = None) -> Floats:
         """Return the corners of the set, (k, n), or (..., k, n) for rotations as in `middle`.
 
         RigError if they do not suit the rig, or it should hold a weight that it does not know.
@@ -151,11 +168,11 @@ class Requirement:
             turned["box"] = abs(turned["box"])
         return replace(self, **turned)  # type: ignore[arg-type]  # arrays alone
 
-    def length_for(self, rig: Rig) -> float:
+    def length_for(self, rig: RequiringRig) -> float:
         """Return the length, in m, by which torques are divided."""
         return rig.characteristic_length if self.length is None else self.length
 
-    def describe(self, rig: Rig) -> str:
+    def describe(self, rig: RequiringRig) -> str:
         """Return in a few words what is required of a rig."""
         unit = "N" if rig.n == rig.dimension else "N and N·m"
         parts = []

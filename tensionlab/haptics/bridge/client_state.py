@@ -18,6 +18,7 @@ from tensionlab.haptics.bridge.command import Command, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import HAND, Body, Frame
 from tensionlab.haptics.effects.described import effect_of, prepare
 from tensionlab.haptics.effects.effect import MAX_HAND_SPEED_M_S, Effect
+from tensionlab.model import pose
 from tensionlab.model.rig import Rig
 
 MIN_FRAME_GAP_S = 1e-3
@@ -167,9 +168,9 @@ class ClientState:
     def _require_cables(self, frame: Frame) -> None:
         """Refuse bodies at an anchor, where a cable has no direction."""
         rig, hand = self.rig, frame.bodies.get(HAND)
-        frames: dict[str, tuple[Floats, Floats | None]] = dict(rig.at_rest)
+        frames = rig.at_rest
         for name in set(frames) & set(frame.bodies):
-            frames[name] = (np.array(frame.bodies[name].position), _rotation(frame.bodies[name]))
+            frames[name] = pose.Frame(np.array(frame.bodies[name].position), _rotation(frame.bodies[name]))
         try:
             lengths = rig.lengths(rig.home if hand is None else np.array(hand.position), frames=frames)
         except RigError as error:
