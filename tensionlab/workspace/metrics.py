@@ -166,9 +166,9 @@ class TensionFactor:
 
 @dataclass(frozen=True)
 class IsotropicForce:
-    """Maximum force that is feasible in every direction beside the required wrench, without torque.
+    """Maximum force that is feasible in every direction, without torque.
 
-    Of a set of required wrenches, beside its middle.
+    Beside the required wrench, or the middle of a set of them.
 
     Examples
     --------
