@@ -133,7 +133,7 @@ def _strength(rig: Rig, structure: Floats, beside: Requirement) -> Finding:
     room = offsets - normals @ beside.middle(rig)
     forces = directions.grid18() if rig.dimension == 3 else directions.circle()
     strength = _reach(room, normals[:, : rig.dimension], forces)
-    weakest = int(np.argmin(strength))
+    weakest = int(np.argmax(strength <= strength.min() * (1 + 1e-9)))  # the first of those equal but for rounding
     where = ", ".join(f"{part:.2f}" for part in forces[weakest] + 0.0)
     text = f"{strength[weakest]:.3g} N in its weakest of {len(forces)} directions, ({where})"
     text += f"; {strength.max():.3g} N in its strongest"
