@@ -278,6 +278,14 @@ def test_an_alignment_that_fails_leaves_the_zero_as_it_was():
     assert host.module.parameters["motor_zero"] == 0.0
 
 
+def test_an_emergency_stop_is_cleared_though_something_is_wrong_which_then_keeps_it_from_arming():
+    host = host_in(State.ESTOP)
+    host.module.damage("supply")
+    host.module.advance(0.02)
+    assert (host.code(Clear()), host.state) == (Code.OK, State.IDLE)
+    assert host.code(Arm(SESSION + 1)) == Code.FAULT_PRESENT
+
+
 @pytest.mark.parametrize(
     "kind", [Type.HELLO, Type.PING, Type.SAVE, Type.STOP, Type.ESTOP, Type.CLEAR, Type.ARM, Type.SET_TENSION]
 )
