@@ -105,7 +105,7 @@ class WrenchFeasible:
     >>> poses = [[0.0, 0.3, 0.0], [0.0, 1.0, 0.0]]
     >>> swept = tl.sweep(rig, poses, "wrench-feasible", required=[0.0, 5.0, 0.0], progress=False)
     >>> swept["wrench-feasible"].values
-    array([[0., 1.]])
+    array([[1., 0.]])
     """
 
     title: ClassVar[str] = "wrench feasibility"

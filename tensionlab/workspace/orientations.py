@@ -46,8 +46,8 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
     >>> import numpy as np
     >>> import tensionlab as tl
     >>> turns = tl.workspace.cone(np.radians(10.0), np.radians(5.0))
-    >>> turns.shape, np.degrees(np.arccos(turns[-1, 2, 2])).round(6)
-    ((19, 3, 3), 10.0)
+    >>> turns.shape, f"{np.degrees(np.arccos(turns[-1, 2, 2])):.1f} degrees"
+    ((19, 3, 3), '10.0 degrees')
     """
     upward = finite("axis", axis, 1)
     if upward.shape != (3,) or not upward.any():
