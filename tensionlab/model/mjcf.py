@@ -26,7 +26,7 @@ def rig_to_mjcf(rig: Rig) -> str:
       gear of -1 lets it only pull.
     - What the cables hold is the body ``platform``, with sliding joints for a point, a hinge as well in the plane,
       and a free joint in space. It starts at home, and the coordinates of its joints are those of the world.
-    - Body frames are mocap bodies, ``frame <name>``, at the origin until you move them.
+    - Body frames are mocap bodies, ``frame <name>``, where they are at rest until you move them.
 
     Gravity is 9.81 m/s² against ``Rig.up``; none where the rig does not say which axis that is. Where it knows no
     mass, it is 1 kg; where it knows no inertia, it is that of a solid ball through the attachments.
@@ -46,6 +46,13 @@ def rig_to_mjcf(rig: Rig) -> str:
     frames = {WORLD: world}
     for name in rig.frames:
         frames[name] = Xml.SubElement(world, "body", name=f"frame {name}", mocap="true")
+    for rest in rig.rest:
+        frames[rest.name].set("pos", _row(_in_space(rest.position)))
+        if rest.rotation is not None:
+            turn = rest.rotation if rest.rotation.size == 3 else np.array([0.0, 0.0, rest.rotation[0]])
+            angle = float(np.linalg.norm(turn))
+            axis = turn / angle if angle else np.array([0.0, 0.0, 1.0])
+            frames[rest.name].set("axisangle", _row([*axis, angle]))
     platform = _platform(world, rig, size)
     tendons = Xml.SubElement(root, "tendon")
     motors = Xml.SubElement(root, "actuator")

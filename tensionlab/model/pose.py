@@ -9,7 +9,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tensionlab.arrays import Floats, common_axes, finite
+from tensionlab.arrays import Floats, as_floats, common_axes, finite, frozen
 from tensionlab.errors import RigError, ShapeError
 from tensionlab.files.reading import brief
 from tensionlab.model import kinematics
@@ -76,7 +76,7 @@ class RestPose:
         object.__setattr__(self, "position", vector(self.position, here, "position"))
         if self.rotation is None:
             return
-        turn = vector(self.rotation, here, "rotation")
+        turn = frozen(as_floats("rotation", self.rotation))
         if turn.size != {2: 1, 3: 3}.get(self.position.size):
             raise RigError(f'{here}: key "rotation" must have three numbers in space, one in the plane')
         if not (np.abs(turn) <= MAX_ROTATION_RAD).all():

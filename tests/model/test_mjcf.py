@@ -160,6 +160,15 @@ def test_every_rig_of_the_repository_starts_at_home_with_its_own_names(path):
     assert model.nv == rig.n
 
 
+def test_a_turned_body_frame_is_where_it_rests():
+    rig = load_rig(RIGS / "body-mounted.toml")
+    turned = tl.RestPose("hip", [-0.15, 0.95, 0.0], [0.3, -0.2, 0.5])
+    rig = dataclasses.replace(rig, rest=(rig.rest[0], turned))
+    model, data = judge(rig, None)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.ten_length, rig.lengths(rig.home, frames=rig.at_rest), atol=1e-12)
+
+
 def test_motors_only_pull_and_stay_within_their_limits():
     rig = tl.load_rig(RIGS / "bartels2026-validation.toml")
     model, data = judge(rig, None)
