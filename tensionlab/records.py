@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import platform
 import shlex
@@ -38,6 +40,9 @@ LIBRARIES = [
     "mcap",
 ]
 """Other distributions whose version may change a result."""
+
+TABLE_SUFFIXES = (".parquet", ".csv")
+"""Formats of `write_table`."""
 
 
 def manifest(call: Sequence[str], seed: int | None = None) -> dict[str, Any]:
@@ -88,6 +93,21 @@ def write_parquet(
         written = pa.Table.from_pylist([dict(row) for row in table])
     with writing.replacing(path) as file:
         pq.write_table(written.replace_schema_metadata({"tensionlab": json.dumps(dict(manifest))}), file)
+
+
+def write_table(
+    path: str | Path, table: Sequence[Mapping[str, Any]] | Mapping[str, Any], manifest: Mapping[str, Any]
+) -> None:
+    """Write a table, as in `write_parquet`, in the format of the suffix: Parquet, or CSV, which has no manifest."""
+    if Path(path).suffix.lower() != ".csv":
+        write_parquet(path, table, manifest)
+        return
+    names = table if isinstance(table, Mapping) else next(iter(table), ())
+    rows = zip(*table.values(), strict=True) if isinstance(table, Mapping) else (row.values() for row in table)
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([names, *rows])
+    writing.write_text(path, text.getvalue())
 
 
 def data_frame(table: Sequence[Mapping[str, Any]] | Mapping[str, Any], index: Any = None) -> pandas.DataFrame:

@@ -38,6 +38,14 @@ COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
 """Variable of the environment in which a shell asks how an unfinished command may go on."""
 NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
 FRAME_OPTION = "--frame"
+OLD_OPTIONS = {
+    ("log", "export"): {"--to": "--out"},
+    ("log", "replay"): {"--solver": "--solvers"},
+    ("rig", "export"): {"--mjcf": "--out"},
+    ("compare",): {"--solver": "--solvers"},
+    ("bench",): {"--solver": "--solvers"},
+}
+"""Options that had another name, or have one with other verbs: what they are called now. Not in ``--help``."""
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {
     r"Value error, ": "",
@@ -111,6 +119,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # plain help, 0.2 s sooner
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -128,6 +137,7 @@ def options(
         bool,
         typer.Option(
             "--version",
+            "-v",
             callback=_version,
             is_eager=True,
             help="Show the version and how the kernels were compiled, and stop.",
@@ -137,22 +147,37 @@ def options(
     """Take the options that come before the verb."""
 
 
+def rename_options(words: Sequence[str]) -> list[str]:
+    """Return all words, with the options of `OLD_OPTIONS` by the names that they have now."""
+    renamed = {
+        old: new
+        for verb, names in OLD_OPTIONS.items()
+        if tuple(words[: len(verb)]) == verb
+        for old, new in names.items()
+    }
+    split = (word.partition("=") for word in words)
+    return [f"{renamed.get(name, name)}{equals}{value}" for name, equals, value in split]
+
+
 def join_numbers(words: Sequence[str]) -> list[str]:
     """Join the numbers after ``--at`` and the like to one word, and return all words.
 
     ``--at 0 -0.1 0.3`` becomes ``--at 0,-0.1,0.3``: the parser knows neither how many components a rig has
-    nor that ``-0.1`` is a number and not an option. So do a name and the numbers after ``--frame``.
+    nor that ``-0.1`` is a number and not an option. So do a name and the numbers after ``--frame``; and what is no
+    number but has one after it, such as ``one`` in ``--wrench one 0 0``, for whoever reads the numbers to refuse.
     """
     joined: list[str] = []
     start: int | None = None
     name_first = False
-    for word in words:
+    for word, after in zip(words, [*words[1:], ""], strict=True):
         option, equals, _ = word.partition("=")
         if option in (*NUMBER_OPTIONS, FRAME_OPTION):
             joined.append(word)
             start = len(joined) - bool(equals)
             name_first = option == FRAME_OPTION and not equals
-        elif start is not None and (name_first or NUMBERS.fullmatch(word)):
+        elif start is not None and (
+            name_first or NUMBERS.fullmatch(word) or (not word.startswith("-") and NUMBERS.fullmatch(after))
+        ):
             joined[start:] = [",".join([*joined[start:], word])]
             name_first = False
         else:
@@ -170,7 +195,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if COMPLETION_VARIABLE in os.environ:
         typer.main.get_command(app)(prog_name=PROGRAM)  # answers the shell, and leaves
     _open_streams()
-    status = _status(join_numbers(words))
+    status = _status(join_numbers(rename_options(words)))
     try:
         sys.stdout.flush()
     except OSError as error:

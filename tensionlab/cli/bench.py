@@ -50,6 +50,8 @@ def bench(
     out: Annotated[
         Path,
         typer.Option(
+            "--out",
+            "-o",
             callback=options.output_folder(parents=True),
             help="Folder for the results; made if it is not there.",
             show_default=False,

@@ -89,7 +89,7 @@ def compare(
 
             writer.write("plot", plot, lambda path: save_figure(plot_comparison(result), path))
         if out:
-            writer.write("rows", out, lambda path: records.write_parquet(path, rows, manifest))
+            writer.write("rows", out, lambda path: records.write_table(path, rows, manifest))
         if json:
             output.print_json(
                 rig=loaded.name,

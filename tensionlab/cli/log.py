@@ -40,18 +40,20 @@ def info(path: RunFile, json: Json = False) -> None:
 @log.command()
 def export(
     path: RunFile,
-    to: Annotated[Path, options.writes("Write to this file: NetCDF (.nc) or Parquet.", ".nc", ".parquet")],
+    out: Annotated[
+        Path, options.writes("Write to this file: NetCDF (.nc), Parquet or CSV.", ".nc", *records.TABLE_SUFFIXES)
+    ],
 ) -> None:
-    """Write a run as NetCDF or Parquet.
+    """Write a run as NetCDF, Parquet or CSV.
 
-    NetCDF has names, units and dimensions; the Parquet table has a row for each cycle.
+    NetCDF has names, units and dimensions; a table of Parquet or CSV has a row for each cycle.
     """
     run = _read(path)
-    if to.suffix.lower() == ".nc":
-        reader.write_netcdf(run, to)
+    if out.suffix.lower() == ".nc":
+        reader.write_netcdf(run, out)
     else:
-        records.write_parquet(to, reader.flat_columns(run), run.manifest)
-    typer.echo(f"{to}: {len(run)} cycles")
+        records.write_table(out, reader.flat_columns(run), run.manifest)
+    typer.echo(f"{out}: {len(run)} cycles")
 
 
 @log.command()
@@ -74,7 +76,7 @@ def plot(
 @log.command()
 def replay(
     path: RunFile,
-    solver: Annotated[
+    solvers: Annotated[
         list[str] | None,
         typer.Option(metavar="A,B,...", help="Solvers, such as newton,qp:daqp, also repeated; all if left out."),
     ] = None,
@@ -88,7 +90,7 @@ def replay(
     all of them.
     """
     run = _read(path)
-    names = options.parse_names(solver)
+    names = options.parse_names(solvers)
     options.check_solvers(run.rig, names, None)
     with output.progress(f"Replaying {path.name}") as progress:
         found = replays.replay(run, names, progress)
@@ -96,7 +98,7 @@ def replay(
     manifest = {**output.manifest(), "run": run.manifest}
     with output.ResultWriter(quiet=json) as writer:
         if out:
-            writer.write("rows", out, lambda file: records.write_parquet(file, rows, manifest))
+            writer.write("rows", out, lambda file: records.write_table(file, rows, manifest))
         if json:
             output.print_json(
                 rig=run.rig.name, cycles=found.cycles, rows=rows, left_out=found.missing, manifest=manifest

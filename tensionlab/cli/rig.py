@@ -124,15 +124,15 @@ def import_(
 @rig.command()
 def export(
     path: RigArgument,
-    mjcf: Annotated[Path, options.writes("Write a MuJoCo model here.", ".xml", metavar="FILE.xml")],
+    out: Annotated[Path, options.writes("Write a MuJoCo model here.", ".xml", metavar="FILE.xml")],
 ) -> None:
     """Write a rig as a MuJoCo model.
 
     It has a spatial tendon for each cable, with a motor that can only pull.
     """
     loaded = load_rig(path)
-    writing.write_text(mjcf, rig_to_mjcf(loaded))
-    output.console().print(f"model: {mjcf}, {loaded.m} tendons", soft_wrap=True)
+    writing.write_text(out, rig_to_mjcf(loaded))
+    output.console().print(f"model: {out}, {loaded.m} tendons", soft_wrap=True)
 
 
 def _draw(loaded: Rig, plot: Path | None, writer: output.ResultWriter) -> None:

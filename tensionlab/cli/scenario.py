@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack, closing
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import module_links, print_simulated
-from tensionlab.cli.common.options import Duration, Json, Log, Modules, Solver
+from tensionlab.cli.common.options import Duration, Json, Log, Modules, Plot, Solver
 from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
-from tensionlab.files import writing
 from tensionlab.files.named import list_names
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
@@ -62,23 +60,16 @@ def scenario(
         ),
     ] = None,
     log: Log = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", callback=options.picture_file, help="Draw to this file.  [default: scenario-NAME.png]"
-        ),
-    ] = None,
+    plot: Plot = None,
     json: Json = False,
 ) -> None:
     """Play a haptic scenario and check its forces.
 
     Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
-    it compares the rendered forces with what a person should feel, and draws them. On simulated modules, a
+    it compares the rendered forces with what a person should feel. On simulated modules, a
     simulated person acts, as fast as this computer can. Exit status 1 where a measured value is not as expected,
     something went wrong with a module, or the rig can do nothing of the scenario.
     """
-    from tensionlab.plots import plot_scenario, save_figure
-
     if name == LIST:
         _list(json)
         return
@@ -87,8 +78,6 @@ def scenario(
     if seconds is not None and seconds > loaded.seconds:
         raise typer.BadParameter(f"--seconds is above 0 and at most {loaded.seconds:g}; got {seconds:g}")
     _require_tracking(loaded, modules, osc)
-    picture = plot or Path(f"scenario-{loaded.name}.png")
-    writing.require_writable(picture)
     needs = check_needs(loaded)
     if not json:
         _print_needs(loaded, needs)
@@ -110,7 +99,10 @@ def scenario(
     rows = check_scenario(played) if complete and rig is None else ()
     found = check_directions(played.run)
     with output.ResultWriter(quiet=json) as writer:
-        writer.write("Picture", picture, lambda path: save_figure(plot_scenario(played, rows), path))
+        if plot:
+            from tensionlab.plots import plot_scenario, save_figure
+
+            writer.write("plot", plot, lambda path: save_figure(plot_scenario(played, rows), path))
         if json:
             output.print_json(
                 scenario=loaded.name,
@@ -122,7 +114,6 @@ def scenario(
                 delay=loop_delay(played),
                 run=statistics.summary(),
                 events=[vars(event) for event in played.run.events],
-                picture=str(picture),
             )
         else:
             _print(played, rows, found)

@@ -55,6 +55,8 @@ def validate(
     out: Annotated[
         Path | None,
         typer.Option(
+            "--out",
+            "-o",
             metavar="DIR",
             callback=options.output_folder(),
             help="Folder for measurements and report.",

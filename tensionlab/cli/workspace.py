@@ -88,6 +88,8 @@ def workspace(
     out: Annotated[
         Path | None,
         typer.Option(
+            "--out",
+            "-o",
             metavar="DIR.zarr",
             callback=options.output_folder(".zarr"),
             help="Write all values to this folder. The same command continues a sweep that was killed.",

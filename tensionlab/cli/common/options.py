@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +16,7 @@ from tensionlab.files import writing
 from tensionlab.files.named import list_names
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
+from tensionlab.records import TABLE_SUFFIXES
 from tensionlab.solvers import every_solver, select_solvers
 
 
@@ -122,9 +123,11 @@ def log_file(path: Path) -> None:
     writing.require_new(path, "the log")
 
 
-def writes(help_text: str, *suffixes: str, metavar: str = "FILE") -> Any:
+def writes(
+    help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")
+) -> Any:
     """Return an option that names a file to write, which is checked by `output_file`."""
-    return typer.Option(metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False)
+    return typer.Option(*names, metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False)
 
 
 def complete(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
@@ -183,12 +186,7 @@ Nearest = Annotated[
 Plot = Annotated[
     Path | None, typer.Option(metavar="FILE", callback=picture_file, help="Draw to this file (png, pdf, svg).")
 ]
-Rows = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", metavar="FILE", callback=output_file(".parquet"), help="Write the rows to this Parquet file."
-    ),
-]
+Rows = Annotated[Path | None, writes("Write the rows to this file: Parquet or CSV.", *TABLE_SUFFIXES)]
 Log = Annotated[
     Path | None,
     typer.Option(
