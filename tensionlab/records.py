@@ -98,7 +98,7 @@ def write_parquet(
 def write_table(
     path: str | Path, table: Sequence[Mapping[str, Any]] | Mapping[str, Any], manifest: Mapping[str, Any]
 ) -> None:
-    """Write a table, as in `write_parquet`, in the format of the suffix: Parquet, or CSV, which has no manifest."""
+    """Write a table, as `write_parquet`, in the format of the suffix: Parquet, or CSV without the manifest."""
     if Path(path).suffix.lower() != ".csv":
         write_parquet(path, table, manifest)
         return

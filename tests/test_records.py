@@ -1,3 +1,4 @@
+import csv
 import importlib.metadata
 import json
 import platform
@@ -6,6 +7,7 @@ import subprocess
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 import tensionlab as tl
 from tensionlab import records
@@ -27,6 +29,18 @@ def test_parquet_keeps_rows_and_manifest(tmp_path):
     assert read[1]["nearest"] is None
     assert np.isnan(read[1]["gap_max"])
     assert json.loads(pq.read_schema(path).metadata[b"tensionlab"]) == manifest
+
+
+@pytest.mark.parametrize("table", [ROWS, {name: [row[name] for row in ROWS] for name in ROWS[0]}])
+def test_the_suffix_decides_the_format_of_a_table(tmp_path, table):
+    records.write_table(tmp_path / "rows.csv", table, {})
+    with (tmp_path / "rows.csv").open(newline="") as file:
+        read = list(csv.DictReader(file))
+    assert [row["solver"] for row in read] == ["newton", "closed-form"]
+    assert [row["nearest"] for row in read] == ["force", ""]
+    assert [row["gap_max"] for row in read] == ["0.0", "nan"]
+    records.write_table(tmp_path / "rows.parquet", table, {"seed": 7})
+    assert pq.read_table(tmp_path / "rows.parquet").column_names == list(ROWS[0])
 
 
 def test_a_manifest_says_how_to_repeat_the_result():

@@ -60,7 +60,7 @@ WORK = [
     "compare RIG --directions fibonacci:2 --solvers newton,qp,qp:osqp --json",
     "rig check RIG",
     "rig show RIG --plot rig.png",
-    "rig export RIG --mjcf rig.xml",
+    "rig export RIG --out rig.xml",
     "datasets",
     "solvers",
     "problems list",

@@ -22,6 +22,7 @@ exact: limits kept, wrench rendered   near: certified infeasible, the policy's b
 limit: unproven (iteration limit)   fail: the solver broke"""
 LEGEND = f"""\
 {STATUS_LEGEND}
+any: all wrenches feasible, so that the policy makes no difference
 error: desired minus rendered   angle: between the two forces
 gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
 call: one force, verification included   batch: all forces in one call, time for each"""
@@ -101,7 +102,7 @@ def compare(
                 manifest=manifest,
             )
             return
-        print_scores(result.title, result.rows, COLUMNS, result.missing, LEGEND)
+        print_scores(result.title, comparison.merge_policies(result.rows), COLUMNS, result.missing, LEGEND)
 
 
 def print_scores(

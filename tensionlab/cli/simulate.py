@@ -40,7 +40,9 @@ def simulate(
         int, typer.Option(help="TCP port of the first module; 0 takes free ones.", min=0, max=65535)
     ] = 0,
     pty: Annotated[bool, typer.Option("--pty", help="Pseudo-terminals instead of TCP.")] = False,
-    modules: Annotated[Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])] = None,
+    modules: Annotated[
+        Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all random noise and losses.", min=0)] = 0,
     latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.")] = 0.0,
     jitter_ms: Annotated[float, typer.Option(help="Random time that is added, at most.")] = 0.0,
@@ -65,7 +67,9 @@ def simulate(
             "processes on this computer move it in step.",
         ),
     ] = None,
-    record: Annotated[Path | None, options.writes("Write the true tensions to this file.", ".csv", names=["--record"])] = None,
+    record: Annotated[
+        Path | None, options.writes("Write the true tensions to this file.", ".csv", names=["--record"])
+    ] = None,
     scenario: Annotated[
         str | None,
         typer.Option(

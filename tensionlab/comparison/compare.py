@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -105,6 +107,20 @@ COLUMNS: list[Column[Row]] = [
 ]
 
 
+def merge_policies(rows: Sequence[RowType]) -> list[RowType]:
+    """Return the rows with one, of policy "any", for a solver whose answers are all exact under each of several.
+
+    Policies differ in what they do with an infeasible wrench: those rows differ in times alone.
+    """
+    merged: list[RowType] = []
+    for _, group in itertools.groupby(rows, key=lambda row: row.solver):
+        same = list(group)
+        if len(same) > 1 and all(row.nearest_count + row.iteration_limit + row.failed == 0 for row in same):
+            same = [dataclasses.replace(same[0], nearest="any")]  # type: ignore[arg-type]  # to be shown
+        merged += same
+    return merged
+
+
 def scores_table(
     title: str, rows: Sequence[RowType], columns: Sequence[Column[RowType]], missing: Mapping[str, str]
 ) -> str:
@@ -153,7 +169,7 @@ class Comparison:
         return f"<Comparison of {display.count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
 
     def _repr_html_(self) -> str:
-        return scores_table(self.title, self.rows, COLUMNS, self.missing)
+        return scores_table(self.title, merge_policies(self.rows), COLUMNS, self.missing)
 
     def plot(self) -> Figure:
         """Draw statuses, errors and times of the solvers: `tensionlab.plots.plot_comparison`."""

@@ -10,7 +10,7 @@ import typer
 
 import tensionlab as tl
 from tensionlab import _native, solvers
-from tensionlab.cli import VERBS, app, join_numbers
+from tensionlab.cli import OLD_OPTIONS, VERBS, app, join_numbers, rename_options
 from tensionlab.cli.common import output
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -204,7 +204,8 @@ def test_allocate_takes_six_components(run):
         ("--at 0 -0.1 0.3 rig.toml", "--at 0,-0.1,0.3 rig.toml"),
         ("--at -.5,1e-3 -2 --json", "--at -.5,1e-3,-2 --json"),
         ("--at=-1 -2 --wrench -1 0", "--at=-1,-2 --wrench -1,0"),
-        ("--reference middle 3", "--reference middle 3"),
+        ("--wrench one 0 0 --at 0", "--wrench one,0,0 --at 0"),
+        ("--at 0 zero 0 rig.toml", "--at 0,zero,0 rig.toml"),
         ("--magnitude 2 3", "--magnitude 2 3"),
         ("--wrench", "--wrench"),
         ("--at 1 2 3d.toml", "--at 1,2 3d.toml"),
@@ -212,6 +213,50 @@ def test_allocate_takes_six_components(run):
 )
 def test_numbers_after_an_option_become_one_word(words, joined):
     assert join_numbers(words.split()) == joined.split()
+
+
+def test_options_that_had_another_name_keep_it(run, tmp_path):
+    first, second = tmp_path / "a.xml", tmp_path / "b.xml"
+    assert run("rig", "export", CUBE, "--mjcf", first)[0] == 0
+    assert run("rig", "export", CUBE, f"--out={second}")[0] == 0
+    assert first.read_text() == second.read_text()
+    assert "--mjcf" not in run("rig", "export", "-h")[1]
+    assert rename_options(["log", "export", "run.mcap", "--to=x.nc"]) == [
+        "log",
+        "export",
+        "run.mcap",
+        "--out=x.nc",
+    ]
+    assert rename_options(["run", "x", "--solver", "qp"]) == ["run", "x", "--solver", "qp"]
+
+
+def test_each_old_name_stands_for_an_option_that_there_is():
+    for verb, renamed in OLD_OPTIONS.items():
+        command = typer.main.get_command(app)
+        for word in verb:
+            command = command.get_command(None, word)
+        there = {name for parameter in command.params for name in parameter.opts}
+        assert set(renamed.values()) <= there
+        assert not set(renamed) & there
+
+
+def test_short_options(run, tmp_path):
+    assert run("rig", "check", "-h")[0] == 0
+    assert run("-v")[1].startswith(f"tensionlab {tl.__version__}")
+    assert run("rig", "export", CUBE, "-o", tmp_path / "c.xml")[0] == 0
+
+
+def test_every_option_called_out_has_its_short_name():
+    def outs(command):
+        if hasattr(command, "list_commands"):
+            for name in command.list_commands(None):
+                yield from outs(command.get_command(None, name))
+        else:
+            yield from (each.opts for each in command.params if "--out" in each.opts)
+
+    found = list(outs(typer.main.get_command(app)))
+    assert len(found) > 8
+    assert all("-o" in each for each in found)
 
 
 def test_rig_show_draws_and_tells(run, tmp_path):
@@ -284,6 +329,7 @@ def test_bad_input_is_one_line_and_status_2(run, words, message):
         (["allocate", PUBLISHED, "--wrench", "0", "1"], "needs 3"),
         (["allocate", PUBLISHED], "--wrench"),
         (["allocate", PUBLISHED, "--wrench", "up"], "not a list of numbers"),
+        (["allocate", PUBLISHED, "--wrench", "one", "0", "0"], "'one,0,0' is not a list of numbers"),
         (
             ["allocate", PUBLISHED, "--wrench", "0", "0", "1", "--solver", "dykstra", "--nearest", "force"],
             "tension",

@@ -31,7 +31,7 @@ def test_a_kind_that_is_none_is_refused(run):
     "words",
     [
         ("rig", "check", "NAME"),
-        ("rig", "export", "NAME", "--mjcf", "rig.xml"),
+        ("rig", "export", "NAME", "--out", "rig.xml"),
         ("allocate", "NAME", "--wrench", 0, 0, 1),
         ("compare", "NAME", "--directions", "fibonacci:2", "--solvers", "newton"),
         ("workspace", "NAME", "tetra-4", "--box", 0, 0.1, 0, 0.1, 0, 0, "--step", 0.1),

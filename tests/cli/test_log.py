@@ -47,7 +47,7 @@ def test_info_for_programs(run, file):
 
 
 def test_export_to_netcdf(run, file, tmp_path):
-    code, out, _ = run("log", "export", file, "--to", tmp_path / "run.nc")
+    code, out, _ = run("log", "export", file, "--out", tmp_path / "run.nc")
     assert (code, out) == (0, f"{tmp_path / 'run.nc'}: 120 cycles\n")
     with xarray.open_dataset(tmp_path / "run.nc", engine="scipy") as dataset:
         assert set(COLUMNS) <= set(dataset.variables)
@@ -57,7 +57,7 @@ def test_export_to_netcdf(run, file, tmp_path):
 
 
 def test_export_to_parquet(run, file, tmp_path):
-    code, _, _ = run("log", "export", file, "--to", tmp_path / "run.parquet")
+    code, _, _ = run("log", "export", file, "--out", tmp_path / "run.parquet")
     assert code == 0
     table = pq.read_table(tmp_path / "run.parquet")
     assert table.num_rows == 120
@@ -91,7 +91,7 @@ def test_a_picture_is_drawn(run, file, tmp_path):
     ("words", "message"),
     [
         (("info", "none.mcap"), "none.mcap: cannot be read"),
-        (("export", "{file}", "--to", "run.csv"), "it must end in .nc or .parquet"),
+        (("export", "{file}", "--out", "run.txt"), "it must end in .nc or .parquet or .csv"),
         (("plot", "{file}", "--plot", "run.gif"), "run.gif: unsupported format; it must end in .png or .pdf"),
         (("replay", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
         (("replay", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),

@@ -63,13 +63,13 @@ def test_import_of_a_bad_file_names_it(run, caspr):
 
 
 def test_export_writes_a_model_that_mujoco_loads(run, tmp_path):
-    code, out, err = run("export", RIGS / "ipanema-2.toml", "--mjcf", tmp_path / "robot.xml")
+    code, out, err = run("export", RIGS / "ipanema-2.toml", "--out", tmp_path / "robot.xml")
     assert (code, err) == (0, "")
     assert "8 tendons" in out
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml")).ntendon == 8
 
 
 def test_export_needs_a_folder_that_exists(run, tmp_path):
-    code, _, err = run("export", RIGS / "cube-8.toml", "--mjcf", tmp_path / "none" / "robot.xml")
+    code, _, err = run("export", RIGS / "cube-8.toml", "--out", tmp_path / "none" / "robot.xml")
     assert code == 2
     assert "no folder" in err

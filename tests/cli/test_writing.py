@@ -72,13 +72,13 @@ RECIPES = {
     ("rig show", "--plot"): (f"rig show {RIG}", ".pdf"),
     ("rig check", "--plot"): (f"rig check {CUBE}", ".png"),
     ("rig import", "--out"): ("rig import --caspr bodies.xml cables.xml", ".toml"),
-    ("rig export", "--mjcf"): (f"rig export {CUBE}", ".xml"),
+    ("rig export", "--out"): (f"rig export {CUBE}", ".xml"),
     ("layout search", "--out"): ("layout search space.toml", ".toml"),
     ("layout search", "--plot"): ("layout search space.toml", ".png"),
     ("new", "--out"): ("new rig", ".toml"),
-    ("log export", "--to"): ("log export run.mcap", ".nc"),
+    ("log export", "--out"): ("log export run.mcap", ".nc"),
     ("log plot", "--plot"): ("log plot run.mcap", ".png"),
-    ("log replay", "--out"): ("log replay run.mcap --solver closed-form", ".parquet"),
+    ("log replay", "--out"): ("log replay run.mcap --solvers closed-form", ".parquet"),
     ("problems export", "--out"): ("problems export --set edge --count 2", ".parquet"),
 }
 """What makes each option write something, and the suffix of its file; none for a folder."""

@@ -8,7 +8,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.arrays import angles
-from tensionlab.comparison.compare import MAX_TIMED_CALLS, compare
+from tensionlab.comparison.compare import MAX_TIMED_CALLS, compare, merge_policies
 from tensionlab.errors import InputError
 
 RIGS = Path(__file__).parents[2] / "datasets" / "rigs"
@@ -70,6 +70,15 @@ def test_on_the_narrow_rig_29_are_infeasible_with_the_published_errors(narrow):
             assert row.angle_max_deg == pytest.approx(angle, abs=0.05)
             assert row.residual_max == pytest.approx(residual, abs=0.005)
             assert row.gap_max < 1e-5
+
+
+def test_policies_are_one_row_where_all_is_feasible_and_only_there(published, narrow):
+    shown = [(row.solver, row.nearest) for row in merge_policies(published.rows)]
+    assert len(shown) == len({solver for solver, _ in shown})
+    assert ("newton", "any") in shown
+    assert ("dykstra", "tension") in shown, "one policy stays what it is"
+    assert merge_policies(narrow.rows) == list(narrow.rows)
+    assert "any" not in {row.nearest for row in published.rows}, "the rows themselves stay"
 
 
 def test_without_a_policy_the_gap_counts_only_what_is_feasible(narrow):

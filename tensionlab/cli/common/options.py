@@ -123,11 +123,11 @@ def log_file(path: Path) -> None:
     writing.require_new(path, "the log")
 
 
-def writes(
-    help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")
-) -> Any:
+def writes(help_text: str, *suffixes: str, metavar: str = "FILE", names: Sequence[str] = ("--out", "-o")) -> Any:
     """Return an option that names a file to write, which is checked by `output_file`."""
-    return typer.Option(*names, metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False)
+    return typer.Option(
+        *names, metavar=metavar, callback=output_file(*suffixes), help=help_text, show_default=False
+    )
 
 
 def complete(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
