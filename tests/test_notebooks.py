@@ -168,7 +168,7 @@ def test_runs(path: Path, shell: InteractiveShell) -> None:
 def execute(notebook: Any, folder: Path, tmp_path: Path) -> None:
     """Run a notebook in a kernel of its own: this very interpreter, whatever is installed for the user."""
     kernel = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
-    client = NotebookClient(notebook, km=kernel, timeout=60, resources={"metadata": {"path": str(folder)}})
+    client = NotebookClient(notebook, km=kernel, timeout=600, resources={"metadata": {"path": str(folder)}})
     package = str(Path(tensionlab.__file__).parents[1])
     paths = [package, os.environ.get("PYTHONPATH", "")]
     env = {

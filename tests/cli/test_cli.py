@@ -68,9 +68,7 @@ def test_compare_as_a_program_prints_a_whole_table_in_a_pipe():
     assert "…" not in done.stdout
     rows = [line.split() for line in lines if line.startswith(("newton", "pseudoinverse"))]
     assert [row[:3] for row in rows] == [
-        ["newton", "force", "182"],
-        ["newton", "tension", "182"],
-        ["newton", "direction", "182"],
+        ["newton", "any", "182"],
         ["pseudoinverse", "–", "0"],
     ]
     assert "certified infeasible" in done.stdout

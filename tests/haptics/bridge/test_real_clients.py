@@ -30,7 +30,7 @@ FLOOR = {
 }
 HAND = (0.0, 0.31, 0.0)
 """A cm below the floor: 1 N."""
-HANGS_S = 60.0
+HANGS_S = 600.0
 """Only what hangs takes so long."""
 
 

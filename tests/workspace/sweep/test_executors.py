@@ -30,7 +30,7 @@ def test_all_processors_work_and_few_chunks_wait(monkeypatch):
     monkeypatch.delenv("TENSIONLAB_NUM_THREADS", raising=False)
     monkeypatch.setattr(executors, "processors", lambda: 3)
     threads, waiting = set(), []
-    together = threading.Barrier(3, timeout=60.0)
+    together = threading.Barrier(3, timeout=600.0)
 
     class Task:
         def evaluate(self):
@@ -122,11 +122,11 @@ def wait_for_workers(scheduler, count):
     from distributed import Client
 
     with Client(scheduler, set_as_default=False) as client:
-        client.wait_for_workers(count, timeout=60)
+        client.wait_for_workers(count, timeout=600)
 
 
 def wait_for(condition):
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 600
     while not condition():
         assert time.monotonic() < deadline, "waited for too long"
         time.sleep(0.01)
