@@ -22,10 +22,11 @@ exact: limits kept, wrench rendered   near: certified infeasible, the policy's b
 limit: unproven (iteration limit)   fail: the solver broke"""
 LEGEND = f"""\
 {STATUS_LEGEND}
-any: all wrenches feasible, so that the policy makes no difference
 error: desired minus rendered   angle: between the two forces
 gap: largest difference of a tension to the exact optimum (newton's); without a policy, where feasible only
 call: one force, verification included   batch: all forces in one call, time for each"""
+
+ANY_LEGEND = "any: all wrenches are feasible, so that the policy makes no difference"
 
 
 def compare(
@@ -102,7 +103,9 @@ def compare(
                 manifest=manifest,
             )
             return
-        print_scores(result.title, comparison.merge_policies(result.rows), COLUMNS, result.missing, LEGEND)
+        shown = comparison.merge_policies(result.rows)
+        legend = LEGEND if shown == list(result.rows) else f"{LEGEND}\n{ANY_LEGEND}"
+        print_scores(result.title, shown, COLUMNS, result.missing, legend)
 
 
 def print_scores(
