@@ -139,7 +139,7 @@ def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
         ([CUBE, "--step", 0], "step is"),
         ([CUBE, "--step", "fine"], "'fine' is not a list of numbers"),
         ([CUBE, "--step", 1e-5], "give out, a folder DIR.zarr"),
-        ([CUBE, "--poses", "poses.csv", "--step", 1], "--poses takes the place of --box and --step"),
+        ([CUBE, "--poses", "poses.csv", "--step", 1], "--poses takes the place of --box, --step and --rotations"),
         ([CUBE, "--poses", "none.csv"], "none.csv"),
         ([CUBE, "--measure", "capacity-margins"], "did you mean 'capacity-margin'"),
         ([CUBE, "--out", "none/a.zarr"], "no folder"),
