@@ -70,7 +70,7 @@ run_data = exact.to_xarray()
 late = [float(abs(run_data.commanded.shift(cycle=k) - run_data.measured).mean()) for k in range(3)]
 assert late[1] < 1e-6 < 0.05 < min(late[0], late[2])
 slow, fast = (replay(each, ["newton"]).rows[1].jump_max for each in (exact, run("newton", rate=200.0)))
-assert fast < slow / 3
+assert fast < slow / 2.5
 def demand(state):
     force = -20.0 * state.twist[:3]
     return Demand(force * min(1.0, 3.0 / max(np.linalg.norm(force), 1e-9)))

@@ -37,10 +37,10 @@ def rows(text):
 
 
 @pytest.mark.parametrize("text", [text for _, name, text in SHOWN if name == "compare"])
-def test_the_comparison_has_a_row_for_each_solver_and_policy(text):
+def test_the_comparison_has_a_row_for_each_solver(text):
     names = [name for name in every_solver() if name in SOLVERS or name.partition(":")[0] in SOLVERS]
     policies = [(name, make(name).policies or ("–",)) for name in names]
-    expected = [(name, policy) for name, honoured in policies for policy in honoured]
+    expected = [(name, "any" if len(honoured) > 1 else honoured[0]) for name, honoured in policies]
     assert rows(text) == expected, "run `make generated`"
 
 

@@ -70,7 +70,8 @@ def test_blocks_of_a_list_are_parts_of_it():
 )
 def test_coordinates_have_units_and_fit_the_axes(poses):
     sizes = dict(zip(poses.dims, poses.shape, strict=True)) | {"row": 3, "column": 3}
-    units = {"x": "m", "y": "m", "z": "m", "distance": "m", "angle": "rad"}
+    units = {"x": "m", "y": "m", "z": "m", "distance": "m"}
+    units |= dict.fromkeys(("angle", "roll", "pitch", "yaw"), "rad")
     for each in poses.coordinates():
         assert each.values.shape == tuple(sizes[dim] for dim in each.dims)
         assert each.units == units.get(each.name, "1")

@@ -145,7 +145,7 @@ BAD = [
 
 def test_what_is_wrong_is_refused_with_a_reason_and_changes_nothing(bridge):
     with BridgeClient(bridge.url) as client:
-        push(bridge, client, 0.5)
+        push(bridge, client, 1.0)  # the run begins when its cables are taut
         for content, reason in BAD:
             client._socket.send(content)
             with pytest.raises(HardwareError, match="the bridge refused") as caught:
@@ -269,6 +269,7 @@ def test_the_schema_that_is_served_is_of_the_rig(bridge):
 
 
 def test_a_stream_of_states_goes_on_by_itself(bridge):
+    bridge.sleep(1.0)  # the run begins when its cables are taut
     with bridge.connect(f"{bridge.url}/state") as watch:
         bridge.sleep(1.0)
         with BridgeClient(bridge.url) as client:

@@ -24,6 +24,7 @@ from tensionlab.haptics.effects import (
 )
 from tensionlab.haptics.rendering.assignment import expected_force
 from tensionlab.haptics.rendering.renderer import INITIAL_DELAY_S, Renderer
+from tensionlab.hardware.runner.pretension import WINDOW_S
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import WorldClock
 from tensionlab.hardware.simulation.links import Conditions
@@ -166,7 +167,7 @@ def test_a_wall_off_its_cable_is_calm_and_within_45_degrees(degrees, latency):
         return -1.0 * normal - 30.0 * (position - HOME - (position - HOME) @ normal * normal)
 
     hand = Hand(HOME, push)
-    cycles = rendered(wall(normal, 200.0), hand, 2.0, latency)
+    cycles = rendered(wall(normal, 200.0), hand, 4.0, latency)
     assert list(cycles[-1].demand.impedances) == ["top"]
     assert shaking(hand, normal) < 1e-3
     assert hand.position @ normal == pytest.approx(HOME @ normal - 1.0 / 200.0, abs=1e-3)
@@ -268,7 +269,7 @@ def test_what_goes_on_remembers_and_what_is_new_does_not():
         return {"rub": rub}
 
     def motion(time):
-        return Pose(HOME + np.array([0.01 * min(max(4.0 * time - 1.0, 0.0), 1.0), 0.0, 0.0]))
+        return Pose(HOME + np.array([0.01 * min(max(4.0 * (time - WINDOW_S) - 1.0, 0.0), 1.0), 0.0, 0.0]))
 
     found = {round(seen.state.time, 2): seen.demand.wrench[0] for seen in rendered(effects, motion, 2.5)}
     for time in (0.6, 0.9, 1.4):

@@ -183,7 +183,7 @@ def test_a_scheduler_that_dies_is_an_error_and_what_was_finished_stays(start, ot
     gate.touch()
     finished = len((out / LEDGER).read_text().splitlines()) - 1  # the first line names the sweep
     evaluated = len(read(tally))
-    assert tl.sweep(CUBE, POSES, **arguments)["Tallied"].notnull().all()
+    assert tl.sweep(CUBE, POSES, **arguments, progress=False)["Tallied"].notnull().all()
     assert len(read(tally)) - evaluated == COUNT - finished
 
 
