@@ -53,8 +53,8 @@ SIDE_M, SIDES_M = 1.0, (0.3, 0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
 ITERATION_LIMITS = (10, 30, 100, 1000)
 """Of Dykstra's algorithm, where it is cut short."""
 RIG_COUNT = 200
-ARMING_S = 0.540
-"""From the sensor's zero to the first force: a period of the telemetry."""
+ARMING_S = 0.020
+"""From the sensor's zero to the first force: a period of the telemetry, where cable lengths fit the home."""
 
 
 @dataclass(frozen=True, eq=False)
