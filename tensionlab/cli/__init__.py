@@ -36,8 +36,7 @@ STDOUT_CLOSED = 141
 PROGRAM = "tensionlab"
 COMPLETION_VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
 """Variable of the environment in which a shell asks how an unfinished command may go on."""
-NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step")
-FRAME_OPTION = "--frame"
+NUMBER_OPTIONS = ("--at", "--force", "--orbit", "--wrench", "--reference", "--box", "--step", "--frame")
 OLD_OPTIONS = {
     ("log", "export"): {"--to": "--out"},
     ("log", "replay"): {"--solver": "--solvers"},
@@ -163,23 +162,20 @@ def join_numbers(words: Sequence[str]) -> list[str]:
     """Join the numbers after ``--at`` and the like to one word, and return all words.
 
     ``--at 0 -0.1 0.3`` becomes ``--at 0,-0.1,0.3``: the parser knows neither how many components a rig has
-    nor that ``-0.1`` is a number and not an option. So do a name and the numbers after ``--frame``; and what is no
-    number but has one after it, such as ``one`` in ``--wrench one 0 0``, for whoever reads the numbers to refuse.
+    nor that ``-0.1`` is a number and not an option. What is no number but has one after it is joined, too: the
+    name in ``--frame hip 0 0 1``, and ``one`` in ``--wrench one 0 0``, which whoever reads the numbers refuses.
     """
     joined: list[str] = []
     start: int | None = None
-    name_first = False
     for word, after in zip(words, [*words[1:], ""], strict=True):
         option, equals, _ = word.partition("=")
-        if option in (*NUMBER_OPTIONS, FRAME_OPTION):
+        if option in NUMBER_OPTIONS:
             joined.append(word)
             start = len(joined) - bool(equals)
-            name_first = option == FRAME_OPTION and not equals
         elif start is not None and (
-            name_first or NUMBERS.fullmatch(word) or (not word.startswith("-") and NUMBERS.fullmatch(after))
+            NUMBERS.fullmatch(word) or (not word.startswith("-") and NUMBERS.fullmatch(after))
         ):
             joined[start:] = [",".join([*joined[start:], word])]
-            name_first = False
         else:
             joined.append(word)
             start = None
