@@ -66,9 +66,9 @@ def scenario(
     """Play a haptic scenario and check its forces.
 
     Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
-    it compares the rendered forces with what a person should feel. On simulated modules, a
-    simulated person acts, as fast as this computer can. Exit status 1 where a measured value is not as expected,
-    something went wrong with a module, or the rig can do nothing of the scenario.
+    it compares the rendered forces with what a person should feel. On simulated modules, a simulated person acts,
+    as fast as this computer can. Exit status 1 where a measured value is not as expected, something went wrong
+    with a module, or the rig can do nothing of the scenario.
     """
     if name == LIST:
         _list(json)

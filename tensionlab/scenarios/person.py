@@ -305,10 +305,9 @@ class PersonSimulation:
     """Simulated person that holds the cables of modules served to another process, as often as they are armed.
 
     It stands still at its start until all modules are armed and have reeled in what is slack; then its script
-    begins. When all have been stopped,
-    it goes back there. Modules that are armed meanwhile find it on its way, and its script begins after that.
-    ``far_ends`` are functions that return the current length of each module's cable, in m; ``track`` is called 90
-    times a second.
+    begins. When all have been stopped, it goes back there. Modules that are armed meanwhile find it on its way,
+    and its script begins after that. ``far_ends`` are functions that return the current length of each module's
+    cable, in m; ``track`` is called 90 times a second.
     """
 
     def __init__(self, plan: PersonPlan, rig: Rig, track: Track | None = None) -> None:

@@ -16,7 +16,6 @@ from tensionlab.display import Finding, count, extent, percent, vector
 from tensionlab.haptics.brakes.choice import brake_strengths, choose_locks
 from tensionlab.haptics.effects.effect import Memory, Motion
 from tensionlab.haptics.rendering.assignment import MIN_COSINE
-from tensionlab.model.rig import Rig
 from tensionlab.scenarios.demand_source import body_origin
 from tensionlab.scenarios.person import Person
 from tensionlab.scenarios.scenario import BrakeTarget, Phase, Scenario
@@ -108,10 +107,6 @@ def check_needs(scenario: Scenario) -> list[Finding]:
     return findings
 
 
-def _home(rig: Rig) -> Floats:
-    return rig.structure_matrix(rig.home, frames=rig.at_rest)
-
-
 def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
     """Check that the cables hold the hand, inside their limits, wherever it goes."""
     rig = scenario.rig
@@ -124,7 +119,8 @@ def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
     held = allocate(played.structure, nothing, rig.limits).status == Status.EXACT
     if held.all():
         return Finding("reach", True, f"{where}, {lengths}")
-    if not held.any() and allocate(_home(rig), nothing, rig.limits).status != Status.EXACT:
+    home = rig.structure_matrix(rig.home, frames=rig.at_rest)
+    if not held.any() and allocate(home, nothing, rig.limits).status != Status.EXACT:
         return Finding("reach", None, f"{where}, {lengths}; not all directions, nor at the rig's home")
     first = int(np.argmin(held))
     text = (

@@ -422,8 +422,8 @@ def _modules(space: Space, places: Places) -> list[Module]:
         number = 1
         while f"{surface.name} {number}" in taken:
             number += 1
-        taken.add(f"{surface.name} {number}")
-        anchor = (surface.corner + along[: len(surface.edges)] @ surface.edges).round(DECIMALS) + 0.0
         name = f"{surface.name} {number}"
+        taken.add(name)
+        anchor = (surface.corner + along[: len(surface.edges)] @ surface.edges).round(DECIMALS) + 0.0
         modules.append(Module(name, anchor, *space.limits, frame=surface.frame, **space.hardware))
     return modules
