@@ -16,7 +16,7 @@ from tensionlab.hardware.log.reader import report
 from tensionlab.scenarios import load_scenario
 from tensionlab.scenarios.checks import Check, Checks
 from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.search import Layout, LayoutSearch
+from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tests.support.runs import four
 
 STRUCTURE = np.array([[1.0, -1.0]])

@@ -10,7 +10,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot
 from tensionlab.files import writing
-from tensionlab.workspace.layout.search import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
+from tensionlab.workspace.layout.results import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
 
 layout = options.group("Find out where to put the modules.")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tensionlab.workspace.layout.search import LayoutSearch
+    from tensionlab.workspace.layout.results import LayoutSearch
     from tensionlab.workspace.layout.space import Space
     from tensionlab.workspace.poses import Grid
 

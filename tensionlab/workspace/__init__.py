@@ -9,7 +9,8 @@ from tensionlab.workspace.interference import (
     segment_distance,
 )
 from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.search import Layout, LayoutSearch, search_layout
+from tensionlab.workspace.layout.results import Layout, LayoutSearch
+from tensionlab.workspace.layout.search import search_layout
 from tensionlab.workspace.layout.space import Space, Surface, room
 from tensionlab.workspace.margin import (
     MarginGradient,

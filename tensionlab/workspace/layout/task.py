@@ -19,7 +19,8 @@ from tensionlab.model.module import MAX_LENGTH, Module
 from tensionlab.model.pose import RestPose
 from tensionlab.model.schema import FrameTable, ModuleTable, Table, check
 from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.search import LayoutSearch, Progress, search_layout
+from tensionlab.workspace.layout.results import LayoutSearch
+from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import HARDWARE, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
 

@@ -1,0 +1,126 @@
+"""Results of a layout search: `Layout` and `LayoutSearch`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tensionlab import display, records
+from tensionlab.model.files import rig_to_toml
+from tensionlab.model.rig import Rig
+from tensionlab.workspace.layout.objective import Objective
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+SEARCH_HEADINGS = ("modules", "score", "worst\nmargin N", "<better than\nwith fewer")
+LAYOUT_HEADINGS = ("<module", "<frame", "anchor\nm", "score lost\nwithout it")
+"""Of the tables in notebooks and on terminals."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Rig with modules on the surfaces of a space, and its score.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
+    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
+    >>> objective = tl.workspace.Objective()
+    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
+    >>> layout = found.best
+    >>> layout.rig.m, len(layout.contributions)
+    (4, 4)
+    """
+
+    rig: Rig
+    """With the modules that were put, in the order of their surfaces, and the fixed ones last."""
+    score: float
+    """Of the objective: a share, or a margin in N."""
+    worst: float
+    """Force in N that is feasible in every direction everywhere in the target; below zero where none is."""
+    contributions: tuple[float, ...]
+    """For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
+    they render no force at all. Below zero where they do better without it."""
+
+    def __repr__(self) -> str:
+        return f"<Layout of {self._title}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [module.name, module.frame, module.anchor.round(4), lost]
+            for module, lost in zip(self.rig.modules, self.contributions, strict=True)
+        ]
+        return display.table(self._title, LAYOUT_HEADINGS, rows)
+
+    @property
+    def _title(self) -> str:
+        return f"{self.rig.name}: {self.rig.m} modules, score {self.score:.4g}, worst margin {self.worst:.4g} N"
+
+    def plot(self) -> Figure:
+        """Draw where the modules stand and how the cables run: `tensionlab.plots.plot_rig`."""
+        return self.rig.plot()
+
+    def to_toml(self) -> str:
+        """Return the rig file, with the score and the contributions as comments."""
+        lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
+        for module, lost in zip(self.rig.modules, self.contributions, strict=True):
+            lines.append(f"#   {module.name}: {lost:.6g}")
+        return "\n".join([*lines, "", rig_to_toml(self.rig)])
+
+
+@dataclass(frozen=True)
+class LayoutSearch:
+    """Layouts that a search found, one for each number of modules, the fewest first.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> space = tl.workspace.Space(tl.workspace.room([3.0, 2.4, 4.0]), counts=(4,))
+    >>> hand = tl.workspace.box([-0.2, 0.2], [1.0, 1.4], [-0.2, 0.2], step=0.2)
+    >>> objective = tl.workspace.Objective()
+    >>> found = tl.workspace.search_layout(space, hand, objective, generations=2, starts=1)
+    >>> [layout.rig.m for layout in found.layouts]
+    [4]
+    """
+
+    objective: Objective
+    layouts: tuple[Layout, ...]
+
+    def __repr__(self) -> str:
+        counts = display.extent([layout.rig.m for layout in self.layouts])
+        return f"<LayoutSearch for {counts} modules: the best has {self.best.rig.m}, score {self.best.score:.4g}>"
+
+    def _repr_html_(self) -> str:
+        rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
+        title = f"score: {self.objective.describe()}"
+        return display.table(title, SEARCH_HEADINGS, rows) + self.best._repr_html_()
+
+    def plot(self) -> Figure:
+        """Draw the score against the number of modules: `tensionlab.plots.plot_front`."""
+        return display.figure("front", self)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return a row for each number of modules; MissingDependency if pandas is not installed."""
+        return records.data_frame(
+            [
+                {"modules": each.rig.m, "score": each.score, "worst": each.worst, "on_front": each in self.front}
+                for each in self.layouts
+            ]
+        )
+
+    @property
+    def front(self) -> tuple[Layout, ...]:
+        """Layouts that no other beats with as many modules or fewer: what each further module buys."""
+        best: list[Layout] = []
+        for layout in self.layouts:
+            if not best or layout.score > best[-1].score:
+                best.append(layout)
+        return tuple(best)
+
+    @property
+    def best(self) -> Layout:
+        """The layout with the highest score; of equals, the one with the fewest modules."""
+        return self.front[-1]
