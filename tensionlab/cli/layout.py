@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,7 @@ import typer
 
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import Json, Plot
+from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.files import writing
 from tensionlab.workspace.layout.results import LAYOUT_HEADINGS, SEARCH_HEADINGS, Layout, LayoutSearch
 from tensionlab.workspace.layout.task import load_task
@@ -32,6 +34,9 @@ def search(
             metavar="RIG",
         ),
     ] = None,
+    wrench: Wrench = None,
+    gravity: Gravity = None,
+    required: Required = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
     plot: Plot = None,
     json: Json = False,
@@ -44,6 +49,8 @@ def search(
     task = load_task(space)
     if seed is not None:
         task = task._replace(seed=seed)
+    rig = with_requirement(task.space.one_module, wrench, gravity, required)
+    task = task._replace(space=replace(task.space, required=rig.required))
     counts = [count + len(task.space.fixed) for count in task.space.counts]
     files: dict[int, Path] = {}
     if out is not None:
@@ -65,7 +72,7 @@ def search(
         if json:
             output.print_json(
                 space=task.name,
-                score=found.objective.describe(),
+                score=found.describe(),
                 layouts=[_plain(each, on_front=each in found.front) for each in found.layouts],
                 written=written,
                 manifest=output.manifest(task.seed),
@@ -91,14 +98,14 @@ def _print(found: LayoutSearch, name: str) -> None:
     """Print what each number of modules gains, and where the modules of the best layout stand."""
     console = output.console()
     if len(found.layouts) > 1:
-        console.print(f"{name}: the score is {found.objective.describe()}", soft_wrap=True)
+        console.print(f"{name}: the score is {found.describe()}", soft_wrap=True)
         rows = [
             (each.rig.m, f"{each.score:.4g}", f"{each.worst:.4g}", each in found.front) for each in found.layouts
         ]
         output.print_table("", SEARCH_HEADINGS, rows)
         console.print()
     best = found.best
-    console.print(f"{best.rig.name}: {best.score:.4g} is {found.objective.describe()}", soft_wrap=True)
+    console.print(f"{best.rig.name}: {best.score:.4g} is {found.describe()}", soft_wrap=True)
     places = (
         (module.name, module.frame, module.anchor.round(4) + 0.0, f"{lost:.4g}")
         for module, lost in zip(best.rig.modules, best.contributions, strict=True)

@@ -96,7 +96,7 @@ def rig_from_toml(text: str, source: str) -> Rig:
                     raise RigError(f'{here}: key "{key}" is missing; give {give}{elsewhere}')
             modules.append(Module(**keys))
         platform = None if table.platform is None else Platform(**table.platform.model_dump())
-        required = _requirement(table.required.model_dump(), "[required]: ")
+        required = requirement(table.required.model_dump(), "[required]: ")
         rest = tuple(RestPose(**each.model_dump()) for each in table.frames)
         others = table.model_dump(exclude={"modules", "limits", "platform", "required", "frames"})
         return Rig(modules=tuple(modules), platform=platform, required=required, rest=rest, **others)
@@ -129,12 +129,13 @@ def load_requirement(path: str | PathLike[str]) -> Requirement:
 
     document = read_toml(path, "a file of required wrenches (*.toml)", RigError)
     try:
-        return _requirement(schema.check(schema.RequiredTable, document).model_dump())
+        return requirement(schema.check(schema.RequiredTable, document).model_dump())
     except RigError as error:
         raise RigError(f"{path}: {error}") from None
 
 
-def _requirement(keys: dict[str, Any], where: str = "") -> Requirement:
+def requirement(keys: dict[str, Any], where: str = "") -> Requirement:
+    """Return the requirement of a table's keys; an error begins with where the table is."""
     try:
         return Requirement(**keys)
     except RigError as error:

@@ -233,7 +233,7 @@ def plot_front(found: LayoutSearch, *, ax: Axes | None = None) -> Figure | None:
         for layouts, look in ((found.layouts, OFF_FRONT), (found.front, ON_FRONT)):
             axes.plot([each.rig.m for each in layouts], [each.score for each in layouts], clip_on=False, **look)
         axes.set_xticks([each.rig.m for each in found.layouts])
-        axes.set(xlabel="modules", ylabel="score", title=f"score: {found.objective.describe()}")
+        axes.set(xlabel="modules", ylabel="score", title=f"score: {found.describe()}")
         axes.set_ylim(bottom=min(0.0, *(each.score for each in found.layouts)))
         axes.grid(axis="y")
         looks = [("best with as many modules or fewer", ON_FRONT), ("no better than with fewer", OFF_FRONT)]
@@ -295,7 +295,7 @@ def plot_search(space: Space, target: Grid, found: LayoutSearch) -> Figure:
             front = figure.add_subplot(1, panels, 3)
             plot_front(found, ax=front)
             front.set_title("what each further module buys")
-        figure.suptitle(f"score: {found.objective.describe()}", fontsize="medium")
+        figure.suptitle(f"score: {found.describe()}", fontsize="medium")
         add_legend(figure, 4, [
             ("module", {"color": BLUE, "marker": "s", "ls": ""}),
             ("edge of a surface", {"color": BLUE, "linewidth": 1.4}),

@@ -3,6 +3,7 @@ import json
 import pytest
 
 from tensionlab.model.files import load_rig
+from tensionlab.model.requirement import Requirement
 
 SPACE = """
 name = "flat"
@@ -84,6 +85,17 @@ def test_several_numbers_of_modules_are_compared(run, space):
     rows = [line.split() for line in out.splitlines() if line.strip().startswith(("2 ", "3 "))]
     assert [(row[0], row[-1]) for row in rows] == [("2", "yes"), ("3", "yes")]
     assert "flat-3: 1 is the share of the target with 1 N" in out
+
+
+def test_what_is_required_is_in_the_score_and_in_the_rig(run, space, tmp_path):
+    code, out, err = run(space, "--wrench", 0, 2.5, "-o", tmp_path / "rig.toml")
+    assert (code, err) == (0, "")
+    assert "in every direction about the wrench (0, 2.5) N, everywhere in the target" in " ".join(out.split())
+    assert load_rig(tmp_path / "rig.toml").required == Requirement(wrench=[0.0, 2.5])
+    space.write_text(SPACE.replace("counts", 'up = "y"\nplatform = { mass = 0.2 }\ncounts'))
+    report = json.loads(run(space, "--gravity", "--json")[1])
+    assert report["score"].endswith("about its weight of 0.2 kg, everywhere in the target")
+    assert "--wrench has 3 components; this space needs 2" in run(space, "--wrench", 0, 1, 2)[2]
 
 
 def test_bad_input_ends_with_status_2_and_says_where(run, space, tmp_path):

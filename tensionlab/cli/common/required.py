@@ -33,7 +33,7 @@ Required = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="File of required wrenches (TOML): a box, a ball or a list. Left out: what the rig's own file says.",
+        help="File of required wrenches (TOML): a box, a ball or a list. Left out: what the file itself says.",
         show_default=False,
     ),
 ]

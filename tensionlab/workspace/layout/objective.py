@@ -10,6 +10,7 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import InputError
 from tensionlab.model import kinematics
 from tensionlab.model.module import TensionLimits
+from tensionlab.model.rig import Rig
 from tensionlab.workspace.layout.space import Places, Space
 from tensionlab.workspace.margin import capacity_margin, margin_gradient
 
@@ -25,7 +26,8 @@ class Objective:
     """Criterion by which layouts are compared.
 
     The share of the target in which every force of some size, above zero, in N, is feasible. Without a force, the
-    maximum one that is feasible in every direction everywhere in the target.
+    maximum one that is feasible in every direction everywhere in the target. Directions are those from what the
+    space requires, such as the weight of a tool.
 
     Examples
     --------
@@ -79,32 +81,35 @@ class Objective:
         """Return the share of the force that is missing at each point, (..., P), 0 or more."""
         return np.zeros_like(margins) if self.force is None else np.maximum(1 - margins / self.force, 0.0)
 
-    def describe(self) -> str:
-        """Return in a few words what the score is."""
+    def describe(self, rig: Rig) -> str:
+        """Return in a few words what the score of a rig is."""
+        about = f" about {rig.required.describe(rig)}" if rig.required else ""
         if self.force is None:
-            return "the maximum force in N in every direction, everywhere in the target"
-        return f"the share of the target with {self.force:g} N in every direction"
+            return f"the maximum force in N in every direction{about}, everywhere in the target"
+        return f"the share of the target with {self.force:g} N in every direction{about}"
 
 
-def target_margins(anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
-    """Return the capacity margins of layouts about no force, (..., P), in N, at each point of the target.
+def target_margins(space: Space, anchors: Floats, limits: TensionLimits, target: Floats) -> Floats:
+    """Return the capacity margins of layouts about what is required, (..., P), in N, at each point of the target.
 
     ``anchors`` are (..., m, d) in the world, ``target`` is (P, d), both in m.
     """
     flat = anchors.reshape(-1, *anchors.shape[-2:])
     found = np.empty((len(flat), len(target)))
+    required = space.required_forces
     rows = max(1, MAX_CHUNK_POINTS // len(target))
     for start in range(0, len(flat), rows):
         _, directions = kinematics.cables(flat[start : start + rows, None], target, None)
-        found[start : start + rows] = capacity_margin(kinematics.structure_matrix(directions, None), limits)
-    return found.reshape(*anchors.shape[:-2], len(target))
+        structure = kinematics.structure_matrix(directions, None)
+        found[start : start + rows] = capacity_margin(structure, limits, required)
+    return found.reshape(*anchors.shape[:-2], len(target)) - space.required.ball
 
 
 def target_slopes(space: Space, places: Places, limits: TensionLimits, target: Floats) -> tuple[Floats, Floats]:
     """Return the margins (P,) of one layout, in N, and their slopes (P, k, d), in N per length of an edge."""
     lengths, directions = kinematics.cables(space.anchors(places), target, None)
-    found = margin_gradient(kinematics.structure_matrix(directions, None), limits)
+    found = margin_gradient(kinematics.structure_matrix(directions, None), limits, space.required_forces)
     by_anchor = kinematics.anchor_gradient(found.structure, lengths, directions, None)
     edges = space.placed.edges[places.surfaces]
     put = by_anchor[:, : len(places.surfaces)]
-    return found.margin, np.einsum("pkd,ked->pke", put, edges)
+    return found.margin - space.required.ball, np.einsum("pkd,ked->pke", put, edges)

@@ -95,8 +95,12 @@ class LayoutSearch:
 
     def _repr_html_(self) -> str:
         rows = [[each.rig.m, each.score, each.worst, each in self.front] for each in self.layouts]
-        title = f"score: {self.objective.describe()}"
+        title = f"score: {self.describe()}"
         return display.table(title, SEARCH_HEADINGS, rows) + self.best._repr_html_()
+
+    def describe(self) -> str:
+        """Return in a few words what the score is."""
+        return self.objective.describe(self.best.rig)
 
     def plot(self) -> Figure:
         """Draw the score against the number of modules: `tensionlab.plots.plot_front`."""

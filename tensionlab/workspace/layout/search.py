@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +12,6 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import InputError, ShapeError, needs
 from tensionlab.model import pose
 from tensionlab.model.module import Module, TensionLimits
-from tensionlab.model.rig import Rig
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Places, Space
@@ -140,7 +140,7 @@ def _explore(
         return space.decode(genes.reshape(-1, count, space.dimension + 1))
 
     def cost(genes: Floats) -> Floats:
-        return -objective.merit(target_margins(space.anchors(layouts(genes.T)), limits, target))
+        return -objective.merit(target_margins(space, space.anchors(layouts(genes.T)), limits, target))
 
     passed = 0
 
@@ -275,23 +275,18 @@ def evaluate(space: Space, target: Floats, objective: Objective, places: Places,
     modules = (*_modules(space, places), *space.fixed)
     limits = space.tension_limits(len(places.surfaces))
     anchors = space.anchors(places).round(DECIMALS)
-    found = target_margins(anchors, limits, target)
+    found = target_margins(space, anchors, limits, target)
     score = float(objective.score(found))
     lost = []
     for index in range(len(modules)):
         rest = np.arange(len(modules)) != index
         fewer = TensionLimits(limits.lower[rest], limits.upper[rest]) if rest.any() else None
-        without = 0.0 if fewer is None else float(objective.score(target_margins(anchors[rest], fewer, target)))
+        without = (
+            0.0 if fewer is None else float(objective.score(target_margins(space, anchors[rest], fewer, target)))
+        )
         lost.append(max(score, 0.0) - max(without, 0.0))  # no force is less than none
-    rig = Rig(
-        name=name,
-        kind="point" if space.dimension == 3 else "planar-point",
-        modules=modules,
-        home=target.mean(axis=0).round(DECIMALS) + 0.0,
-        up=space.up,
-        description=f"A layout found by search: {score:.4g} is {objective.describe()}.",
-        source="tensionlab layout search",
-    )
+    rig = space.rig(name, modules, target.mean(axis=0).round(DECIMALS) + 0.0)
+    rig = replace(rig, description=f"A layout found by search: {score:.4g} is {objective.describe(rig)}.")
     return Layout(rig, score, float(found.min()), tuple(lost))
 
 

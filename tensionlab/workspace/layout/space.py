@@ -15,8 +15,10 @@ from tensionlab.errors import RigError
 from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
-from tensionlab.model.module import WORLD, Module, TensionLimits, require_name, require_up, vector
+from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
 from tensionlab.model.pose import Frame
+from tensionlab.model.requirement import Requirement
+from tensionlab.model.rig import Rig
 
 HARDWARE = ("brake", "newton_per_ampere", "spool_radius")
 """What modules may have beside their limits."""
@@ -148,6 +150,10 @@ class Space:
         What else they have, as in `Module`: ``brake``, ``newton_per_ampere``, ``spool_radius``.
     up : str or None
         Axis of the world that points up, for the rigs that are found, as in `Rig`.
+    platform : Platform or None
+        Mass of what the hand holds, for the rigs that are found.
+    required : Requirement
+        What the cables must exert everywhere in the target, about which layouts have their margins.
     fixed : tuple of Module
         Modules that stay where they are.
     frames : mapping of name to Frame
@@ -168,6 +174,8 @@ class Space:
     frames: Mapping[str, Frame] = field(default_factory=dict)
     hardware: Mapping[str, Any] = field(default_factory=dict)
     up: str | None = None
+    platform: Platform | None = None
+    required: Requirement = field(default_factory=Requirement)
 
     def __repr__(self) -> str:
         names = ", ".join(surface.name for surface in self.surfaces)
@@ -201,9 +209,7 @@ class Space:
             raise RigError(f'key "limits" is {lower} to {upper}; give 0 <= lower <= upper, both in N')
         if unknown := set(self.hardware) - set(HARDWARE):
             raise RigError(f'key "hardware" has "{min(unknown):.40}"; it may have {", ".join(HARDWARE)}')
-        Module("put", np.zeros(d), lower, upper, **self.hardware)  # refuses what no module has
-        if self.up is not None:
-            require_up(self.up, d)
+        _ = self.one_module  # refuses what no module and no rig has
         _ = self.placed  # refuses frames that are missing
 
     @property
@@ -228,6 +234,30 @@ class Space:
             corners=points[:count],
             edges=points[count : count * (1 + d)].reshape(count, d, d) - points[:count, None],
             fixed=points[count * (1 + d) :],
+        )
+
+    @cached_property
+    def one_module(self) -> Rig:
+        """Rig with one module at the origin: what is true of all rigs of this space."""
+        origin = np.zeros(self.dimension)
+        return self.rig("this space", [Module("any", origin, *self.limits, **self.hardware)], origin)
+
+    @cached_property
+    def required_forces(self) -> Floats:
+        """Corners (k, d) of the set of forces that are required everywhere, without the ball about it, in N."""
+        return self.required.at(self.one_module)
+
+    def rig(self, name: str, modules: Sequence[Module], home: Floats) -> Rig:
+        """Return a rig with these modules, and with what the space says of all that are found in it."""
+        return Rig(
+            name,
+            kind="point" if self.dimension == 3 else "planar-point",
+            modules=tuple(modules),
+            home=home,
+            platform=self.platform,
+            up=self.up,
+            required=self.required,
+            source="tensionlab layout search",
         )
 
     def decode(self, genes: Floats) -> Places:

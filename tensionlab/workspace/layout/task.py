@@ -15,9 +15,10 @@ from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.files.named import find
 from tensionlab.files.reading import brief, read_toml
 from tensionlab.model import schema
-from tensionlab.model.module import MAX_LENGTH, Module
+from tensionlab.model.files import requirement
+from tensionlab.model.module import MAX_LENGTH, Module, Platform
 from tensionlab.model.pose import RestPose
-from tensionlab.model.schema import FrameTable, ModuleTable, Table, check
+from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, Table, check
 from tensionlab.workspace.layout.objective import Objective
 from tensionlab.workspace.layout.results import LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout
@@ -88,6 +89,8 @@ class SpaceFile(Table):
     counts: list[int] = Field(min_length=1, description="how many modules to put, a list of whole numbers")
     limits: LimitsTable = Field(description="a [limits] table")
     target: TargetTable = Field(description="a [target] table")
+    platform: PlatformTable | None = Field(None, description="a [platform] table")
+    required: RequiredTable = Field(RequiredTable(), description="a [required] table")
     objective: ObjectiveTable = Field(ObjectiveTable(), description="an [objective] table")
     search: SearchTable = Field(SearchTable(), description="a [search] table")
     room: RoomTable | None = Field(None, description="a [room] table")
@@ -156,6 +159,8 @@ def _space(table: SpaceFile) -> Space:
         frames={each.name: RestPose(**each.model_dump()).frame for each in table.frames},
         hardware={key: limits[key] for key in HARDWARE if key in limits},
         up=table.up if table.room is None else ROOM_UP,
+        platform=None if table.platform is None else Platform(**table.platform.model_dump()),
+        required=requirement(table.required.model_dump(), "[required]: "),
     )
 
 

@@ -3,6 +3,7 @@ import pytest
 
 from tensionlab.errors import InputError
 from tensionlab.model.module import Module
+from tensionlab.model.requirement import Requirement
 from tensionlab.workspace.layout import objective
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
 from tensionlab.workspace.layout.space import Places, Space, Surface, room
@@ -67,7 +68,7 @@ def test_a_force_that_is_none_is_refused(force):
 def test_the_margin_of_alternate_corners_at_the_centre_is_known():
     found = CUBE.anchors(corners(ALTERNATE))
     np.testing.assert_array_equal(np.abs(found), 1)
-    margin = target_margins(found, CUBE.tension_limits(4), np.zeros((1, 3)))
+    margin = target_margins(CUBE, found, CUBE.tension_limits(4), np.zeros((1, 3)))
     np.testing.assert_allclose(margin, 4 * np.sqrt(2 / 3), atol=1e-12)
 
 
@@ -76,27 +77,28 @@ def test_many_layouts_at_once_are_each_one_alone(monkeypatch):
     places = CUBE.decode(rng.random((7, 5, 4)))
     target = rng.uniform(-0.5, 0.5, size=(11, 3))
     limits = CUBE.tension_limits(5)
-    together = target_margins(CUBE.anchors(places), limits, target)
+    together = target_margins(CUBE, CUBE.anchors(places), limits, target)
     assert together.shape == (7, 11)
     for index in range(7):
         alone = CUBE.anchors(Places(places.surfaces[index], places.along[index]))
-        np.testing.assert_array_equal(together[index], target_margins(alone, limits, target))
+        np.testing.assert_array_equal(together[index], target_margins(CUBE, alone, limits, target))
     monkeypatch.setattr(objective, "MAX_CHUNK_POINTS", 20)
-    np.testing.assert_array_equal(together, target_margins(CUBE.anchors(places), limits, target))
+    np.testing.assert_array_equal(together, target_margins(CUBE, CUBE.anchors(places), limits, target))
 
 
+@pytest.mark.parametrize("required", [Requirement(), Requirement(wrench=[1, 4, 0], box=[2, 0, 1], ball=0.5)])
 @pytest.mark.parametrize("seed", range(3))
-def test_slopes_are_finite_differences(seed):
+def test_slopes_are_finite_differences(seed, required):
     rng = np.random.default_rng(seed)
     fixed = Module("door", [0.9, -1, 0.3], 0.5, 4)
     box = Surface("box", [0.5, -0.9, 0.5], [[0.3, 0.1, 0], [0, 0.2, 0], [0, 0.1, 0.3]])
     rail = Surface("rail", [-0.9, -0.9, -0.9], [[0.1, 0.8, 0]])
-    space = Space((*CUBE.surfaces, box, rail), (7,), limits=(1, 5), fixed=(fixed,))
+    space = Space((*CUBE.surfaces, box, rail), (7,), limits=(1, 5), fixed=(fixed,), required=required)
     places = Places(np.array([0, 1, 2, 3, 4, 6, 7]), rng.uniform(0.1, 0.9, size=(7, 3)))
     limits = space.tension_limits(7)
     target = rng.uniform(-0.4, 0.4, size=(5, 3))
     margins, slopes = target_slopes(space, places, limits, target)
-    np.testing.assert_allclose(margins, target_margins(space.anchors(places), limits, target), atol=1e-12)
+    np.testing.assert_allclose(margins, target_margins(space, space.anchors(places), limits, target), atol=1e-12)
     step = 1e-6
     for module in range(7):
         for edge in range(3):
@@ -105,6 +107,6 @@ def test_slopes_are_finite_differences(seed):
                 along = places.along.copy()
                 along[module, edge] += sign * step
                 there = Places(places.surfaces, along)
-                moved.append(target_margins(space.anchors(there), limits, target))
+                moved.append(target_margins(space, space.anchors(there), limits, target))
             np.testing.assert_allclose(slopes[:, module, edge], (moved[0] - moved[1]) / (2 * step), atol=1e-7)
     assert not slopes[:, 6, 1:].any()  # a rail has one edge

@@ -6,7 +6,7 @@ import pytest
 import tensionlab as tl
 from tensionlab.errors import InputError, ShapeError
 from tensionlab.model.files import rig_from_toml, rig_to_toml
-from tensionlab.model.module import Module
+from tensionlab.model.module import Module, Platform
 from tensionlab.workspace import Objective, Space, Surface, box, capacity_margin, room, search_layout
 from tensionlab.workspace.layout import search
 from tensionlab.workspace.layout.objective import target_margins
@@ -87,6 +87,21 @@ def test_the_rig_has_what_the_modules_have_and_which_axis_is_up():
     assert rig.up == "-y"
     assert rig.home.tolist() == [0.0, 0.0], "three thirds of a rounding error are no position"
     assert "e-" not in rig_to_toml(rig)
+
+
+def test_margins_are_about_what_is_required_and_the_rig_says_so():
+    """A tool of 0.3 kg, and pushes of 1 N about its weight: another layout than that without a load is best."""
+    required = tl.Requirement(wrench=[1.0, 0.0], box=[0.5, 0.0], ball=0.2, gravity=True)
+    loaded = Space(WALLS, (3,), LIMITS, up="y", platform=Platform(0.3), required=required)
+    rig = (found := search_layout(loaded, [[0, 0]], Objective(), generations=3, starts=2).best).rig
+    corners = [[0.5, 0.3 * 9.81], [1.5, 0.3 * 9.81]]
+    margin = capacity_margin(rig.structure_matrix([0, 0]), rig.limits, corners) - 0.2
+    assert found.score == pytest.approx(margin, abs=1e-9)
+    assert (rig.platform, rig.required, rig.up) == (Platform(0.3), required, "y")
+    assert "about its weight of 0.3 kg and the wrench" in rig.description
+    assert rig_from_toml(found.to_toml(), "text") == rig
+    without = search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2).best.rig
+    assert margin > capacity_margin(without.structure_matrix([0, 0]), without.limits, corners) - 0.2 + 0.5
 
 
 def test_the_text_of_a_layout_is_the_rig_with_the_score_above_it():
@@ -203,7 +218,7 @@ def test_a_share_is_polished_until_the_force_is_there_everywhere():
     x = np.linspace(-0.1, 0.1, 3)
     target = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
-    before = target_margins(space.anchors(start), limits, target)
+    before = target_margins(space, space.anchors(start), limits, target)
     _, margins = polish(space, target, Objective(2.5), start, limits)
     assert (before >= 2.5).mean() < 0.1
     assert margins.min() > 2.5
@@ -218,7 +233,7 @@ def test_where_not_all_can_be_had_the_share_grows_all_the_same():
     target = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
     start = Places(np.array([0, 2, 3]), np.array([[0.9, 0], [0.3, 0], [0.9, 0]]))
     objective = Objective(2.0)
-    before = objective.score(target_margins(space.anchors(start), limits, target))
+    before = objective.score(target_margins(space, space.anchors(start), limits, target))
     _, margins = polish(space, target, objective, start, limits)
     assert objective.score(margins) > before + 0.1
 
@@ -231,9 +246,9 @@ def test_polishing_never_makes_it_worse_and_stays_on_the_surfaces(force, seed):
     start = space.decode(rng.random((6, 4)))
     target = rng.uniform(-0.5, 0.5, size=(20, 3))
     limits, objective = space.tension_limits(6), Objective(force)
-    before = target_margins(space.anchors(start), limits, target)
+    before = target_margins(space, space.anchors(start), limits, target)
     found, margins = polish(space, target, objective, start, limits)
-    np.testing.assert_allclose(margins, target_margins(space.anchors(found), limits, target), atol=1e-12)
+    np.testing.assert_allclose(margins, target_margins(space, space.anchors(found), limits, target), atol=1e-12)
     assert objective.smooth(margins, 0.01) >= objective.smooth(before, 0.01) - 1e-9
     assert ((found.along >= 0) & (found.along <= 1)).all()
     np.testing.assert_array_equal(found.surfaces, start.surfaces)
@@ -250,4 +265,4 @@ def test_no_layout_nearby_is_better_than_the_polished_one():
     found, margins = polish(space, target, Objective(), start, limits)
     near = np.clip(found.along + rng.normal(scale=0.01, size=(4000, 5, 3)), 0, 1)
     others = space.anchors(Places(np.broadcast_to(found.surfaces, (4000, 5)), near))
-    assert target_margins(others, limits, target).min(axis=-1).max() <= margins.min() + 1e-4
+    assert target_margins(space, others, limits, target).min(axis=-1).max() <= margins.min() + 1e-4

@@ -7,6 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tensionlab.errors import RigError
+from tensionlab.model.module import Platform
+from tensionlab.model.requirement import Requirement
 from tensionlab.workspace.layout.task import load_task
 
 SPACES = Path(__file__).parents[3] / "datasets" / "spaces"
@@ -45,6 +47,13 @@ y = [1.0, 1.2]
 z = [0.0, 0.0]
 step = 0.1
 
+[platform]
+mass = 0.2
+
+[required]
+ball = 0.5
+gravity = true
+
 [objective]
 force = 1.5
 
@@ -77,6 +86,7 @@ def test_a_file_says_everything_about_a_search(write):
     np.testing.assert_allclose(space.placed.corners[1], [-2, 2.5, -1.5])
     assert task.target.arrays()[0].shape == (9, 3)
     assert task.objective.force == 1.5
+    assert (space.platform, space.required) == (Platform(0.2), Requirement(ball=0.5, gravity=True))
     assert (task.name, task.seed, task.generations, task.starts) == ("desk", 7, 3, 2)
     found = task.run()
     assert [layout.rig.name for layout in found.layouts] == ["desk-3", "desk-4"]
@@ -124,6 +134,10 @@ MISTAKES = {
     "edge as text": ("[[0.3, 0.0, 0.0]]", '[["x", 0.0, 0.0]]', 'surface 1 ("belt"): key "edges"'),
     "surface without a corner": ("corner =", "corners =", 'surface 1 ("belt"): key "corner" is missing'),
     "two of a name": ('name = "belt"', 'name = "floor"', 'surface "floor": its name is used twice'),
+    "weight unknown": ("mass = 0.2", "mass = -0.2", '[platform]: key "mass" is -0.2'),
+    "weight nowhere": ("[platform]\nmass = 0.2", "", "does not know its weight; its file needs [platform]"),
+    "wrench of two": ("ball = 0.5", "wrench = [0.0, 1.0]", 'key "wrench" has 2 components; this space'),
+    "ball below zero": ("ball = 0.5", "ball = -1.0", '[required]: key "ball" is -1.0'),
     "frame that is not given": ('frame = "hip"', 'frame = "hand"', 'rides on the frame "hand"'),
     "turn without end": ("[0.0, 0.5, 0.0]", "[0.0, 1e300, 0.0]", "give rad, within 100"),
     "turn of two numbers": ("[0.0, 0.5, 0.0]", "[0.0, 0.5]", 'frame "hip": key "rotation" must have three'),
