@@ -1,7 +1,7 @@
 """Certificates: what is proved about an answer, whoever gave it.
 
 Whoever chose the tensions, they are clipped into their limits, the wrench is recomputed, and a status needs
-a certificate that anyone can check (`tensionlab/native/verification/certificates.hpp`).
+a certificate that anyone can check (``tensionlab/native/verification/certificates.hpp``).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Problem sets of the benchmark: generated from seeds, each with a property that its construction guarantees.
 
 The objective of all of them is the least ``|t|²`` of tensions t inside their limits that render the wrench,
-``W t = w``. `datasets/problems/README.md` describes each set.
+``W t = w``. ``datasets/problems/README.md`` describes each set.
 """
 
 from __future__ import annotations

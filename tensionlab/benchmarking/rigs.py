@@ -1,4 +1,4 @@
-"""Structure matrices and wrenches of the problem sets: random rigs, and rigs of `datasets/rigs`."""
+"""Structure matrices and wrenches of the problem sets: random rigs, and rigs of ``datasets/rigs``."""
 
 from __future__ import annotations
 

@@ -129,10 +129,10 @@ def benchmark(
     Parameters
     ----------
     solvers : sequence of str or Solver, optional
-        Names, as `tensionlab solvers` lists them, ``"module:Class"``, baselines, such as "daqp" or
+        Names, as ``tensionlab solvers`` lists them, ``"module:Class"``, baselines, such as "daqp" or
         "qpsolvers:osqp", and instances; left out: all solvers and baselines by name.
     sets : sequence of str, optional
-        Names, as `tensionlab problems list` has them, and files or folders of problems, as
+        Names, as ``tensionlab problems list`` has them, and files or folders of problems, as
         `tensionlab.benchmarking.problem_files.read_problem_set` reads; left out: all by name.
     count : int, optional
         Problems in each set; 1000 if left out, or 60 where it is to be quick.
@@ -148,7 +148,7 @@ def benchmark(
     Returns
     -------
     Results
-        Shows itself in a notebook; `plot()` and `to_pandas()`.
+        Shows itself in a notebook; `Results.plot` and `Results.to_pandas`.
 
     Raises
     ------

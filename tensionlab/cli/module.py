@@ -139,7 +139,7 @@ def stop(links: Links = None, modules: ModulesFile = None, json: Json = False) -
 def estop_these(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules at once, until they are cleared. Exit status 1 if one did not confirm it.
 
-    `tensionlab estop` also reaches modules that another process uses.
+    ``tensionlab estop`` also reaches modules that another process uses.
     """
     _command(find_links(links, modules), EmergencyStop(), json)
 
@@ -179,7 +179,7 @@ def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) 
 
     They stay stopped until they are cleared. Without links and file: all modules that processes of yours use on
     this computer. Each such process gets some seconds to stop and release its modules; then each module has to
-    confirm. Exit status 1 if one did not. `tensionlab module clear` leads out of it.
+    confirm. Exit status 1 if one did not. ``tensionlab module clear`` leads out of it.
 
     This is software. Whatever it says, only cutting the motors' supply protects.
     """

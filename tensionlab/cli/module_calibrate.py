@@ -112,7 +112,7 @@ def staircase(
     """Pull at a force sensor in steps, for `gain`.
 
     Up and down, recording what the module measures. Tie the cable to the sensor, start the sensor's recording,
-    run this, and stop the recording; then `gain URL --sensor FILE --staircase CSV`.
+    run this, and stop the recording; then ``gain URL --sensor FILE --staircase CSV``.
     """
     with _client(url) as client, output.progress("staircase") as progress:
         record = measurement.climb(client, progress)

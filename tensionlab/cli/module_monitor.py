@@ -77,7 +77,7 @@ def monitor(
 ) -> None:
     """Show the telemetry of modules in a live table, also of those in a run.
 
-    Nothing is changed, nothing pulls. Modules that another process uses, such as `tensionlab run`, are shown as
+    Nothing is changed, nothing pulls. Modules that another process uses, such as ``tensionlab run``, are shown as
     that one hears them, which does not slow it down. Without links and file: all modules that processes of yours
     use on this computer. In a file or a pipe only the last table is printed. Exit status 1 where a link broke or
     could not be opened, or the other process has ended.

@@ -116,8 +116,8 @@ def simulate(
 
     Serves one module for each cable until Ctrl-C. The end of each cable stays at the rig's home, moves around it
     (--orbit), or is where a simulated person holds it (--scenario). The person begins when all modules are
-    armed, and goes back to the start when all have been stopped; `tensionlab scenario NAME --modules FILE --osc
-    PORT` plays with it.
+    armed, and goes back to the start when all have been stopped; ``tensionlab scenario NAME --modules FILE --osc
+    PORT`` plays with it.
 
     Prints a modules file, and an empty line after it: names and links, for --modules. A module takes one
     client at a time, and refuses others.

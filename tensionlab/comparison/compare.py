@@ -207,7 +207,7 @@ def compare(
     magnitude : float, optional
         Size of each force, in N; left out: the ball that the rig requires, or 1.5 as in the published validation.
     solvers : sequence of str or Solver, optional
-        Names, as `tensionlab solvers` lists them or ``"module:Class"``, and instances; left out: all by name.
+        Names, as ``tensionlab solvers`` lists them or ``"module:Class"``, and instances; left out: all by name.
     nearest : {"force", "tension", "direction"}, optional
         Only this policy for infeasible wrenches; left out: each that a solver honours.
     progress : callable, optional
@@ -216,7 +216,7 @@ def compare(
     Returns
     -------
     Comparison
-        Shows itself in a notebook; `plot()` and `to_pandas()`.
+        Shows itself in a notebook; `Comparison.plot` and `Comparison.to_pandas`.
 
     Raises
     ------

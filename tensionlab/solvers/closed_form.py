@@ -153,7 +153,7 @@ class Polygon:
     ``t = t_p + N l`` with two numbers l, N a basis of the null space of W. On that plane each cable leaves a
     strip between the line of its lower limit and that of its upper one, and the strips have a convex polygon
     in common. Its corners are found by walking along the lines from a crossing of two of them
-    (`tensionlab/native/solvers/polygon.hpp` states the walk), so an answer is found wherever there is one, at the
+    (``native/solvers/polygon.hpp`` states the walk), so an answer is found wherever there is one, at the
     edge of the workspace too, where the polygon is an edge or a point. Iterations are the lines walked.
 
     With one cable more the polygon is a segment, and with none a point. A cable whose limits are equal does

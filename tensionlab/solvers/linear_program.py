@@ -1,10 +1,11 @@
 """Tensions from linear programs: the least sum, the least largest tension, the largest margin to the limits.
 
-The best tensions of such a program are those that render the wrench inside tighter limits: the largest tension or
-the margin is a limit like any other, and a cable on which the optimum depends stays at its own. A compiled dual
-simplex method finds the tighter limits (`native/solvers/linear_program.hpp`). Where they leave a choice, `Newton`
-takes the tensions closest to the reference, so that the answer depends neither on the order of the cables nor on
-the path of the method, and changes little with the wrench. A simplex method alone stops at some corner, and jumps.
+The best tensions of such a program are those that render the wrench inside tighter limits: the largest tension
+or the margin is a limit like any other, and a cable on which it depends stays at its own. A compiled dual
+simplex method finds the tighter limits (``native/solvers/linear_program.hpp``). Where there is a choice,
+`Newton` takes the tensions closest to the reference, so that the answer depends neither on the order of the
+cables nor on the path of the method, and changes little with the wrench. A simplex method alone stops at some
+corner, and jumps.
 """
 
 from __future__ import annotations

@@ -22,7 +22,8 @@ class AnalyticCentre:
 
     A multiplier y of the wrench components fixes each tension: with c the middle of its limits, h half their
     range and q = h W_i'y it is ``c + h q / (1 + sqrt(1 + q²))``. Newton steps with a line search raise the dual,
-    which is self-concordant, in those n variables; they need no feasible start (`native/solvers/dual_ascent.hpp`).
+    which is self-concordant, in those n variables; no feasible start is needed
+    (``native/solvers/dual_ascent.hpp``).
 
     The wrench error s is not forbidden but has a price, ``s = P (1 + P |y|²) y`` with P = 1e-14, in units of the
     largest (weighted) change of the wrench that half the range of one cable makes. At a distance d from the edge
@@ -72,8 +73,9 @@ class SlackNorm:
     1e-4 units at the edge. Beyond, the answer is no best substitute; as kappa grows it tends to the tensions
     whose error has the least 1-norm.
 
-    Solved through its dual of n variables by line-searched Newton steps (`native/solvers/dual_ascent.hpp`), which
-    converge from anywhere; the source solves the same conditions by Newton steps on all variables at once.
+    Solved through its dual of n variables by line-searched Newton steps, which converge from anywhere
+    (``native/solvers/dual_ascent.hpp``); the source solves the same conditions by Newton steps on all variables
+    at once.
 
     Source: Ueland, Sauder and Skjetne, "Optimal force allocation for overconstrained cable-driven parallel
     robots: continuously differentiable solutions with assessment of computational efficiency", 2021.
@@ -142,7 +144,7 @@ class Spidar:
     wrench it is as close to the "force" policy's answer. Smaller mu come closer to both.
 
     Solved through its dual of n variables, ``t = clip(reference + W'y)``, by semismooth Newton steps with a line
-    search, which end after finitely many (`native/solvers/dual_ascent.hpp`).
+    search, which end after finitely many (``native/solvers/dual_ascent.hpp``).
 
     Source: Hasegawa and the Springhead developers, "Springhead", HumanInterface/HISpidarCalc, 2003-2008; for the
     device, Kim, Hasegawa, Koike and Sato, "Tension based 7-DOF force feedback device: SPIDAR-G", 2002.

@@ -1,7 +1,7 @@
 """Files of data of the validation: recordings, trials, directions (Parquet) and published values (TOML).
 
 A recording has a row for each force that a rig rendered on a force sensor, trials a row for each simulated rig.
-`datasets/recordings/README.md` and `datasets/what-if/README.md` describe the columns.
+``datasets/recordings/README.md`` and ``datasets/what-if/README.md`` describe the columns.
 """
 
 from __future__ import annotations

@@ -101,6 +101,16 @@ def test_every_public_name_has_an_example() -> None:
     assert without == []
 
 
+def test_what_is_in_single_backticks_is_a_name() -> None:
+    """The site makes links of them; commands and paths are in two."""
+    texts = {name: inspect.getdoc(find(name)) or "" for name in public(MODULES)}
+    for name in public(MODULES):
+        if inspect.isclass(found := find(name)):
+            texts |= {f"{name}.{key}": inspect.getdoc(each) or "" for key, each in vars(found).items()}
+    marked = [(name, bare) for name, text in texts.items() for bare in re.findall(r"(?<!`)`([^`]+)`(?!`)", text)]
+    assert [pair for pair in marked if re.search(r"[^\w.~]", pair[1])] == []
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_functions_explain_their_arguments(module: str) -> None:
     """Each is named in the docstring, or the docstring says where they are explained."""

@@ -17,7 +17,7 @@ class BridgeClient:
     Parameters
     ----------
     url : str
-        As `tensionlab serve` prints it, such as ``ws://127.0.0.1:8765``.
+        As ``tensionlab serve`` prints it, such as ``ws://127.0.0.1:8765``.
     token : str, optional
         If the bridge needs one.
 

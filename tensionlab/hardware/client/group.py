@@ -1,6 +1,6 @@
 """Group of all modules of a rig, opened, armed and stopped together; and the file that names their links.
 
-A modules file is written by `tensionlab simulate` or by hand::
+A modules file is written by ``tensionlab simulate`` or by hand::
 
     [modules]
     floor-1 = "socket://127.0.0.1:40001"         # a simulated one, over TCP

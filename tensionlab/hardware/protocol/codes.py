@@ -31,7 +31,7 @@ class Type(IntEnum):
 
 
 class State(IntEnum):
-    """State of a module; `firmware/README.md` draws the transitions."""
+    """State of a module; ``firmware/README.md`` draws the transitions."""
 
     IDLE = 0
     ARMED = 1

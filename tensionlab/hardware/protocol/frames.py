@@ -1,6 +1,6 @@
 """Frames of the module protocol: COBS( type, sequence number, payload ), its CRC-16, and three zeros.
 
-One or two flipped bits of a stream are always detected; `firmware/PROTOCOL.md` has the argument.
+One or two flipped bits of a stream are always detected; ``firmware/PROTOCOL.md`` has the argument.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Messages of the module protocol and their payloads; `firmware/PROTOCOL.md` has the same as tables.
+"""Messages of the module protocol and their payloads; ``firmware/PROTOCOL.md`` has the same as tables.
 
 A message's fields, in their order, are its payload: little-endian, in SI units unless they say otherwise.
 """

@@ -170,7 +170,7 @@ class Interrupts:
 def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iterator[None]:
     """Call `stop` in the end, whatever it is that ends this: also Ctrl-C, and signals that would end the program.
 
-    `tensionlab estop` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
+    ``tensionlab estop`` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
     """
     interrupts = Interrupts()
     with interrupts.caught(STOPPING_SIGNALS):
