@@ -43,6 +43,7 @@ OLD_OPTIONS = {
     ("rig", "export"): {"--mjcf": "--out"},
     ("compare",): {"--solver": "--solvers"},
     ("bench",): {"--solver": "--solvers"},
+    ("workspace",): {"--measure": "--metric"},
 }
 """Options that had another name, or have one with other verbs: what they are called now. Not in ``--help``."""
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)

@@ -75,10 +75,10 @@ def workspace(
         Path | None,
         typer.Option(help="File of poses in place of a box (.csv, .parquet, .npz).", show_default=False),
     ] = None,
-    measures: Annotated[
+    metrics: Annotated[
         list[str] | None,
         typer.Option(
-            "--measure", metavar="A,B,...", help=f"Metrics, also repeated. Left out: {', '.join(DEFAULT_METRICS)}."
+            "--metric", metavar="A,B,...", help=f"Metrics, also repeated. Left out: {', '.join(DEFAULT_METRICS)}."
         ),
     ] = None,
     wrench: Wrench = None,
@@ -128,7 +128,7 @@ def workspace(
         raise typer.BadParameter("--plot draws a box, not the poses of a file; leave one out")
     where = _box(loaded, box, step, rotations) if poses is None else read_poses(poses)
     places = {name: place for rig in loaded for name, place in rig.at_rest.items()}
-    named = options.parse_names(measures)
+    named = options.parse_names(metrics)
     names = _default_metrics(loaded) if named is None else named
     try:
         data = sweep(loaded, where, names, frames=places, out=out, scheduler=scheduler)
@@ -143,7 +143,7 @@ def workspace(
         if plot is not None:
             from tensionlab import plots
 
-            drawn = names[0] if measures else DRAWN_METRIC
+            drawn = names[0] if metrics else DRAWN_METRIC
             draw: Callable[..., Any] = getattr(plots, f"plot_{view}")
             writer.write(
                 "plot", plot, lambda path: plots.save_figure(draw(turned.get("total", data), metric=drawn), path)
@@ -153,7 +153,7 @@ def workspace(
                 poses=found[0][-1].poses,
                 out=None if out is None else str(out),
                 rows=[
-                    {"rig": rig, "measure": name, "unit": unit, **dataclasses.asdict(values)}
+                    {"rig": rig, "metric": name, "unit": unit, **dataclasses.asdict(values)}
                     | {f"{kind}_above_zero": each[index] for kind, each in shares.items()}
                     for index, (rig, name, unit, values) in enumerate(found)
                 ],

@@ -225,6 +225,7 @@ def test_options_that_had_another_name_keep_it(run, tmp_path):
         "run.mcap",
         "--out=x.nc",
     ]
+    assert rename_options(["workspace", "x", "--measure", "y"]) == ["workspace", "x", "--metric", "y"]
     assert rename_options(["run", "x", "--solver", "qp"]) == ["run", "x", "--solver", "qp"]
 
 

@@ -183,7 +183,7 @@ def awkward(tmp_path):
         "allocate {rig} --wrench 0,1,0",
         "compare {rig} --solvers closed-form --directions fibonacci:2 --plot {out}.svg",
         "run {rig} --seconds 0.1",
-        "workspace {rig} --box 0,0.1,0.3,0.4,0,0.1 --step 0.05 --measure wrench-closure --plot {out}.svg",
+        "workspace {rig} --box 0,0.1,0.3,0.4,0,0.1 --step 0.05 --metric wrench-closure --plot {out}.svg",
     ],
 )
 def test_names_are_shown_as_they_are(run, awkward, tmp_path, simulated_time, words):

@@ -34,12 +34,12 @@ def test_a_table_says_how_well_each_rig_does_and_what_that_means(run):
 
 
 def test_json_has_the_numbers_and_where_they_come_from(run):
-    words = ["--box", -0.4, 0.4, "-0.4", 0.4, 0.1, 0.1, "--step", 0.1, 0.2, 1, "--measure", "capacity-margin:0.2"]
-    code, out, _ = run(CUBE, *words, "--measure", "condition-number,tension-factor", "--json")
+    words = ["--box", -0.4, 0.4, "-0.4", 0.4, 0.1, 0.1, "--step", 0.1, 0.2, 1, "--metric", "capacity-margin:0.2"]
+    code, out, _ = run(CUBE, *words, "--metric", "condition-number,tension-factor", "--json")
     assert code == 0
     report = json.loads(out)
     assert report["poses"] == 9 * 5
-    assert [(row["rig"], row["measure"], row["unit"]) for row in report["rows"]] == [
+    assert [(row["rig"], row["metric"], row["unit"]) for row in report["rows"]] == [
         ("cube-8", "capacity-margin:0.2", "N"),
         ("cube-8", "condition-number", "1"),
         ("cube-8", "tension-factor", "1"),
@@ -70,21 +70,21 @@ def test_a_store_is_written_and_then_only_opened(run, tmp_path):
 
 
 def test_a_planar_rig_has_a_planar_box(run):
-    code, out, _ = run(PLANAR, "--box", "-1,1,-1,1", "--step", 0.5, "--measure", "tension-factor")
+    code, out, _ = run(PLANAR, "--box", "-1,1,-1,1", "--step", 0.5, "--metric", "tension-factor")
     assert code == 0
     assert "25 poses: x -1 to 1 m, y -1 to 1 m" in out
 
 
 def test_poses_come_from_a_file_too(run, tmp_path):
     (tmp_path / "poses.csv").write_text("x,y,z\n0,0,0\n0.1,0,0\n")
-    code, out, _ = run(CUBE, "--poses", tmp_path / "poses.csv", "--measure", "least-singular-value", "--json")
+    code, out, _ = run(CUBE, "--poses", tmp_path / "poses.csv", "--metric", "least-singular-value", "--json")
     assert code == 0
     # At the centre of a cube W W' = 8/3.
     assert json.loads(out)["rows"][0]["max"] == pytest.approx(np.sqrt(8 / 3))
 
 
 def test_body_frames_stay_at_rest(run):
-    code, out, _ = run(RIGS / "body-mounted.toml", "--step", 0.5, "--measure", "wrench-closure")
+    code, out, _ = run(RIGS / "body-mounted.toml", "--step", 0.5, "--metric", "wrench-closure")
     assert code == 0
     assert "body-mounted" in out
 
@@ -101,7 +101,7 @@ def test_a_suspended_robot_has_a_workspace_beside_its_weight(run, tmp_path):
     }.items():
         code, out, err = run("cogiro", *words, *options)
         assert (code, err) == (0, "")
-        rows = {row["measure"]: row for row in json.loads(out)["rows"]}
+        rows = {row["metric"]: row for row in json.loads(out)["rows"]}
         feasible = rows.get("wrench-feasible")
         shares[name] = feasible and feasible["above_zero"]
         assert rows["capacity-margin"]["above_zero"] == (shares[name] or 0.0)
@@ -118,7 +118,7 @@ def test_what_is_required_and_the_length_of_torques_are_said(run):
 @pytest.mark.parametrize(
     ("view", "word"), [("slices", "x (m)"), ("volume", "of the box"), ("shares", "share of the volume")]
 )
-def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
+def test_a_picture_of_the_first_metric(run, tmp_path, view, word):
     picture = tmp_path / "w.svg"
     code, out, err = run(CUBE, "--step", 0.2, "--plot", picture, "--view", view)
     assert (code, err) == (0, "")
@@ -141,11 +141,11 @@ def test_a_picture_of_the_first_measure(run, tmp_path, view, word):
         ([CUBE, "--step", 1e-5], "give out, a folder DIR.zarr"),
         ([CUBE, "--poses", "poses.csv", "--step", 1], "--poses takes the place of --box, --step and --rotations"),
         ([CUBE, "--poses", "none.csv"], "none.csv"),
-        ([CUBE, "--measure", "capacity-margins"], "did you mean 'capacity-margin'"),
+        ([CUBE, "--metric", "capacity-margins"], "did you mean 'capacity-margin'"),
         ([CUBE, "--out", "none/a.zarr"], "no folder"),
         ([CUBE, CUBE], 'two rigs are called "cube-8"'),
         ([CUBE, PLANAR], 'the poses have 3 coordinates; rig "kntu-planar" (planar) needs 2'),
-        ([CUBE, "--measure", ","], "measures is empty"),
+        ([CUBE, "--metric", ","], "no metric is named; give one at least"),
         ([CUBE, "--gravity"], 'key "gravity" is true, but cube-8 does not know its weight'),
         ([CUBE, "--wrench", 1, 0], "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)"),
         (
@@ -162,17 +162,17 @@ def test_bad_input_ends_with_2_and_says_what_to_do(run, words, error):
 
 def test_orientations_have_a_total_and_an_inclusive_workspace(run, tmp_path):
     words = ["cogiro", "--box", -6, 6, -4, 4, 2, 2, "--step", 2, "--rotations", "cone:20:10"]
-    code, out, err = run(*words, "--measure", "wrench-feasible", "--plot", tmp_path / "w.svg")
+    code, out, err = run(*words, "--metric", "wrench-feasible", "--plot", tmp_path / "w.svg")
     assert (code, err) == (0, "")
     assert "Above 0 at this share of the positions:" in out
-    (row,) = json.loads(run(*words, "--measure", "wrench-feasible", "--json")[1])["rows"]
+    (row,) = json.loads(run(*words, "--metric", "wrench-feasible", "--json")[1])["rows"]
     assert row["poses"] == 7 * 5 * 19
     assert 0 < row["total_above_zero"] < row["above_zero"] < row["inclusive_above_zero"] <= 1
     assert "write cone:10" in run(*words[:-1], "rpy:1")[2]
 
 
 def test_frames_on_the_command_line_place_bodies(run):
-    words = ["body-mounted", "--box", 0, 0, 1, 1, 0.4, 0.4, "--step", 1, "--measure", "wrench-closure", "--json"]
+    words = ["body-mounted", "--box", 0, 0, 1, 1, 0.4, 0.4, "--step", 1, "--metric", "wrench-closure", "--json"]
     at_rest = json.loads(run(*words)[1])["rows"][0]["max"]
     behind = ["--frame", "shoulder", 0, 1, "1.4", "--frame", "hip", 0, 0.5, 1.4, 0, 0.1, 0]
     placed = json.loads(run(*words, *behind)[1])["rows"][0]["max"]

@@ -48,7 +48,7 @@ surfaces = [
 ]
 """
 COMPARE = f"compare {RIG} --solvers closed-form --directions fibonacci:2"
-SWEEP = f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --measure wrench-closure"
+SWEEP = f"workspace {RIG} --box 0,0.1,0.3,0.3,0,0.1 --step 0.1 --metric wrench-closure"
 PLAYED = "scenario materials --seconds 0.2"
 RECIPES = {
     ("compare", "--plot"): (COMPARE, ".png"),

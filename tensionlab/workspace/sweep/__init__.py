@@ -146,11 +146,11 @@ def _by_name(measures: str | Metric | Sequence[str | Metric]) -> dict[str, Metri
     found: dict[str, Metric] = {}
     for each in listed:
         if not isinstance(each, str) and (isinstance(each, type) or not is_dataclass(each)):
-            raise SweepError(f"measures holds {each!r}; give names in METRICS, or instances of metrics")
+            raise SweepError(f"{each!r} is no metric; give names in METRICS, or instances of metrics")
         name, metric = (each, metrics.make(each)) if isinstance(each, str) else (metrics.name_of(each), each)
         if name in found:
-            raise SweepError(f"measures holds {name!r} twice; give it once")
+            raise SweepError(f"metric {name!r} is there twice; give it once")
         found[name] = metric
     if not found:
-        raise SweepError("measures is empty; give at least one")
+        raise SweepError("no metric is named; give one at least, such as 'capacity-margin'")
     return found

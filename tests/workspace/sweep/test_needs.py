@@ -52,7 +52,7 @@ def test_its_time_is_that_of_the_sample_for_all_poses_on_all_threads(monkeypatch
 def test_two_million_million_values_are_refused_before_anything_is_written(tmp_path, run, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=10**12))
     out = tmp_path / "huge.zarr"
-    box = ["--box", "-1,1,0,2,-1,1", "--step", "0.00016", "--measure", "capacity-margin"]
+    box = ["--box", "-1,1,0,2,-1,1", "--step", "0.00016", "--metric", "capacity-margin"]
     code, _, err = run("workspace", "bartels2026-validation", *box, "--out", out)
     assert code == 2
     assert "1,953,593,787,501 values" in err

@@ -325,7 +325,7 @@ def test_a_finished_store_is_opened_while_another_has_it_open(store, finished, m
     [
         ({"rigs": vary(tl.ring_plus_top, side=[0.5, 1.1], count=[3, 4])}, "rigs"),
         ({"poses": Grid(POSES.x, POSES.y, POSES.z + 1e-9)}, "poses"),
-        ({"measures": ["condition-number"]}, "measures"),
+        ({"measures": ["condition-number"]}, "metrics"),
         ({"poses": Grid(POSES.x, POSES.y, POSES.z[:2])}, "poses and chunks"),
     ],
 )

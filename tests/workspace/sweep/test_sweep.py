@@ -178,11 +178,11 @@ def test_every_variable_is_labelled_and_the_manifest_says_where_it_comes_from(tm
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], []), SweepError, "measures is empty"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], []), SweepError, "no metric is named; give one at least"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], "beauty"), SweepError, "no metric is called 'beauty'"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], ["effort", "effort"]), SweepError, "'effort' twice"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], ["effort", "effort"]), SweepError, "'effort' is there twice"),
         (lambda: tl.sweep(CUBE, [[0, 0, 0]], [CapacityMargin]), SweepError, "CapacityMargin.*instances"),
-        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "measures holds 3"),
+        (lambda: tl.sweep(CUBE, [[0, 0, 0]], [3]), SweepError, "3 is no metric"),
         (lambda: tl.sweep("cube.toml", [[0, 0, 0]], "effort"), SweepError, "rigs holds 'c'"),
         (lambda: tl.sweep(CUBE, [[0, 0]], "effort"), SweepError, '2 coordinates; rig "box-corners".*needs 3'),
         (lambda: tl.sweep(CUBE, [[0, np.nan, 0]], "effort"), ShapeError, r"position\[0, 1\] is nan"),
