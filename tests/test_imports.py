@@ -16,11 +16,22 @@ from tests.support.windows import LACKING, NOT_THERE
 PACKAGE = Path(__file__).parents[1] / "tensionlab"
 
 # Rooms that each room may enter, besides itself and those of everybody.
-EVERYBODY = {"errors", "operating_system", "arrays", "files", "records", "variants", "display", "__version__"}
+EVERYBODY = {
+    "errors",
+    "admission",
+    "operating_system",
+    "arrays",
+    "files",
+    "records",
+    "variants",
+    "display",
+    "__version__",
+}
 CORE = {"model", "allocation", "demand", "_native"}
 ABOVE = CORE | {"solvers", "verification", "datasets", "workspace", "hardware", "haptics", "scenarios"}
 ALLOWED = {
     "errors": set(),
+    "admission": set(),
     "operating_system": set(),
     "arrays": {"_native"},
     "files": set(),
@@ -42,7 +53,8 @@ ALLOWED = {
     "validation": ABOVE,
     "datasets": {"model", "workspace", "benchmarking", "validation"},
     "plots": ABOVE | {"comparison", "benchmarking", "validation"},
-    "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots"},
+    "view": ABOVE | {"comparison", "validation"},
+    "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots", "view"},
     "__init__": ABOVE | {"comparison", "benchmarking", "plots"},
     "__main__": {"cli"},
 }
@@ -60,7 +72,9 @@ DOORS = {
     "cobs": {"hardware/protocol/frames.py"},
     "filelock": {"files/writing.py"},
     "serial": {"hardware/client/links.py"},
-    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py"},
+    "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "view/server.py"},
+    "viser": {"view/server.py", "view/drawing.py", "view/panel.py"},
+    "skimage": {"view/volume.py"},
     "pythonosc": {"haptics/bridge/osc.py"},
     "mcap": {"hardware/log/mcap_file.py"},
     "zstandard": {"hardware/log/mcap_file.py"},

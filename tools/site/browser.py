@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -33,7 +34,7 @@ def installed() -> str | None:
 class Page:
     """Tab of the browser, and what it asked the network for and complained of since the last `open`."""
 
-    def __init__(self, socket: ClientConnection, session: str) -> None:
+    def __init__(self, socket: Connection, session: str) -> None:
         self._socket, self._session, self._count = socket, session, 0
         self._loaded = False
         self.requests: list[str] = []
@@ -169,7 +170,7 @@ def _address(path: Path) -> str:
     return f"ws://127.0.0.1:{port}{place}"
 
 
-def _page(socket: ClientConnection) -> Page:
+def _page(socket: Connection) -> Page:
     """Attach to a new tab."""
 
     def ask(number: int, method: str, **parameters: Any) -> Any:

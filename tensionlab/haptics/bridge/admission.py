@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import hmac
-import re
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
+from tensionlab.admission import LOCAL_PAGES, Header, knows_token, loaded_by_other_page, names_this_machine
 from tensionlab.files.reading import brief
 
 COMMAND_PATH, EVENTS_PATH, STATE_PATH = "/command", "/events", "/state"
 PAGE_PATH, SCHEMA_PATH = "/", "/schema.json"
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-LOCAL = r"(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"
-LOCAL_HOST, LOCAL_PAGES = re.compile(LOCAL), re.compile(f"https?://{LOCAL}")
-"""This machine as a browser names it, and its pages, which may open the bridge."""
 MAX_CLIENTS = 32
 """Connections at a time, to command or to watch."""
 STATE_PAGE = Path(__file__).with_name("page.html")
@@ -51,9 +45,7 @@ class Admission:
     pages: tuple[str, ...] = ()
     schema: str = ""
 
-    def refuse(
-        self, target: str, values: Callable[[str], Sequence[str]], clients: int
-    ) -> tuple[HTTPStatus, str] | None:
+    def refuse(self, target: str, values: Header, clients: int) -> tuple[HTTPStatus, str] | None:
         """Return why a request is refused; None if it is not.
 
         Without a token, a page must be of this machine and must call it by its own name: another page can neither
@@ -68,31 +60,29 @@ class Admission:
         clients : int
             How many there are already.
         """
-        parts, origins = urlsplit(target), values("Origin")
-        for origin in origins:
+        path = urlsplit(target).path
+        for origin in values("Origin"):
             if not LOCAL_PAGES.fullmatch(origin) and origin not in self.pages:
                 return (
                     HTTPStatus.FORBIDDEN,
                     f"pages of {brief(origin)} may not connect, unless it is given to --page",
                 )
-        loaded = "cross-site" in values("Sec-Fetch-Site") and "navigate" not in values("Sec-Fetch-Mode")
-        if loaded and not origins:  # as an image or a script: what follows a link navigates
+        if loaded_by_other_page(values):
             return HTTPStatus.FORBIDDEN, "other pages may not load this; open it by its address"
         if self.token is not None:
-            bearer = "".join(values("Authorization")).removeprefix("Bearer ")
-            given = parse_qs(parts.query).get("token", [bearer])[0]
-            if not hmac.compare_digest(given.encode(errors="replace"), self.token.encode()):
+            if not knows_token(target, values, self.token):
                 return HTTPStatus.UNAUTHORIZED, "the token is missing or wrong"
-        elif not LOCAL_HOST.fullmatch(host := "".join(values("Host"))):
+        elif not names_this_machine(values):
+            host = brief("".join(values("Host")))
             return (
                 HTTPStatus.FORBIDDEN,
-                f"the host {brief(host)} is not this machine; connect to 127.0.0.1, or serve with a token",
+                f"the host {host} is not this machine; connect to 127.0.0.1, or serve with a token",
             )
-        if parts.path not in (COMMAND_PATH, EVENTS_PATH, STATE_PATH, PAGE_PATH, SCHEMA_PATH):
+        if path not in (COMMAND_PATH, EVENTS_PATH, STATE_PATH, PAGE_PATH, SCHEMA_PATH):
             there = ", ".join((COMMAND_PATH, EVENTS_PATH, STATE_PATH, SCHEMA_PATH))
             return (
                 HTTPStatus.NOT_FOUND,
-                f"nothing is at {brief(parts.path)}; there are {PAGE_PATH}, {there}",
+                f"nothing is at {brief(path)}; there are {PAGE_PATH}, {there}",
             )
         if clients >= MAX_CLIENTS:
             return HTTPStatus.SERVICE_UNAVAILABLE, f"{MAX_CLIENTS} clients are here already"

@@ -18,8 +18,9 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, TypeAdapter
 
+from tensionlab.admission import LOOPBACK
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, needs
-from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, LOOPBACK, STATE_PATH, Admission
+from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
 from tensionlab.haptics.bridge.messages import (

@@ -1,0 +1,44 @@
+"""What a server on this machine asks of who connects: by which name it was called, whose page, which token.
+
+Any web page can have a browser send requests to this machine; these are the signs by which they are known.
+"""
+
+from __future__ import annotations
+
+import hmac
+import re
+from collections.abc import Callable, Sequence
+from urllib.parse import parse_qs, urlsplit
+
+Header = Callable[[str], Sequence[str]]
+"""Returns the values of a header of a request, by its name."""
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+LOCAL = r"(localhost|127\.0\.0\.1|\[::1\])(:\d+)?"
+LOCAL_HOST, LOCAL_PAGES = re.compile(LOCAL), re.compile(f"https?://{LOCAL}")
+"""This machine as a browser names it, and its pages."""
+
+
+def names_this_machine(header: Header) -> bool:
+    """Tell whether the host that was asked for is this machine by its own name.
+
+    Another page can have a name of its own lead here (DNS rebinding), but not this one.
+    """
+    return LOCAL_HOST.fullmatch("".join(header("Host"))) is not None
+
+
+def loaded_by_other_page(header: Header) -> bool:
+    """Tell whether another site loads this as an image or a script; what follows a link navigates, and is not."""
+    elsewhere = "cross-site" in header("Sec-Fetch-Site") and "navigate" not in header("Sec-Fetch-Mode")
+    return elsewhere and not header("Origin")
+
+
+def knows_token(target: str, header: Header, token: str) -> bool:
+    """Tell whether a request has the token, in its query (``?token=``) or as ``Authorization: Bearer``."""
+    bearer = "".join(header("Authorization")).removeprefix("Bearer ")
+    return same_token(parse_qs(urlsplit(target).query).get("token", [bearer])[0], token)
+
+
+def same_token(given: str, token: str) -> bool:
+    """Compare tokens in a time that does not tell how much of one is right."""
+    return hmac.compare_digest(given.encode(errors="replace"), token.encode())
