@@ -2,8 +2,8 @@
 
 Exit status 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout
 that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C; verbs that are meant to
-be ended so (``run``, ``serve``, ``simulate``, ``module monitor``, ``module ping``) and stop in good order have 0.
-141: whoever reads stdout has gone. A verb is imported when it is used, so that ``--help`` stays quick.
+be ended so (``run``, ``serve``, ``simulate``, ``view``, ``module monitor``, ``module ping``) and stop in good
+order have 0. 141: whoever reads stdout has gone. A verb is imported when it is used, so that ``--help`` is quick.
 """
 
 from __future__ import annotations
@@ -79,6 +79,7 @@ VERBS = {
     "estop": ("module", "Stop modules at once, also those of other processes."),
     "module": ("module", "Find modules, show how they are, set them up and stop them."),
     "new": ("new", "Write a rig, a space, a scenario or a program to start from."),
+    "view": ("view", "Design a rig in the browser."),
     "rig": ("rig", "Show, check, import and export rigs."),
     "layout": ("layout", "Find out where to put the modules."),
     "log": ("log", "Show, export, draw and replay logs of runs."),

@@ -1,0 +1,286 @@
+"""The scene in the browser: nodes of viser that follow what is drawn, and what is grabbed with the mouse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from tensionlab.model.rig import Rig
+from tensionlab.view.scene import ARROWS, Arrow, Colours, Lines, Scene, in_space, rgb, size
+from tensionlab.view.state import HAND, State
+from tensionlab.view.volume import Mesh, bounds
+
+if TYPE_CHECKING:
+    import viser
+
+TIP = "desired force"
+"""What the end of the arrow of the desired force is called."""
+ANCHOR_SHARE, HAND_SHARE, BALL_SHARE = 0.012, 0.015, 0.010
+"""Radii of what can be grabbed, as shares of the size of the rig."""
+GIZMO_PIXELS = 70.0
+FIELD_OF_VIEW_RAD = 0.7
+CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
+
+NOTHING = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+"""Mesh of which nothing is seen."""
+
+Phase = Literal["start", "update", "end"]
+
+
+@dataclass(frozen=True)
+class Grab:
+    """Something that is dragged: a module by its name, `HAND` or `TIP`.
+
+    Attributes
+    ----------
+    what : str
+        Which of them.
+    phase : "start", "update" or "end"
+        Of the drag.
+    place : (3,) array
+        Where it is dragged to, in m.
+    eye : (3,) array or None
+        Where the ray through the mouse begins, in m; None for a drag of the handle with arrows.
+    turn : (4,) array or None
+        Quaternion (w, x, y, z) of a platform that is turned.
+    """
+
+    what: str
+    phase: Phase
+    place: Floats
+    eye: Floats | None = None
+    turn: Floats | None = None
+
+
+class Drawing:
+    """Nodes of the scene; `show` brings them up to date in place."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        state: State,
+        on_grab: Callable[[Grab], None],
+        on_select: Callable[[str], None],
+    ) -> None:
+        self._scene = scene = server.scene
+        self._on_grab, self._on_select = on_grab, on_select
+        self._anchors: list[Any] = []
+        self._labels: list[Any] = []
+        self._names: tuple[str, ...] = ()
+        self._offset: dict[str, Floats] = {}
+        self._gizmo_held = False
+        self._size = reach = size(state.rig)
+        rig, flat = state.rig, state.rig.dimension == 2
+        place_camera(server, rig)
+        scene.world_axes.visible = False
+        self._floor = _add_floor(scene, rig)
+        nothing = np.zeros((1, 2, 3))
+        self._lines = {
+            name: scene.add_line_segments(
+                f"/{name}", nothing, rgb(GREY), thickness=pixels, thickness_units="screen", visible=False
+            )
+            for name, pixels in (
+                ("cables", CABLE_PIXELS), ("platform", THIN_PIXELS), ("ghost", THIN_PIXELS), ("edges", THIN_PIXELS)
+            )
+        }  # fmt: skip
+        self._arrows = {
+            name: scene.add_arrows(
+                f"/arrows/{name}", nothing, rgb(colour), shaft_radius=0.004 * reach, head_radius=0.010 * reach,
+                head_length=0.03 * reach, visible=False,
+            )
+            for name, colour in ARROWS.items()
+        }  # fmt: skip
+        # Of what is closed, the far side alone is drawn: a browser sorts whole objects, so a near one would hide
+        # what is inside.
+        self._meshes = {
+            name: scene.add_mesh_simple(
+                f"/{name}", NOTHING.vertices, NOTHING.faces, color=tuple(rgb(colour)), opacity=opacity,
+                side="double" if name == "plane" else "back", flat_shading=name != "workspace",
+                cast_shadow=False, receive_shadow=False,
+            )
+            for name, colour, opacity in (
+                ("workspace", GREEN, 0.35), ("available", BLUE, 0.18), ("plane", PURPLE, 0.35)
+            )
+        }  # fmt: skip
+        self._hand = scene.add_icosphere("/hand", HAND_SHARE * reach, color=tuple(rgb(RED)), cast_shadow=False)
+        self._tip = scene.add_icosphere("/tip", BALL_SHARE * reach, color=tuple(rgb(ORANGE)), cast_shadow=False)
+        self._make_draggable(self._hand, HAND)
+        self._make_draggable(self._tip, TIP)
+        self._gizmo = scene.add_transform_controls(
+            "/handle",
+            GIZMO_PIXELS,
+            fixed=True,
+            active_axes=(True, True, not flat),
+            depth_test=False,
+            visible=False,
+        )
+        self._gizmo_at = HAND
+        self._follow_gizmo()
+
+    def show(self, scene: Scene, state: State) -> None:
+        """Bring all nodes up to date, but for the workspace."""
+        for name, lines in (("cables", scene.cables), ("platform", scene.platform), ("ghost", scene.ghost),
+                            ("edges", scene.edges)):  # fmt: skip
+            _set_lines(self._lines[name], lines)
+        for name, node in self._arrows.items():
+            _set_arrow(node, scene.arrows.get(name))
+        for name, mesh in (("available", scene.available), ("plane", scene.plane)):
+            _set_mesh(self._meshes[name], mesh)
+        self._show_modules(scene, state)
+        self._hand.position, self._tip.position = scene.hand, scene.tip
+        self._show_gizmo(scene, state)
+
+    def show_workspace(self, surface: Mesh | None) -> None:
+        """Bring the surface of the workspace up to date."""
+        _set_mesh(self._meshes["workspace"], surface)
+
+    def _show_modules(self, scene: Scene, state: State) -> None:
+        self._names = tuple(module.name for module in state.rig.modules)
+        while len(self._anchors) > len(self._names):
+            self._anchors.pop().remove()
+            self._labels.pop().remove()
+        for i in range(len(self._anchors), len(self._names)):
+            node = self._scene.add_icosphere(
+                f"/anchors/{i}", ANCHOR_SHARE * self._size, color=tuple(rgb(BLUE)), cast_shadow=False
+            )
+            self._make_draggable(node, i)
+            self._anchors.append(node)
+            self._labels.append(self._scene.add_label(f"/labels/{i}", "", anchor="bottom-left"))
+        bodies = {module.name for module in state.rig.modules if module.frame in state.rig.frames}
+        for name, node, place, label, words in zip(
+            self._names, self._anchors, scene.anchors, self._labels, scene.labels, strict=True
+        ):
+            node.position = label.position = place
+            node.color = tuple(int(part) for part in rgb(ORANGE if name in bodies else BLUE))
+            label.text = words.text
+
+    def _show_gizmo(self, scene: Scene, state: State) -> None:
+        """Put the handle with arrows at what is selected, unless it is being dragged."""
+        if self._gizmo_held:
+            return
+        self._gizmo_at = state.selected
+        self._gizmo.visible = state.selected in (*self._names, HAND)
+        if state.selected in self._names:
+            self._gizmo.position = scene.anchors[self._names.index(state.selected)]
+            self._gizmo.wxyz = (1.0, 0.0, 0.0, 0.0)
+            self._gizmo.disable_rotations = True
+        else:
+            self._gizmo.position = scene.hand
+            self._gizmo.wxyz = quaternion(state.rotation)
+            self._gizmo.disable_rotations = state.rotation is None
+
+    def _make_draggable(self, node: Any, what: str | int) -> None:
+        """Have a node tell when it is clicked or dragged; a module is known by its number."""
+
+        def name() -> str:
+            return self._names[what] if isinstance(what, int) else what
+
+        # Coroutines run in their order; functions would on several threads.
+        async def dragged(event: Any) -> None:
+            here = name()
+            if event.phase == "start":
+                self._offset[here] = np.subtract(node.position, event.start_position)
+                self._on_select(here)
+            place = np.asarray(event.end_position) + self._offset.get(here, 0.0)
+            self._on_grab(Grab(here, event.phase, place, np.array(event.client.camera.position)))
+
+        async def clicked(event: Any) -> None:
+            self._on_select(name())
+
+        node.on_drag("left")(dragged)
+        node.on_click(clicked)
+
+    def _follow_gizmo(self) -> None:
+        async def dragged(event: Any) -> None:
+            self._gizmo_held = event.phase != "end"
+            turn = None if self._gizmo.disable_rotations else np.array(event.target.wxyz)
+            self._on_grab(Grab(self._gizmo_at, event.phase, np.array(event.target.position), turn=turn))
+
+        self._gizmo.on_update(dragged)
+
+
+def quaternion(rotation: Floats | None) -> Floats:
+    """Return the quaternion (w, x, y, z) of a rotation: a matrix in space, an angle in the plane, or none."""
+    from viser import transforms
+
+    if rotation is None:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    if rotation.ndim == 0:
+        return np.array([np.cos(rotation / 2), 0.0, 0.0, np.sin(rotation / 2)])
+    return np.asarray(transforms.SO3.from_matrix(rotation).wxyz)
+
+
+def rotation_of(turn: Floats, dimension: int) -> Floats:
+    """Return the rotation of a quaternion (w, x, y, z): a matrix in space, an angle about z in the plane."""
+    from viser import transforms
+
+    if dimension == 2:
+        return np.asarray(2.0 * np.arctan2(turn[3], turn[0]))
+    return np.asarray(transforms.SO3(np.asarray(turn, np.float64)).as_matrix())
+
+
+def place_camera(server: viser.ViserServer, rig: Rig) -> None:
+    """Have browsers look at the whole rig, with its vertical axis upright; at one in the plane from the front."""
+    low, high = (in_space(each) for each in bounds(rig))
+    middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
+    server.scene.set_up_direction(tuple(up))
+    if rig.dimension == 2:
+        away = np.array([0.0, 0.0, 1.0])
+    else:
+        aside = np.roll(np.abs(up), 1), np.roll(np.abs(up), 2)
+        away = 1.15 * aside[0] + 0.85 * aside[1] + 0.55 * up
+    camera = server.initial_camera
+    camera.fov = FIELD_OF_VIEW_RAD
+    distance = radius / np.sin(FIELD_OF_VIEW_RAD / 2)
+    camera.position, camera.look_at, camera.up = middle + distance * away / np.linalg.norm(away), middle, up
+
+
+def _add_floor(scene: Any, rig: Rig) -> Any:
+    """Add a grid at the lowest point of the rig; a rig in the plane has it behind."""
+    low, high = (in_space(each) for each in bounds(rig))
+    reach = float((high - low).max())
+    section = 10.0 ** np.floor(np.log10(reach))
+    middle = (low + high) / 2
+    if rig.dimension == 2:
+        plane, middle[2] = "xy", -0.02 * reach
+    else:
+        axis = "xyz".index(rig.vertical)
+        plane = "xyz".replace("xyz"[axis], "")
+        middle[axis] = high[axis] if (rig.up or "").startswith("-") else low[axis]
+    return scene.add_grid(
+        "/floor", 3.0 * reach, 3.0 * reach, plane=plane, position=middle, cell_size=section / 5,
+        section_size=section, cell_color=(150, 150, 150), section_color=(120, 120, 120), cell_thickness=0.6,
+        section_thickness=1.0, fade_distance=8.0 * reach, shadow_opacity=0.0,
+    )  # fmt: skip
+
+
+def _set_lines(node: Any, lines: Lines) -> None:
+    if len(lines.points):
+        node.points, node.colors = lines.points, linear(lines.colours)
+    node.visible = bool(len(lines.points))
+
+
+def linear(colours: Colours) -> Colours:
+    """Return colours as viser takes those of the ends of lines: linear, where all other colours are sRGB."""
+    share = colours / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.asarray(np.round(255.0 * light), np.uint8)
+
+
+def _set_arrow(node: Any, arrow: Arrow | None) -> None:
+    there = arrow is not None and float(np.linalg.norm(arrow.end - arrow.start)) > 0.0
+    if arrow is not None and there:
+        node.points = np.stack([arrow.start, arrow.end])[None]
+    node.visible = there
+
+
+def _set_mesh(node: Any, mesh: Mesh | None) -> None:
+    """Show a mesh in a node that is never invisible: those that become visible are made anew, in another order."""
+    shown = NOTHING if mesh is None or not len(mesh.faces) else mesh
+    node.vertices, node.faces = shown.vertices, shown.faces

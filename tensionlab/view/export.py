@@ -1,0 +1,70 @@
+"""What leaves the design page: the rig as TOML, as a MuJoCo model, and the state as Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tensionlab.errors import RigError, WriteError
+from tensionlab.files import writing
+from tensionlab.files.named import is_path
+from tensionlab.model.files import save_rig
+from tensionlab.model.rig import Rig
+from tensionlab.validation.rig_check import check_rig
+from tensionlab.view.state import State
+
+RIG_SUFFIX = ".toml"
+
+
+def save(rig: Rig, path: str) -> Path:
+    """Write a rig to a file that ends in .toml, unless ``rig check`` says that it cannot work.
+
+    Raises
+    ------
+    RigError
+        With the findings of the checks that failed.
+    WriteError
+        If the file cannot be written.
+    """
+    place = Path(path.strip()).expanduser()
+    if place.suffix.lower() != RIG_SUFFIX:
+        raise WriteError(f"{path or 'no file'}: unsupported format; name a file that ends in {RIG_SUFFIX}")
+    failed = [each for each in check_rig(rig) if each.passed is False]
+    if failed:
+        findings = "; ".join(f"{each.name}: {each.text}" for each in failed)
+        raise RigError(f"{rig.name} cannot work at home, so it is not saved. {findings}")
+    writing.require_writable(place, (RIG_SUFFIX,))
+    save_rig(rig, place)
+    return place
+
+
+def python_text(state: State, source: str) -> str:
+    """Return a program that loads the rig from a file or by name, and allocates tensions as the page does."""
+    rig = state.rig
+    turn = "" if state.rotation is None else f", {_number(state.rotation)}"
+    place = _number(state.position) + turn + (", frames=rig.at_rest" if rig.frames else "")
+    wrench = _number(state.wrench)
+    if rig.required:
+        wrench = f"np.add({wrench}, rig.required.middle(rig{turn}))"
+    policy = "" if state.nearest is None else f', nearest="{state.nearest}"'
+    lines = [
+        *(["import numpy as np", ""] if rig.required else []),
+        "import tensionlab as tl",
+        "",
+        f'rig = tl.load_rig("{source}")',
+        f"structure = rig.structure_matrix({place})",
+        f'result = tl.allocate(structure, {wrench}, rig.limits, solver="{state.solver}"{policy})',
+        "print(result)",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _number(values: np.ndarray) -> str:
+    """Return an array as Python has it, rounded to what can be told apart."""
+    return str((np.round(values, 12) + 0.0).tolist())
+
+
+def default_path(rig: Rig, word: str) -> str:
+    """Return where a rig that was given by a name or a path is saved if nobody says where."""
+    return word if is_path(word, RIG_SUFFIX) else f"{rig.name}{RIG_SUFFIX}"

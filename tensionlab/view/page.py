@@ -1,0 +1,207 @@
+"""The design page: what people do becomes edits of one state, and every browser shows that state."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.errors import TensionlabError
+from tensionlab.model.mjcf import rig_to_mjcf
+from tensionlab.model.rig import Rig
+from tensionlab.view import export, volume
+from tensionlab.view import state as edits
+from tensionlab.view.drawing import TIP, Drawing, Grab, rotation_of
+from tensionlab.view.evaluation import evaluate
+from tensionlab.view.history import History
+from tensionlab.view.panel import Panel
+from tensionlab.view.scene import draw, force_scale
+from tensionlab.view.server import PageServer
+from tensionlab.view.state import HAND, Edit, State
+from tensionlab.view.workspace import WorkspaceWorker
+
+NOTICE_S = 8.0
+"""How long it is shown that something was done."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Edit to be made; one that is followed by another with the same key before its turn is left out."""
+
+    edit: Edit
+    step: object = None
+    key: object = None
+
+
+class DesignPage:
+    """A rig in the browser, to be designed.
+
+    People's edits wait in a queue. One thread takes them in their order, evaluates what has become of the state,
+    and brings the scene and the panel up to date; another evaluates the workspace. So however fast a mouse moves,
+    there is one allocation for each picture.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> from tensionlab.view.page import DesignPage
+    >>> from tensionlab.view.server import PageServer
+    >>> page = DesignPage(tl.load_rig("bartels2026-validation"), PageServer())  # doctest: +SKIP
+    """
+
+    def __init__(self, rig: Rig, server: PageServer, word: str = "") -> None:
+        self.server = server
+        self.history = History(edits.begin(rig))
+        self.loaded = rig
+        self._word = word
+        self._queue: deque[Request | Callable[[], object]] = deque()
+        self._wake = threading.Condition()
+        self._open = True
+        self._step: object = None
+        self._dragging = False
+        present = self.history.present
+        self._drawing = Drawing(server.viser, present, self._grab, self._select)
+        self._workspace = WorkspaceWorker(self._volume_found)
+        self._panel = Panel(server.viser, self, export.default_path(rig, word))
+        self._thread = threading.Thread(target=self._work, name="view", daemon=True)
+        self._show()
+        self._thread.start()
+
+    @property
+    def state(self) -> State:
+        """The present state."""
+        return self.history.present
+
+    def edit(self, change: Edit, step: object = None, key: object = None) -> None:
+        """Have an edit made, in its turn; from any thread."""
+        self._put(Request(change, step, key))
+
+    def undo(self) -> None:
+        """Have the last step undone."""
+        self._put(self.history.undo)
+
+    def redo(self) -> None:
+        """Have the step that was undone last made again."""
+        self._put(self.history.redo)
+
+    def save(self, path: str) -> None:
+        """Have the rig saved, if it can work."""
+        self._put(lambda: self._tell("Saved", f"{export.save(self.state.rig, path)}"))
+
+    def download_model(self) -> None:
+        """Send every browser the rig as a MuJoCo model."""
+
+        def send() -> None:
+            rig = self.state.rig
+            self.server.viser.send_file_download(f"{rig.name}.xml", rig_to_mjcf(rig).encode())
+
+        self._put(send)
+
+    def show_python(self) -> None:
+        """Show a program that does what the page shows."""
+
+        def show() -> None:
+            gui = self.server.viser.gui
+            with gui.add_modal("As Python") as modal:
+                source = export.default_path(self.state.rig, self._word)
+                gui.add_markdown(f"```python\n{export.python_text(self.state, source)}```")
+                close = gui.add_button("Close")
+            close.on_click(lambda _: modal.close())
+
+        self._put(show)
+
+    def _tell(self, title: str, text: str) -> None:
+        for client in self.server.viser.get_clients().values():
+            client.add_notification(title, text, auto_close_seconds=NOTICE_S)
+
+    def close(self) -> None:
+        """End both threads and the server."""
+        with self._wake:
+            self._open = False
+            self._wake.notify_all()
+        self._thread.join()
+        self._workspace.close()
+        self.server.close()
+
+    def _put(self, request: Request | Callable[[], object]) -> None:
+        with self._wake:
+            last = self._queue[-1] if self._queue else None
+            if (
+                isinstance(request, Request) and isinstance(last, Request) and request.key is not None
+                and request.key == last.key and request.step is last.step
+            ):  # fmt: skip
+                self._queue.pop()
+            self._queue.append(request)
+            self._wake.notify_all()
+
+    def _work(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._queue or not self._open)
+                if not self._open:
+                    return
+                waiting = list(self._queue)
+                self._queue.clear()
+            problem = ""
+            for request in waiting:
+                try:
+                    if isinstance(request, Request):
+                        self.history.record(request.edit(self.state), request.step)
+                    else:
+                        request()
+                except TensionlabError as error:
+                    problem = str(error)
+            self._show(problem)
+
+    def _show(self, problem: str = "") -> None:
+        """Bring all browsers up to date."""
+        state = self.state
+        found = evaluate(state)
+        with self.server.viser.atomic():
+            self._drawing.show(draw(state, found), state)
+            self._panel.show(state, found, self.history, problem)
+        self.server.viser.flush()
+        self._workspace.want(state, fine=not self._dragging)
+
+    def _volume_found(self, state: State, found: volume.Volume) -> None:
+        """Show the workspace that another thread has evaluated."""
+        mesh = volume.surface(found, state.level) if state.display == "surface" else None
+        with self.server.viser.atomic():
+            self._drawing.show_workspace(mesh)
+            self._panel.show_volume(state, found, len(found.axes[0]) > volume.COARSE)
+        self.server.viser.flush()
+
+    def _select(self, name: str) -> None:
+        if name != TIP:
+            self.edit(edits.choose(selected=name))
+
+    def _grab(self, grab: Grab) -> None:
+        """Turn a drag into edits, of which undo makes one."""
+        if grab.phase == "start":
+            self._step = object()
+        self._dragging = grab.phase != "end"
+        self.edit(lambda state: dragged(state, grab), self._step, ("drag", grab.what))
+
+
+def dragged(state: State, grab: Grab) -> State:
+    """Return the state after something was dragged to a place."""
+    d = state.rig.dimension
+    place = grab.place if d == 3 or grab.eye is None else on_plane(grab.eye, grab.place)
+    if grab.what == TIP:
+        force = (place[:d] - state.position) / force_scale(state.rig)
+        return edits.desire(state, np.concatenate([np.round(force, edits.DECIMALS), state.wrench[d:]]))
+    if grab.what == HAND:
+        moved = edits.move_hand(state, place[:d])
+        return moved if grab.turn is None else edits.turn_platform(moved, rotation_of(grab.turn, d))
+    return edits.move_anchor(state, grab.what, place[:d])
+
+
+def on_plane(eye: Floats, through: Floats) -> Floats:
+    """Return where the ray from the eye through a place meets the plane z = 0; that place if it does not."""
+    along = through - eye
+    if abs(along[2]) < 1e-9 * float(np.linalg.norm(along)):
+        return through
+    return np.asarray(eye - eye[2] / along[2] * along)

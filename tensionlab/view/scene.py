@@ -1,0 +1,259 @@
+"""What is drawn of a state, as arrays: cables coloured by tension, arrows, the available forces, labels.
+
+Everything is in space and in m; a rig in the plane lies in the plane z = 0. Forces are drawn to one scale, so that
+the arrow of a force ends inside the set of available forces if and only if it is available.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREY, ORANGE, PURPLE, RED, short
+from tensionlab.model.rig import Rig
+from tensionlab.solvers.base import Status
+from tensionlab.view.evaluation import Evaluation
+from tensionlab.view.state import State
+from tensionlab.view.volume import Mesh, bounds
+
+Colours = NDArray[np.uint8]
+
+FORCE_SHARE = 0.25
+"""Of the size of a rig: about as long is the arrow of a force of the strongest module."""
+TIP_SHARE = 0.045
+"""Of the size of a rig: at least so far from the hand is where a force is grabbed."""
+ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": RED, "certificate": PURPLE}
+"""Colour of each arrow."""
+RAMP = (BLUE, PURPLE, RED)
+"""Colours of tensions from the lower limit to the upper one."""
+SLACK_N = 1e-9
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Line segments (k, 2, 3), in m, with colours of their ends (k, 2, 3)."""
+
+    points: Floats
+    colours: Colours
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """Arrow from a place to another, (3,), in m, and its colour."""
+
+    start: Floats
+    end: Floats
+    colour: str
+
+
+@dataclass(frozen=True)
+class Label:
+    """Text at a place, (3,), in m."""
+
+    place: Floats
+    text: str
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is drawn of a state, but the workspace.
+
+    Attributes
+    ----------
+    cables, platform, ghost : Lines
+        Cables by tension, arms of the platform, and the other rig.
+    anchors : (m, 3) array
+        Where the modules are.
+    hand, tip : (3,) array
+        Where the hand is, and where the arrow of the desired force is grabbed.
+    labels : tuple of Label
+        Name and tension of each module.
+    arrows : dict of str to Arrow
+        Some of `ARROWS`.
+    available : Mesh or None
+        Forces that are available at the hand.
+    edges : Lines
+        Of those.
+    plane : Mesh or None
+        Beyond which the desired force is certified to be.
+    """
+
+    cables: Lines
+    platform: Lines
+    ghost: Lines
+    anchors: Floats
+    hand: Floats
+    tip: Floats
+    labels: tuple[Label, ...]
+    arrows: dict[str, Arrow]
+    available: Mesh | None
+    edges: Lines
+    plane: Mesh | None
+
+
+def draw(state: State, found: Evaluation) -> Scene:
+    """Return what is drawn of a state and its evaluation."""
+    anchors, ends, hand = (in_space(each) for each in (state.anchors, state.attachments, state.position))
+    scale = force_scale(state.rig)
+    force = in_space(state.wrench[: state.rig.dimension])
+    available, edges = _available(found, hand, scale)
+    certificate = _certificate(state, found, hand, scale)
+    arrows = _arrows(state, found, hand, scale)
+    if certificate is not None:
+        arrows["certificate"] = certificate[0]
+    return Scene(
+        cables=Lines(np.stack([ends, anchors], axis=1), _twice(tension_colours(state.rig, found))),
+        platform=_arms(hand, ends),
+        ghost=_ghost(state),
+        anchors=anchors,
+        hand=hand,
+        tip=_tip(hand, scale * force, size(state.rig)),
+        labels=_labels(state, found, anchors),
+        arrows=arrows,
+        available=available,
+        edges=edges,
+        plane=None if certificate is None else certificate[1],
+    )
+
+
+def _tip(hand: Floats, force: Floats, reach: float) -> Floats:
+    """Return where the arrow of the desired force is grabbed: at its end, or beside the hand if it is short."""
+    if float(np.linalg.norm(force)) >= TIP_SHARE * reach:
+        return np.asarray(hand + force)
+    return np.asarray(hand + TIP_SHARE * reach * np.array([0.8, 0.6, 0.0]))
+
+
+def in_space(points: Floats) -> Floats:
+    """Return points (..., d) in space, (..., 3): those in the plane have z = 0."""
+    missing = 3 - points.shape[-1]
+    return np.concatenate([points, np.zeros((*points.shape[:-1], missing))], axis=-1)
+
+
+def size(rig: Rig) -> float:
+    """Return the longest edge of the box around a rig, in m."""
+    low, high = bounds(rig)
+    return float((high - low).max())
+
+
+def force_scale(rig: Rig) -> float:
+    """Return how many m are drawn for 1 N: a round number by which the strongest tension suits the rig's size."""
+    wanted = FORCE_SHARE * size(rig) / max(float(rig.limits.upper.max()), SLACK_N)
+    power = 10.0 ** math.floor(math.log10(wanted))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12))
+
+
+def rgb(colour: str) -> Colours:
+    """Return the colour of a text such as "#0072B2" as numbers (3,)."""
+    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
+
+
+def tension_shares(rig: Rig, found: Evaluation) -> Floats:
+    """Return where between its limits each tension is, (m,): 0 is the lower one; NaN without tensions."""
+    if found.allocation is None:
+        return np.full(rig.m, np.nan)
+    lower, upper = rig.limits.lower, rig.limits.upper
+    span = np.where(upper > lower, upper - lower, 1.0)
+    return np.asarray((found.allocation.tensions - lower) / span)
+
+
+def tension_colours(rig: Rig, found: Evaluation) -> Colours:
+    """Return the colour of each cable, (m, 3), by where its tension is between its limits; grey without one."""
+    share = tension_shares(rig, found)
+    stops = np.stack([rgb(colour) for colour in RAMP]).astype(np.float64)
+    at = np.linspace(0.0, 1.0, len(stops))
+    ramp = np.stack([np.interp(np.nan_to_num(share), at, channel) for channel in stops.T], axis=-1)
+    return np.where(np.isnan(share)[:, None], rgb(GREY), np.round(ramp)).astype(np.uint8)
+
+
+def _twice(colours: Colours) -> Colours:
+    return np.repeat(colours[:, None], 2, axis=1)
+
+
+def _plain(points: Floats, colour: str) -> Lines:
+    return Lines(points, np.broadcast_to(rgb(colour), (*points.shape[:2], 3)))
+
+
+def _arms(hand: Floats, ends: Floats) -> Lines:
+    """Return lines from the reference point to the attachments; none for a point."""
+    apart = ends[np.linalg.norm(ends - hand, axis=1) > 0.0]
+    return _plain(np.stack([np.broadcast_to(hand, apart.shape), apart], axis=1), GREY)
+
+
+def _ghost(state: State) -> Lines:
+    """Return the cables of the other rig, from its anchors to the same hand."""
+    other = state.ghost
+    if other is None or other.dimension != state.rig.dimension:
+        return _plain(np.empty((0, 2, 3)), GREY)
+    from dataclasses import replace
+
+    turns = other.n > other.dimension and state.rotation is not None
+    shown = replace(state, rig=other, rotation=state.rotation if turns else None)
+    return _plain(np.stack([in_space(shown.attachments), in_space(shown.anchors)], axis=1), GREY)
+
+
+def _labels(state: State, found: Evaluation, anchors: Floats) -> tuple[Label, ...]:
+    tensions: Any = [None] * state.rig.m if found.allocation is None else found.allocation.tensions
+    return tuple(
+        Label(place, module.name if tension is None else f"{module.name} · {short(tension)} N")
+        for module, place, tension in zip(state.rig.modules, anchors, tensions, strict=True)
+    )
+
+
+def _arrows(state: State, found: Evaluation, hand: Floats, scale: float) -> dict[str, Arrow]:
+    """Return the desired force, and where it is not rendered, the rendered one and what is missing."""
+    d = state.rig.dimension
+    desired = hand + scale * in_space(state.wrench[:d])
+    arrows = {"desired": Arrow(hand, desired, ARROWS["desired"])}
+    allocation = found.allocation
+    if allocation is not None and allocation.status != Status.EXACT and np.isfinite(allocation.wrench).all():
+        beside = allocation.wrench - (state.exerted - state.wrench)
+        rendered = hand + scale * in_space(beside[:d])
+        arrows["rendered"] = Arrow(hand, rendered, ARROWS["rendered"])
+        arrows["error"] = Arrow(rendered, desired, ARROWS["error"])
+    return arrows
+
+
+def _available(found: Evaluation, hand: Floats, scale: float) -> tuple[Mesh | None, Lines]:
+    """Return the faces and edges of the available forces, to scale around the hand."""
+    if found.available is None:
+        return None, _plain(np.empty((0, 2, 3)), BLUE)
+    corners = hand + scale * in_space(found.available.corners)
+    return Mesh(corners, found.available.faces), _plain(corners[found.available.edges], BLUE)
+
+
+def _certificate(state: State, found: Evaluation, hand: Floats, scale: float) -> tuple[Arrow, Mesh] | None:
+    """Return the direction that certifies the desired force infeasible, and the plane that it stands on.
+
+    The plane touches the set of available forces, and the desired force is beyond it. None where there is no
+    certificate, or it is about torques alone.
+    """
+    allocation, d = found.allocation, state.rig.dimension
+    if allocation is None or allocation.status != Status.NEAREST:
+        return None
+    direction = allocation.separation
+    along = in_space(direction[:d])
+    length = float(np.linalg.norm(along))
+    if length <= 1e-9 * float(np.linalg.norm(direction)):
+        return None
+    along /= length
+    # The largest direction·wrench of all tensions within the limits, less what torque and requirement take of it.
+    structure = state.rig.structure_matrix(state.position, state.rotation, state.rig.at_rest)
+    pulls = direction @ structure
+    most = float(np.maximum(pulls * state.rig.limits.lower, pulls * state.rig.limits.upper).sum())
+    rest = state.exerted - np.concatenate([state.wrench[:d], np.zeros(len(direction) - d)])
+    distance = (most - float(direction @ rest)) / length
+    desired = in_space(state.wrench[:d])
+    foot = hand + scale * (desired + (distance - desired @ along) * along)
+    reach = scale * float(state.rig.limits.upper.max())
+    across = np.linalg.svd(along[None])[2][1:]
+    if d == 2:
+        across[:] = np.cross(along, [0.0, 0.0, 1.0]), [0.0, 0.0, 0.05]
+    ring = foot + reach * 0.6 * np.array([-across[0] - across[1], across[0] - across[1],
+                                          across[0] + across[1], across[1] - across[0]])  # fmt: skip
+    arrow = Arrow(foot, foot + 0.5 * reach * along, ARROWS["certificate"])
+    return arrow, Mesh(ring, np.array([[0, 1, 2], [0, 2, 3]]))

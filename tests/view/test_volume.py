@@ -1,0 +1,76 @@
+"""Workspaces of the design page: values, surfaces, shares, and an end when nobody wants them."""
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.view import state as edits
+from tensionlab.view.state import begin
+from tensionlab.view.volume import Volume, bounds, surface, sweep
+
+
+def test_the_values_are_those_of_a_sweep():
+    state = edits.choose(metric="tension-factor")(begin(tl.load_rig("bartels2026-validation")))
+    volume = sweep(state, 6, lambda: True)
+    grid = tl.workspace.Grid(*volume.axes)
+    swept = tl.sweep(state.rig, grid, "tension-factor", progress=False)["tension-factor"].values[0]
+    assert volume.values == pytest.approx(swept, nan_ok=True)
+
+
+def test_a_platform_is_turned_as_at_the_hand():
+    state = begin(tl.load_rig("ipanema-2"))
+    turned = edits.turn_platform(state, tl.workspace.roll_pitch_yaw(0.0, 0.0, 0.3)[0])
+    assert not np.allclose(sweep(state, 5, lambda: True).values, sweep(turned, 5, lambda: True).values)
+
+
+def test_a_sweep_ends_as_soon_as_nobody_wants_it():
+    asked = []
+    assert sweep(begin(tl.load_rig("seven-modules")), 60, lambda: asked.append(1)) is None
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize("name", tl.datasets.names("rigs"))
+def test_the_box_has_room_around_every_rig(name):
+    rig = tl.load_rig(name.removeprefix("rigs/"))
+    low, high = bounds(rig)
+    assert (low <= rig.home).all()
+    assert (rig.home <= high).all()
+    assert (high - low).min() >= 0.5 * (high - low).max() - 1e-9
+
+
+def ball(count):
+    """The distance from the surface of the unit ball, in a cube of 3 m."""
+    axis = np.linspace(-1.5, 1.5, count)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    return Volume((axis, axis, axis), 1.0 - np.sqrt(x**2 + y**2 + z**2))
+
+
+def test_the_surface_is_where_the_level_is_and_faces_outwards():
+    mesh = surface(ball(40), 0.25)  # a ball of 0.75 m
+    assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(0.75, abs=2e-3)
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    content = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+    assert content == pytest.approx(4 / 3 * np.pi * 0.75**3, rel=0.01)
+
+
+def test_the_share_is_that_of_the_box():
+    assert ball(60).share(0.25) == pytest.approx(4 / 3 * np.pi * 0.75**3 / 27.0, rel=0.1)
+
+
+def test_a_surface_closes_at_the_edge_of_the_box():
+    axis = np.linspace(0.0, 1.0, 5)
+    mesh = surface(Volume((axis, axis, axis), np.ones((5, 5, 5))), 0.0)
+    assert mesh.vertices.min(axis=0) == pytest.approx([0.0, 0.0, 0.0])
+    assert mesh.vertices.max(axis=0) == pytest.approx([1.0, 1.0, 1.0])
+
+
+def test_there_is_no_surface_above_all_values():
+    assert surface(ball(10), 2.0) is None
+
+
+def test_in_the_plane_the_region_is_filled():
+    axis = np.linspace(-1.0, 1.0, 21)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    mesh = surface(Volume((axis, axis), 0.5 - np.abs(x) + 0.0 * y), 0.0)
+    assert np.abs(mesh.vertices[:, 0]).max() == pytest.approx(0.45)  # 0.4 is the last above, a square has 0.05
+    assert mesh.vertices[:, 2].tolist() == [0.0] * len(mesh.vertices)

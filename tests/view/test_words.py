@@ -1,0 +1,53 @@
+"""What the panel says of a state."""
+
+import re
+
+import pytest
+
+import tensionlab as tl
+from tensionlab.view import state as edits
+from tensionlab.view import words
+from tensionlab.view.evaluation import evaluate
+from tensionlab.view.state import begin
+from tensionlab.view.volume import sweep
+
+
+@pytest.fixture
+def point():
+    return begin(tl.load_rig("bartels2026-validation"))
+
+
+def plain(text):
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text)).strip()
+
+
+def test_a_feasible_force_is_exact(point):
+    state = edits.desire(point, [1.0, 0.5, 1.0])
+    said = plain(words.status(state, evaluate(state)))
+    assert said.startswith("EXACT the desired force is rendered desired 1.50 N (1.00, 0.50, 1.00)")
+    assert "capacity margin 3.68 N at the hand" in said
+
+
+def test_an_infeasible_force_is_nearest_and_says_by_which_policy(point):
+    state = edits.choose(nearest="direction")(edits.desire(point, [20.0, 0.0, 0.0]))
+    said = plain(words.status(state, evaluate(state)))
+    assert said.startswith("NEAREST certified infeasible: the longest wrench in the desired direction is rendered")
+    assert "24.4 % of it" in said
+    assert "error 15.1 N" in said
+
+
+def test_bars_say_who_is_at_a_limit(point):
+    state = edits.desire(point, [1.0, 0.5, 1.0])
+    assert "floor-3 0.50 N lower limit" in plain(words.tensions(state, evaluate(state)))
+
+
+def test_names_of_modules_are_text(point):
+    state = edits.rename(point, "top", "<b>top</b>")
+    assert "&lt;b&gt;top" in words.tensions(state, evaluate(state))
+
+
+def test_the_share_of_the_box_is_said(point):
+    state = edits.choose(level=1.0)(point)
+    volume = sweep(state, 10, lambda: True)
+    assert f"{100 * volume.share(1.0):.1f} % of the box" in plain(words.share(state, volume))
+    assert "capacity margin above 1 N" in plain(words.share(state, volume))
