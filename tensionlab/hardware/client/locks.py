@@ -57,7 +57,7 @@ class LinkLock:
         self._lock = _locked(path, LOCK_TIMEOUT_S)
         if self._lock is None:
             raise LinkError(f"{url} is in use by {_read(self._note) or 'another process'}; end that first")
-        content = {"pid": os.getpid(), "program": _program(), "url": url}
+        content = {"pid": os.getpid(), "program": program(), "url": url}
         if (published := publisher()) is not None:
             content |= {"port": published.port, "token": published.token}
         new = path.with_suffix(".new")
@@ -161,7 +161,7 @@ def _read(note: Path) -> Holder | None:
     return None
 
 
-def _program() -> str:
+def program() -> str:
     """Return the command line of this process, shortened."""
     called = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
     name = called.parent.name if called.name == "__main__.py" else called.name

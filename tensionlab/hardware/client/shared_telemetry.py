@@ -1,9 +1,10 @@
 """Telemetry of modules for other processes: the one that has their links answers requests on this computer.
 
 A thread of it waits at a UDP port of 127.0.0.1, and answers whoever knows the token, which is in the notes of its
-locks, with one datagram for each module: JSON, with the latest telemetry as a frame. Nothing is sent unasked and
-nothing is kept for a watcher that is slow; neither the loop of a run nor the readers of links take part. Telemetry
-is all that can be had: nothing that comes to this port reaches a module.
+locks, with one datagram for each module: JSON, with the latest telemetry as a frame. A request may name a topic
+instead, such as the run of that process (`tensionlab.hardware.log.shared_run`). Nothing is kept for a watcher that
+is slow, and nothing is sent unasked but a last word; neither the loop of a run nor the readers of links take part.
+Nothing that comes to this port reaches a module.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import secrets
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,7 +28,9 @@ from tensionlab.hardware.protocol.messages import Telemetry, read
 HOST = "127.0.0.1"
 MIN_PERIOD_S = 0.05
 """Requests that come faster are lost in the system: a flood must not take the processor from a run."""
-MAX_REQUEST_BYTES, MAX_REPLY_BYTES = 64, 2048
+MAX_REQUEST_BYTES, MAX_REPLY_BYTES = 64, 1 << 16
+MAX_REMEMBERED = 8
+"""Watchers that get the last word on a topic."""
 
 
 @dataclass(frozen=True)
@@ -62,20 +66,27 @@ class Report:
 
 
 class Publisher:
-    """Thread that answers requests for telemetry.
+    """Thread that answers requests for telemetry and other topics.
 
     Attributes
     ----------
     port, token : int, str
-        Where it listens, and what a request must be.
+        Where it listens, and what a request must be, or begin with: a space and the name of a topic may follow.
     reports : dict
         By the URLs of links, a function that returns the `Report` of each.
+    topics : dict
+        By the names of topics, a function that returns the answer, at most `MAX_REPLY_BYTES`.
     """
 
     def __init__(self) -> None:
         self.reports: dict[str, Callable[[], Report]] = {}
+        self.topics: dict[str, Callable[[], bytes]] = {}
         self.token = secrets.token_hex(16)
+        self._watchers: deque[Any] = deque(maxlen=MAX_REMEMBERED)  # addresses of those who asked for topics
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(
+            socket.SOL_SOCKET, socket.SO_SNDBUF, MAX_REPLY_BYTES
+        )  # macOS sends no more at once
         self._socket.bind((HOST, 0))
         self.port: int = self._socket.getsockname()[1]
         threading.Thread(target=self._serve, name="telemetry for watchers", daemon=True).start()
@@ -84,33 +95,65 @@ class Publisher:
         while True:
             with suppress(OSError):  # a watcher that has gone, or reads nothing
                 request, watcher = self._socket.recvfrom(MAX_REQUEST_BYTES)
-                if secrets.compare_digest(request, self.token.encode()):
-                    for report in list(self.reports.values()):
-                        self._socket.sendto(report().pack(), watcher)
+                token, _, topic = request.partition(b" ")
+                if secrets.compare_digest(token, self.token.encode()):
+                    for answer in self._answers(topic.decode(errors="replace")):
+                        self._socket.sendto(answer, watcher)
+                    if topic and watcher not in self._watchers:
+                        self._watchers.append(watcher)
             time.sleep(MIN_PERIOD_S)
+
+    def _answers(self, topic: str) -> list[bytes]:
+        if topic:
+            return [self.topics[topic]()] if topic in self.topics else []
+        return [report().pack() for report in list(self.reports.values())]
+
+    def announce(self, topic: str) -> None:
+        """Send a topic unasked to the latest who asked for one: a request might come too late for a last word."""
+        answers = self._answers(topic)
+        for watcher in list(self._watchers):
+            with suppress(OSError):
+                for answer in answers:
+                    self._socket.sendto(answer, watcher)
 
 
 class Watcher:
-    """Watcher of the modules of another process, which has them published."""
+    """Watcher of the modules of another process, which has them published, or of one of its topics.
+
+    `refused` is whether nobody listens there any more: that process has ended.
+    """
 
     def __init__(self, port: int, token: str) -> None:
+        self.refused = False
         self._token = token.encode()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.connect((HOST, port))
         self._socket.setblocking(False)
 
-    def ask(self) -> None:
-        """Request a report of each module."""
-        with suppress(OSError):  # of a process that has ended
-            self._socket.send(self._token)
+    def ask(self, topic: str = "") -> None:
+        """Request a report of each module, or a topic."""
+        request = self._token + (b" " + topic.encode() if topic else b"")
+        try:
+            self._socket.send(request)
+        except (ConnectionRefusedError, ConnectionResetError):
+            self.refused = True
+        except OSError:
+            pass
+
+    def answers(self) -> Iterator[bytes]:
+        """Yield the answers that have come."""
+        while True:
+            try:
+                yield self._socket.recv(MAX_REPLY_BYTES)
+            except (ConnectionRefusedError, ConnectionResetError):
+                self.refused = True
+                return
+            except OSError:
+                return
 
     def take(self) -> Iterator[Report]:
         """Yield the reports that have come."""
-        while True:
-            try:
-                content = self._socket.recv(MAX_REPLY_BYTES)
-            except OSError:
-                return
+        for content in self.answers():
             with suppress(ValueError, KeyError, TypeError, ProtocolError):
                 yield Report.unpack(content)
 
@@ -121,6 +164,11 @@ class Watcher:
 
 _publisher: Publisher | None = None
 _starting = threading.Lock()
+
+
+def started() -> Publisher | None:
+    """Return the publisher of this process if one has been started."""
+    return _publisher
 
 
 def publisher() -> Publisher | None:

@@ -7,6 +7,7 @@ import math
 import os
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
@@ -17,7 +18,10 @@ from tensionlab.allocation import Solver
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
 from tensionlab.errors import HardwareError, LinkTimeout
+from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.group import ModuleGroup
+from tensionlab.hardware.log.reader import RunEvent
+from tensionlab.hardware.log.shared_run import MAX_EVENTS, SharedRun
 from tensionlab.hardware.protocol.messages import Stop
 from tensionlab.hardware.runner import guard
 from tensionlab.hardware.runner.module_monitor import ModuleMonitor
@@ -91,6 +95,8 @@ class Runner:
     ----------
     latest : Cycle or None
     statistics : Statistics
+    events : deque of RunEvent
+        The latest; the log has all.
     log : RunLog or None
         May be set until the run begins.
 
@@ -131,6 +137,9 @@ class Runner:
         self.settings = RunSettings() if settings is None else settings
         self.latest: Cycle | None = None
         self.statistics = Statistics()
+        self.events: deque[RunEvent] = deque(maxlen=MAX_EVENTS)
+        self._solver = solver if isinstance(solver, str) else type(solver).__name__
+        self._shared: SharedRun | None = None
         self._allocator = guard.GuardedAllocator(solver, self.settings.nearest)
         self._taut = guard.GuardedAllocator(guard.EXACT_SOLVER)  # lowest tensions, whatever the solver optimises
         self._demand, self._tracker = demand, tracker
@@ -175,6 +184,7 @@ class Runner:
         if seconds is not None and not 0.0 < seconds < math.inf:
             raise HardwareError(f"a run takes a finite time above 0 s; got {seconds:g}")
         interrupts = Interrupts()
+        self._share()
         with interrupts.caught(STOPPING_SIGNALS):
             gc.freeze()  # what is there by now is not looked through again while a cycle waits
             patience = sys.getswitchinterval()
@@ -198,6 +208,12 @@ class Runner:
                 gc.unfreeze()
                 self._end()
         return self.statistics
+
+    def _share(self) -> None:
+        """Let other processes read this run, where they may read telemetry of this one anyway."""
+        published = shared_telemetry.started()
+        if published is not None:
+            self._shared = SharedRun(published, self, self.rig, self._solver, self.settings, self.modules.clients)
 
     def _begin(self) -> None:
         """Have all modules report, and arm them."""
@@ -224,7 +240,7 @@ class Runner:
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = guard.ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
         self.modules.arm(self._before)
-        self._note("armed", f"{self.rig.m} modules")
+        self.note("armed", f"{self.rig.m} modules")
         self._pretension()
 
     def _pretension(self) -> None:
@@ -316,7 +332,7 @@ class Runner:
         now = self._clock.now()
         seen = self._seen = observe(self.modules)
         for index, text in self._derating.update(seen.thermal):
-            self._note("derated", text, self._names[index])
+            self.note("derated", text, self._names[index])
         self.statistics.derated = self._derating.lowest
         delays, at_least = self._delays.delays(seen.last_sequence, now)
         self._monitor.check(seen, at_least, self._derating, now)
@@ -372,7 +388,7 @@ class Runner:
 
     def _lost(self, index: int, error: HardwareError) -> None:
         self.statistics.lost[self._names[index]] = str(error)
-        self._note("lost", str(error), self._names[index])
+        self.note("lost", str(error), self._names[index])
         assert self._released is not None
         assert self._seen is not None
         now, client = self._clock.now(), self.modules.clients[index]
@@ -416,7 +432,10 @@ class Runner:
         finally:
             os._exit(1)
 
-    def _note(self, kind: str, text: str, module: str | None = None) -> None:
+    def note(self, kind: str, text: str, module: str | None = None) -> None:
+        """Keep an event, such as a phase of the demand; from any thread. Errors as those of `RunLog.note`."""
+        cycle, now = (-1, 0.0) if self.latest is None else (self.latest.state.cycle, self.latest.state.time)
+        self.events.append(RunEvent(cycle, now, kind, text, module or ""))
         if self.log is not None:
             self.log.note(kind, text, module)
 
@@ -425,8 +444,10 @@ class Runner:
         unconfirmed = self.modules.emergency_stop() if self.statistics.emergency else self.modules.stop()
         self.statistics.unconfirmed = {name: str(error) for name, error in unconfirmed.items()}
         with suppress(HardwareError):  # of a full disk, the run has heard already
-            self._note("ended", self.statistics.ended)
+            self.note("ended", self.statistics.ended)
             for name, why in self.statistics.unconfirmed.items():
-                self._note("unconfirmed", why, name)
+                self.note("unconfirmed", why, name)
+        if self._shared is not None:
+            self._shared.end()
         if self.log is not None:
             self.log.close(self.statistics)

@@ -143,9 +143,7 @@ def test_a_signalled_process_has_6_s_to_stop_its_modules_and_close_their_links(s
 def test_one_that_cannot_be_signalled_is_not_waited_for(rig, monkeypatch):
     other = OtherProcess(monkeypatch, [rig.urls["top"]], ends=PermissionError(1, "Operation not permitted"))
     outcome = emergency_stop(rig.urls)["top"]
-    assert (
-        outcome.error == f"process {other.PID} ({locks._program()}) cannot be signalled: Operation not permitted"
-    )
+    assert outcome.error == f"process {other.PID} ({locks.program()}) cannot be signalled: Operation not permitted"
     assert other.passed <= 0.02
     assert states(rig)[:3] == [State.ESTOP] * 3
 
@@ -166,7 +164,7 @@ def test_a_module_that_somebody_takes_at_that_moment_is_told_at_once(rig, monkey
     monkeypatch.setitem(OPENERS, url, lambda: taken.append(other.lock(url)) or LinkLock(url))
     [outcome] = emergency_stop({"top": url}).values()
     assert outcome.holder is None
-    assert outcome.error == f"process {other.PID} ({locks._program()}) has just taken it; try again"
+    assert outcome.error == f"process {other.PID} ({locks.program()}) has just taken it; try again"
     assert other.signals == []
     assert other.passed <= 0.02
 
@@ -212,7 +210,7 @@ def test_a_process_that_does_not_let_go_is_named_and_the_rest_let_go(rig, monkey
     lock = LinkLock(next(iter(rig.urls.values())))
     outcomes = list(emergency_stop(rig.urls).values())
     assert outcomes[0].error == (
-        f"process {os.getpid()} ({locks._program()}) was signalled, and still has it; "
+        f"process {os.getpid()} ({locks.program()}) was signalled, and still has it; "
         f"end it (kill -9 {os.getpid()}), and its modules stop"
     )
     assert [each.error for each in outcomes[1:]] == [""] * 3
@@ -241,7 +239,7 @@ def test_without_a_word_all_that_processes_of_this_user_have(rig, run, monkeypat
     status, out, err = run("estop")
     assert (status, err) == (0, "")
     assert sorted(out.splitlines()) == [
-        f"{url}: estop; process {os.getpid()} ({locks._program()}) had it" for url in urls
+        f"{url}: estop; process {os.getpid()} ({locks.program()}) had it" for url in urls
     ]
     assert states(rig) == [State.ESTOP] * 2 + [State.IDLE] * 2
     assert run("estop", list(rig.urls.values())[2], "socket://127.0.0.1:1")[0] == 1

@@ -122,8 +122,8 @@ def test_a_folder_that_others_can_write_to_is_refused(locks_folder):
 
 def test_a_long_command_line_is_cut(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["/usr/lib/python3/site-packages/tensionlab/__main__.py", "run", "x" * 200])
-    assert locks._program().startswith("tensionlab run xxx")
-    assert len(locks._program()) == locks.MAX_PROGRAM_CHARACTERS
+    assert locks.program().startswith("tensionlab run xxx")
+    assert len(locks.program()) == locks.MAX_PROGRAM_CHARACTERS
 
 
 def test_who_released_a_lock_once_takes_no_note_of_the_next_one_away():
@@ -212,4 +212,4 @@ def test_a_folder_of_another_user_is_refused(locks_folder, monkeypatch):
 )
 def test_a_program_is_told_as_it_was_called(called, told, monkeypatch):
     monkeypatch.setattr(sys, "argv", called)
-    assert locks._program() == told
+    assert locks.program() == told

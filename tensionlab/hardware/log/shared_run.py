@@ -1,0 +1,289 @@
+"""The run of this process as other processes on this computer may read it, and the reading there.
+
+The publisher of telemetry (`tensionlab.hardware.client.shared_telemetry`) answers with what is known of a run at
+that moment. It is packed in the publisher's thread, and only when somebody asks: a cycle does nothing for it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from itertools import count, islice
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tensionlab.arrays import Floats, Integers
+from tensionlab.errors import TensionlabError
+from tensionlab.hardware.client.locks import locked_links, program
+from tensionlab.hardware.client.module import ModuleClient
+from tensionlab.hardware.client.shared_telemetry import Publisher, Watcher
+from tensionlab.hardware.log.columns import decode, encode
+from tensionlab.hardware.log.reader import RunEvent
+from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.statistics import Cycle, Statistics
+from tensionlab.model.files import rig_from_toml, rig_to_toml
+from tensionlab.model.pose import place_anchors
+from tensionlab.model.rig import Rig
+
+RUN, SETUP = "run", "setup"
+"""Topics of the publisher: a run as it is now, and what does not change while it lasts."""
+MAX_EVENTS = 30
+"""Latest events that are kept for other processes."""
+MAX_TIMES = 100
+"""Latest cycles whose times go into an answer: at 1 kHz, all of them between two answers."""
+POLL_S = 1.0 / 30.0
+"""Between polls of a watcher; answers come no faster than every `shared_telemetry.MIN_PERIOD_S`."""
+ASK_AGAIN_S = 0.25
+"""A request that is not answered for so long was lost."""
+MIN_STALE_S, STALE_PERIODS = 0.5, 5.0
+"""A run without a newer cycle for so long, and so many periods, is shown as stale."""
+FIND_TIMEOUT_S = 2.0
+"""How long processes that have modules may take to tell of their run."""
+Condition = Literal["waiting", "arming", "live", "stale", "ended", "gone"]
+_numbers = count()
+
+
+class Sharable(Protocol):
+    """What is read of a `Runner`."""
+
+    latest: Cycle | None
+    statistics: Statistics
+    events: deque[RunEvent]
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """What does not change while a run lasts.
+
+    Attributes
+    ----------
+    number : int
+        Of the run in its process.
+    pid, program : int, str
+        The process, and how it was called.
+    rig : Rig
+    solver, rate, ttl : str, float, float
+        As in `RunSettings`; the solver by its name, or that of its class.
+    links : mapping of str to str
+        Where each module is reached, by its name.
+    """
+
+    number: int
+    pid: int
+    program: str
+    rig: Rig
+    solver: str
+    rate: float
+    ttl: float
+    links: Mapping[str, str]
+
+
+class SharedRun:
+    """Answers of the publisher about a run, from its begin on; the last one stays until another run begins."""
+
+    def __init__(
+        self,
+        published: Publisher,
+        run: Sharable,
+        rig: Rig,
+        solver: str,
+        settings: RunSettings,
+        clients: Sequence[ModuleClient],
+    ) -> None:
+        self._published, self._run, self._rig, self._clients = published, run, rig, clients
+        self._number = next(_numbers)
+        links = {client.name: client.link.url for client in clients}
+        info = RunInfo(self._number, os.getpid(), program(), rig, solver, settings.rate, settings.ttl, links)
+        setup = json.dumps(vars(info) | {"rig": rig_to_toml(rig)}).encode()
+        published.topics |= {SETUP: lambda: setup, RUN: self.pack}
+
+    def pack(self, *, over: bool = False) -> bytes:
+        """Return the run as it is now; ``over`` when its modules have been commanded to stop."""
+        cycle, statistics = self._run.latest, self._run.statistics
+        heard = [client.telemetry for client in self._clients]
+        row: dict[str, Any] = {
+            "number": self._number,
+            "over": over,
+            "bad_frames": [client.bad_frames for client in self._clients],
+            "currents": [None if each is None else each.message.current for each in heard],
+            "supplies": [None if each is None else each.message.supply for each in heard],
+            "brakes": [-1 if each is None else int(each.message.brake) for each in heard],
+            # Lists of reversed deques are made in one go, whatever the run's thread adds meanwhile.
+            "start_delays": list(islice(reversed(statistics.start_delays), MAX_TIMES))[::-1],
+            "compute_times": list(islice(reversed(statistics.compute_times), MAX_TIMES))[::-1],
+            "cycles": statistics.cycles,
+            "missed": statistics.missed,
+            "fallback_used": statistics.fallback_used,
+            "answers": statistics.answers,
+            "lost": dict(statistics.lost),
+            "unconfirmed": dict(statistics.unconfirmed),
+            "ended": statistics.ended,
+            "emergency": statistics.emergency,
+            "events": [asdict(event) for event in list(self._run.events)],
+        }
+        newest = b"null"
+        if cycle is not None:
+            anchors = place_anchors(self._rig.modules, self._rig.anchors, cycle.state.pose.frames)
+            row["anchors"] = np.asarray(anchors).tolist()
+            newest = encode(cycle, self._rig)
+        return b'{"cycle":' + newest + b"," + json.dumps(row).encode()[1:]
+
+    def end(self) -> None:
+        """Tell those who watch how the run has ended; later ones are told the same."""
+        last = self.pack(over=True)
+        self._published.topics[RUN] = lambda: last
+        self._published.announce(RUN)
+
+
+@dataclass(frozen=True, eq=False)
+class RunReport:
+    """A run at one moment, as its process told it.
+
+    Attributes
+    ----------
+    number : int
+        Of the run in its process.
+    over : bool
+        Whether its modules have been commanded to stop, and `ended` says why.
+    cycle : mapping of str to array, or None
+        The newest one, by the names of `CycleTable`; None before the first.
+    anchors : (m, d) array
+        Of that cycle, in the world, in m; empty before the first.
+    brakes, bad_frames, currents, supplies : (m,) arrays
+        Of the modules: `codes.BrakeState`, or -1 before the first telemetry; damaged frames; in A and V.
+    start_delays, compute_times : (k,) arrays
+        Of the latest cycles, in s, the newest last.
+    cycles, missed, fallback_used, answers, lost, unconfirmed, ended, emergency
+        As in `Statistics`.
+    events : tuple of RunEvent
+        The latest.
+    """
+
+    number: int
+    over: bool
+    cycle: Mapping[str, NDArray[Any]] | None
+    anchors: Floats
+    brakes: Integers
+    bad_frames: Integers
+    currents: Floats
+    supplies: Floats
+    start_delays: Floats
+    compute_times: Floats
+    cycles: int
+    missed: int
+    fallback_used: int
+    answers: str
+    lost: Mapping[str, str]
+    unconfirmed: Mapping[str, str]
+    ended: str
+    emergency: bool
+    events: tuple[RunEvent, ...]
+
+    @classmethod
+    def unpack(cls, row: dict[str, Any], rig: Rig) -> RunReport:
+        """Return what an answer about a run of this rig says; KeyError, TypeError or ValueError if it is none."""
+        said = dict(row)
+        if said["cycle"] is not None:
+            found = decode([json.dumps(said["cycle"]).encode()], rig)
+            said["cycle"] = {name: values[0] for name, values in found.items()}
+        for name in ("anchors", "currents", "supplies", "start_delays", "compute_times"):
+            said[name] = np.array(said.get(name, []), np.float64)
+        for name in ("brakes", "bad_frames"):
+            said[name] = np.array(said[name], np.int64)
+        said["events"] = tuple(RunEvent(**each) for each in said["events"])
+        return cls(**said)
+
+
+class RunWatcher:
+    """Watcher of the run of another process; `poll` it some twenty times a second.
+
+    Attributes
+    ----------
+    info : RunInfo or None
+        Of the run; None until it has been told. Another run of the process takes the place of one that has ended.
+    report : RunReport or None
+        The latest.
+    """
+
+    def __init__(self, port: int, token: str) -> None:
+        self.info: RunInfo | None = None
+        self.report: RunReport | None = None
+        self._watcher = Watcher(port, token)
+        self._asked = -ASK_AGAIN_S
+        self._came = self._newer = time.perf_counter()
+        self._advances = False
+
+    def poll(self) -> None:
+        """Take what has come, and ask again."""
+        now = time.perf_counter()
+        answered = False
+        for content in self._watcher.answers():
+            with suppress(ValueError, KeyError, TypeError, TensionlabError):
+                self._take(json.loads(content), now)
+                answered = True
+        if not self._watcher.refused and (answered or now > self._asked + ASK_AGAIN_S):
+            self._asked = now
+            self._watcher.ask(SETUP if self.info is None else RUN)
+
+    def _take(self, row: dict[str, Any], now: float) -> None:
+        if "rig" in row:
+            self.info = RunInfo(**row | {"rig": rig_from_toml(row["rig"], "the rig of the run")})
+            self.report, self._advances, self._newer = None, False, now
+        elif self.info is not None and row["number"] != self.info.number:
+            self.info = self.report = None  # another run has begun
+        elif self.info is not None:
+            before, self.report = self.report, RunReport.unpack(row, self.info.rig)
+            if before is None or before.cycles != self.report.cycles:
+                self._advances, self._newer = before is not None, now
+        self._came = now
+
+    @property
+    def age(self) -> float:
+        """Time since a newer cycle came than those before, or before the first one, an answer, in s."""
+        begun = self.report is not None and self.report.cycle is not None
+        return time.perf_counter() - (self._newer if begun else self._came)
+
+    @property
+    def condition(self) -> Condition:
+        """How the run is, as far as it is known here.
+
+        "waiting" for an answer, "arming" before the first cycle, "live", "stale" without newer cycles, "ended",
+        or "gone": its process has ended without a word.
+        """
+        if self.report is not None and self.report.over:
+            return "ended"
+        if self._watcher.refused:
+            return "gone"
+        if self.report is None or self.info is None:
+            return "waiting"
+        if self.age > max(MIN_STALE_S, STALE_PERIODS / self.info.rate):
+            return "stale"
+        if self.report.cycle is None:
+            return "arming"
+        return "live" if self._advances else "waiting"
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._watcher.close()
+
+
+def find_runs() -> list[RunWatcher]:
+    """Return a watcher of each run in progress whose process has modules of this user's."""
+    holders = {(who.port, who.token) for who in locked_links().values() if who.port is not None}
+    watchers = [RunWatcher(port, token) for port, token in holders]
+    end = time.perf_counter() + FIND_TIMEOUT_S
+    while any(each.info is None for each in watchers) and time.perf_counter() < end:
+        for each in watchers:
+            each.poll()
+        time.sleep(POLL_S)
+    for each in watchers:
+        if each.info is None:
+            each.close()
+    return [each for each in watchers if each.info is not None]
