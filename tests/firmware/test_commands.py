@@ -244,6 +244,7 @@ def test_a_second_chore_waits_for_the_first_and_stop_ends_an_alignment():
     assert host.say(Calibrate(Calibration.ENCODER)) == [], "it is answered when it is done"
     repeated = host.sequence
     assert host.say(Calibrate(Calibration.ENCODER), repeated) == [], "and only once"
+    assert host.code(Calibrate(Calibration.ENCODER)) == Code.BAD_STATE, "another one is another chore"
     assert host.code(Save()) == Code.BAD_STATE
     assert host.code(Arm(SESSION)) == Code.BAD_STATE
     assert [answer.code for answer in host.say(Stop())] == [Code.FAILED, Code.OK]
@@ -361,6 +362,18 @@ def test_the_length_may_be_none_or_the_longest_and_nothing_beyond():
         (UPPER + 1e-3, Code.BAD_VALUE),
     ):
         assert host.code(Calibrate(Calibration.LENGTH, length)) == code, length
+
+
+def test_the_length_is_what_it_is_calibrated_to_wherever_the_spool_stands():
+    host = host_in(State.ARMED)
+    host.hold(3.0, 1.0, distance=host.module.sample.distance + 0.2)  # pays out 0.2 m
+    host.say(Stop())
+    host.module.advance(1.0)
+    assert host.code(Calibrate(Calibration.LENGTH, 0.5)) == Code.OK
+    host.say(ConfigureTelemetry(5))
+    host.module.advance(0.01)
+    length = [each.length for each in host.hear() if isinstance(each, Telemetry)][-1]
+    assert length == pytest.approx(0.5, abs=1e-3)
 
 
 # Answers
