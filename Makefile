@@ -7,6 +7,8 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 INSTALL := $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python,$(PIP)) -c constraints.txt
 # setuptools: cobs has no wheel for some systems.
 BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme setuptools $(foreach tool,cmake ninja,$(if $(shell command -v $(tool)),,$(tool)))
+# What is fetched after the tests were installed compiles the kernels as these need them.
+export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
 .PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs docs-check generated checksums clean

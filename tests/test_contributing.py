@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -125,3 +126,20 @@ def test_a_release_has_one_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     (cited,) = re.findall(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
     assert tl.__version__ == project["version"] == cited
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make here")
+@pytest.mark.parametrize(
+    ("installed", "builds"), [((), "native"), (("user",), "native"), (("user", "dev"), "all")]
+)
+def test_the_kernels_of_the_tests_stay_whatever_is_installed_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, installed: tuple[str, ...], builds: str
+) -> None:
+    """`make docs` compiled for one instruction set what `make test` compares with the others."""
+    monkeypatch.delenv("TENSIONLAB_BUILDS", raising=False)
+    (tmp_path / ".venv").mkdir()
+    for stamp in installed:
+        (tmp_path / ".venv" / f"{stamp}.stamp").touch()
+    words = ["make", "--file", ROOT / "Makefile", "--eval", "shown: ; @echo $$TENSIONLAB_BUILDS", "shown"]
+    out = subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert out.split() == [builds]
