@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.model.rig import Rig
 from tensionlab.view.scene import ARROWS, Arrow, Colours, Lines, Scene, in_space, rgb, size
 from tensionlab.view.state import HAND, State
-from tensionlab.view.volume import Mesh, bounds
+from tensionlab.view.volume import Mesh, Slice, bounds
 
 if TYPE_CHECKING:
     import viser
@@ -28,6 +29,9 @@ CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
 
 NOTHING = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
 """Mesh of which nothing is seen."""
+
+CLEAR = np.zeros((1, 1, 4), np.uint8)
+"""Image of which nothing is seen."""
 
 Phase = Literal["start", "update", "end"]
 
@@ -79,19 +83,20 @@ class Drawing:
         place_camera(server, rig)
         scene.world_axes.visible = False
         self._floor = _add_floor(scene, rig)
-        nothing = np.zeros((1, 2, 3))
+        nothing, black = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8)
         self._lines = {
             name: scene.add_line_segments(
-                f"/{name}", nothing, rgb(GREY), thickness=pixels, thickness_units="screen", visible=False
+                f"/{name}", nothing, black, thickness=pixels, thickness_units="screen", visible=False
             )
             for name, pixels in (
-                ("cables", CABLE_PIXELS), ("platform", THIN_PIXELS), ("ghost", THIN_PIXELS), ("edges", THIN_PIXELS)
+                ("cables", CABLE_PIXELS), ("platform", THIN_PIXELS), ("ghost", THIN_PIXELS),
+                ("edges", THIN_PIXELS), ("walls", THIN_PIXELS),
             )
         }  # fmt: skip
         self._arrows = {
             name: scene.add_arrows(
-                f"/arrows/{name}", nothing, rgb(colour), shaft_radius=0.004 * reach, head_radius=0.010 * reach,
-                head_length=0.03 * reach, visible=False,
+                f"/arrows/{name}", nothing, linear(rgb(colour)), shaft_radius=0.004 * reach,
+                head_radius=0.010 * reach, head_length=0.03 * reach, visible=False,
             )
             for name, colour in ARROWS.items()
         }  # fmt: skip
@@ -100,13 +105,19 @@ class Drawing:
         self._meshes = {
             name: scene.add_mesh_simple(
                 f"/{name}", NOTHING.vertices, NOTHING.faces, color=tuple(rgb(colour)), opacity=opacity,
-                side="double" if name == "plane" else "back", flat_shading=name != "workspace",
+                side="double" if flat or name == "plane" else "back", flat_shading="workspace" not in name,
                 cast_shadow=False, receive_shadow=False,
             )
             for name, colour, opacity in (
-                ("workspace", GREEN, 0.35), ("available", BLUE, 0.18), ("plane", PURPLE, 0.35)
+                ("workspace", GREEN, 0.35), ("ghost workspace", GREY, 0.3), ("available", BLUE, 0.18),
+                ("plane", PURPLE, 0.35),
             )
         }  # fmt: skip
+        # In the plane, the workspace is behind all else.
+        self._behind = np.array([0.0, 0.0, -0.01 * reach if flat else 0.0])
+        self._meshes["workspace"].position = self._behind
+        self._meshes["ghost workspace"].position = 1.5 * self._behind
+        self._slices = [scene.add_image(f"/slices/{i}", CLEAR, 1.0, 1.0, visible=False) for i in range(3)]
         self._hand = scene.add_icosphere("/hand", HAND_SHARE * reach, color=tuple(rgb(RED)), cast_shadow=False)
         self._tip = scene.add_icosphere("/tip", BALL_SHARE * reach, color=tuple(rgb(ORANGE)), cast_shadow=False)
         self._make_draggable(self._hand, HAND)
@@ -125,7 +136,7 @@ class Drawing:
     def show(self, scene: Scene, state: State) -> None:
         """Bring all nodes up to date, but for the workspace."""
         for name, lines in (("cables", scene.cables), ("platform", scene.platform), ("ghost", scene.ghost),
-                            ("edges", scene.edges)):  # fmt: skip
+                            ("walls", scene.walls), ("edges", scene.edges)):  # fmt: skip
             _set_lines(self._lines[name], lines)
         for name, node in self._arrows.items():
             _set_arrow(node, scene.arrows.get(name))
@@ -135,9 +146,16 @@ class Drawing:
         self._hand.position, self._tip.position = scene.hand, scene.tip
         self._show_gizmo(scene, state)
 
-    def show_workspace(self, surface: Mesh | None) -> None:
-        """Bring the surface of the workspace up to date."""
+    def show_workspace(self, surface: Mesh | None, ghost: Mesh | None, slices: Sequence[Slice]) -> None:
+        """Bring the surface of the workspace, that of the other rig, and the slices up to date."""
         _set_mesh(self._meshes["workspace"], surface)
+        _set_mesh(self._meshes["ghost workspace"], ghost)
+        for node, shown in zip_longest(self._slices, slices):
+            node.visible = shown is not None
+            if shown is not None:
+                node.image, node.position = shown.image, shown.middle + self._behind
+                node.render_width, node.render_height = shown.edges
+                node.wxyz = quaternion(shown.axes)
 
     def _show_modules(self, scene: Scene, state: State) -> None:
         self._names = tuple(module.name for module in state.rig.modules)
@@ -267,7 +285,7 @@ def _set_lines(node: Any, lines: Lines) -> None:
 
 
 def linear(colours: Colours) -> Colours:
-    """Return colours as viser takes those of the ends of lines: linear, where all other colours are sRGB."""
+    """Return colours as viser takes those of lines and arrows: linear, where all other colours are sRGB."""
     share = colours / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.asarray(np.round(255.0 * light), np.uint8)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError, needs
-from tensionlab.solvers.base import Nearest
-from tensionlab.view.state import State
+from tensionlab.solvers.base import Nearest, Status
+from tensionlab.view.state import State, of_ghost
 from tensionlab.workspace.margin import required_margin
 from tensionlab.workspace.wrench_set import HalfSpaces, half_spaces, vertices
 
@@ -39,6 +39,25 @@ class ForceSet:
 
 
 @dataclass(frozen=True)
+class Certificate:
+    """Proof that a force is infeasible: along a direction, available forces reach less far than it.
+
+    Attributes
+    ----------
+    direction : (d,) array
+        Unit vector of force.
+    reach : float
+        Largest ``direction @ force`` of the available forces at the desired torque, or more, in N.
+    desired : float
+        That of the desired force, in N, which is larger.
+    """
+
+    direction: Floats
+    reach: float
+    desired: float
+
+
+@dataclass(frozen=True)
 class Evaluation:
     """Answers for one state.
 
@@ -52,6 +71,12 @@ class Evaluation:
         Capacity margin at the hand about what the rig requires, in N; NaN where a cable has no length.
     available : ForceSet or None
         Forces that are available at the desired torque; None if not asked for, or there are none.
+    rendered : (n,) array or None
+        Wrench that is rendered beside what the rig requires, in N and N·m; None without an allocation.
+    certificate : Certificate or None
+        Where the desired force is certified infeasible; None if it is not, or the torque alone is.
+    ghost_margin : float or None
+        Capacity margin of the other rig at the hand, in N; None if there is none, or it cannot be there.
     problem : str
         What is in the way, in words; empty if nothing is.
     """
@@ -59,7 +84,10 @@ class Evaluation:
     allocation: Allocation | None
     nearest: Nearest | None
     margin: float
-    available: ForceSet | None
+    available: ForceSet | None = None
+    rendered: Floats | None = None
+    certificate: Certificate | None = None
+    ghost_margin: float | None = None
     problem: str = ""
 
 
@@ -69,18 +97,54 @@ def evaluate(state: State) -> Evaluation:
     try:
         structure = rig.structure_matrix(state.position, state.rotation, rig.at_rest)
         required = rig.required.middle(rig, state.rotation)
-        margin = float(required_margin(rig, structure, rig.required, state.rotation))
+        margin = _margin(state)
     except TensionlabError as error:
-        return Evaluation(None, None, float("nan"), None, str(error))
-    available = None
-    if state.show_available:
-        available = force_set(structure, state, required)
+        return Evaluation(None, None, float("nan"), problem=str(error))
+    available = force_set(structure, state, required) if state.show_available else None
+    ghost_margin = _ghost_margin(state)
     try:
         allocator = Allocator(rig.limits, state.solver, nearest=state.nearest)
         allocation = allocator(structure, state.wrench + required)
     except TensionlabError as error:
-        return Evaluation(None, None, margin, available, str(error))
-    return Evaluation(allocation, allocator.nearest, margin, available)
+        return Evaluation(None, None, margin, available, ghost_margin=ghost_margin, problem=str(error))
+    return Evaluation(
+        allocation,
+        allocator.nearest,
+        margin,
+        available,
+        allocation.wrench - required,
+        _certificate(structure, state, required, allocation),
+        ghost_margin,
+    )
+
+
+def _margin(state: State) -> float:
+    structure = state.rig.structure_matrix(state.position, state.rotation, state.rig.at_rest)
+    return float(required_margin(state.rig, structure, state.rig.required, state.rotation))
+
+
+def _ghost_margin(state: State) -> float | None:
+    """Return the capacity margin of the other rig at the hand."""
+    if state.ghost is None or state.ghost.dimension != state.rig.dimension:
+        return None
+    try:
+        return _margin(of_ghost(state, state.ghost))
+    except TensionlabError:
+        return None
+
+
+def _certificate(structure: Floats, state: State, required: Floats, allocation: Allocation) -> Certificate | None:
+    """Return what the separating direction of the wrench says of its force, at the desired torque."""
+    d, direction = state.rig.dimension, allocation.separation
+    length = float(np.linalg.norm(direction[:d]))
+    if allocation.status != Status.NEAREST or length <= FLAT * float(np.linalg.norm(direction)):
+        return None
+    pulls = direction @ structure
+    limits = state.rig.limits
+    most = float(np.maximum(pulls * limits.lower, pulls * limits.upper).sum())
+    rest = float(direction @ required) + float(direction[d:] @ state.wrench[d:])
+    along = direction[:d] / length
+    return Certificate(along, (most - rest) / length, float(along @ state.wrench[:d]))
 
 
 def force_set(structure: Floats, state: State, required: Floats) -> ForceSet | None:

@@ -21,6 +21,7 @@ from tensionlab.view.history import History
 from tensionlab.view.panel import Panel
 from tensionlab.view.scene import draw, force_scale
 from tensionlab.view.server import PageServer
+from tensionlab.view.snapping import wall_behind
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.workspace import WorkspaceWorker
 
@@ -48,7 +49,8 @@ class DesignPage:
     --------
     >>> import tensionlab as tl
     >>> from tensionlab.view.page import DesignPage
-    >>> from tensionlab.view.server import PageServer
+    >>> from tensionlab.view.snapping import wall_behind
+    from tensionlab.view.server import PageServer
     >>> page = DesignPage(tl.load_rig("bartels2026-validation"), PageServer())  # doctest: +SKIP
     """
 
@@ -62,6 +64,7 @@ class DesignPage:
         self._open = True
         self._step: object = None
         self._dragging = False
+        self._looked_at: tuple[object, ...] = (None,) * 5
         present = self.history.present
         self._drawing = Drawing(server.viser, present, self._grab, self._select)
         self._workspace = WorkspaceWorker(self._volume_found)
@@ -164,14 +167,26 @@ class DesignPage:
             self._drawing.show(draw(state, found), state)
             self._panel.show(state, found, self.history, problem)
         self.server.viser.flush()
+        if state.display == "off" and self._looked_at[0] is not None:
+            self._looked_at = (None,) * 5
+            self._drawing.show_workspace(None, None, [])
         self._workspace.want(state, fine=not self._dragging)
 
-    def _volume_found(self, state: State, found: volume.Volume) -> None:
+    def _volume_found(self, state: State, found: volume.Volume, ghost: volume.Volume | None) -> None:
         """Show the workspace that another thread has evaluated."""
-        mesh = volume.surface(found, state.level) if state.display == "surface" else None
+        shown = self.state  # which may be looked at otherwise meanwhile
+        looked_at = (found, ghost, shown.display, shown.level, shown.display == "slices" and shown.position)
+        if all(one is other for one, other in zip(looked_at, self._looked_at, strict=True)):
+            return
+        self._looked_at = looked_at
+        surfaces = [
+            volume.surface(each, shown.level) if each is not None and shown.display == "surface" else None
+            for each in (found, ghost)
+        ]
+        slices = volume.slices(found, shown.position, shown.level) if shown.display == "slices" else []
         with self.server.viser.atomic():
-            self._drawing.show_workspace(mesh)
-            self._panel.show_volume(state, found, len(found.axes[0]) > volume.COARSE)
+            self._drawing.show_workspace(surfaces[0], surfaces[1], slices)
+            self._panel.show_volume(shown, found, ghost)
         self.server.viser.flush()
 
     def _select(self, name: str) -> None:
@@ -196,6 +211,9 @@ def dragged(state: State, grab: Grab) -> State:
     if grab.what == HAND:
         moved = edits.move_hand(state, place[:d])
         return moved if grab.turn is None else edits.turn_platform(moved, rotation_of(grab.turn, d))
+    if state.task is not None and grab.eye is not None:
+        wall = wall_behind(state.task.space, grab.eye, grab.place)
+        place = place if wall is None else wall
     return edits.move_anchor(state, grab.what, place[:d])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -20,7 +21,7 @@ from tensionlab.view import words
 from tensionlab.view.evaluation import Evaluation
 from tensionlab.view.history import History
 from tensionlab.view.state import HAND, Edit, State
-from tensionlab.view.volume import Volume
+from tensionlab.view.volume import COARSE, Volume
 from tensionlab.workspace.layout.task import load_task
 from tensionlab.workspace.metrics import METRICS
 from tensionlab.workspace.orientations import roll_pitch_yaw, roll_pitch_yaw_of
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
 NONE, AS_LOADED = "none", "as loaded"
 OWN_POLICY = "the solver's own"
 STEP_M, STEP_N, STEP_DEG = 0.01, 0.1, 1.0
-LEVEL_STEPS = 200
+PANEL_PIXELS = 370.0
+LEVEL_STEPS = 50
 
 
 class Actions(Protocol):
@@ -58,6 +60,8 @@ class Panel:
         self._dark = False
         gui = self._gui
         self._theme()
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_PIXELS)
         self._status, self._problem, self._tensions = (gui.add_html("") for _ in range(3))
         both = gui.add_button_group("", ("Undo", "Redo"))
         _pressed(both, lambda: page.undo() if both.value == "Undo" else page.redo())
@@ -76,7 +80,6 @@ class Panel:
     def _theme(self) -> None:
         self._gui.configure_theme(
             control_width="large", show_logo=False, show_share_button=False, dark_mode=self._dark,
-            brand_color=(0, 114, 178),
         )  # fmt: skip
 
     def _edits(self, field: Any, change: Callable[[Any], Edit]) -> Any:
@@ -228,14 +231,17 @@ class Panel:
         if on_body:
             _set(self._place, np.asarray(state.rig.at_rest[module.frame].position))
 
-    def show_volume(self, state: State, volume: Volume, fine: bool) -> None:
+    def show_volume(self, state: State, volume: Volume, ghost: Volume | None) -> None:
         """Say what share of the box the workspace has, and let the level range over the values."""
         low, high = volume.extent
-        if fine and high > low:
-            self._level.min, self._level.max = low, high
-            self._level.step = (high - low) / LEVEL_STEPS
+        if len(volume.axes[0]) > COARSE and high > low:  # or it would move while something is dragged
+            step = 10.0 ** math.floor(math.log10((high - low) / LEVEL_STEPS))
+            decimals = max(0, -round(math.log10(step)))
+            self._level.min = round(math.floor(low / step) * step, decimals)
+            self._level.max = round(math.ceil(high / step) * step, decimals)
+            self._level.step = step
         self._level.value = float(state.level)
-        self._share.content = words.share(state, volume)
+        self._share.content = words.share(state, volume, ghost)
 
 
 def solver_names(rig: Rig) -> list[str]:
@@ -262,7 +268,7 @@ def _move_own_frame(state: State, name: str, place: ArrayLike) -> State:
 
 def _with_space(word: str) -> Edit:
     """Return the edit that has anchors snap to the surfaces of a space; none without a word."""
-    return lambda state: replace(state, space=load_task(word.strip()).space if word.strip() else None)
+    return lambda state: replace(state, task=load_task(word.strip()) if word.strip() else None)
 
 
 def _set(field: Any, values: Floats) -> None:

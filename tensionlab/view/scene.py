@@ -18,7 +18,8 @@ from tensionlab.display import BLUE, GREY, ORANGE, PURPLE, RED, short
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.view.evaluation import Evaluation
-from tensionlab.view.state import State
+from tensionlab.view.snapping import outlines
+from tensionlab.view.state import State, of_ghost
 from tensionlab.view.volume import Mesh, bounds
 
 Colours = NDArray[np.uint8]
@@ -27,11 +28,13 @@ FORCE_SHARE = 0.25
 """Of the size of a rig: about as long is the arrow of a force of the strongest module."""
 TIP_SHARE = 0.045
 """Of the size of a rig: at least so far from the hand is where a force is grabbed."""
-ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": RED, "certificate": PURPLE}
+ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": GREY, "certificate": PURPLE}
 """Colour of each arrow."""
 RAMP = (BLUE, PURPLE, RED)
 """Colours of tensions from the lower limit to the upper one."""
 SLACK_N = 1e-9
+PLANE_SHARE = 0.7
+"""Half of the edge of the plane of a certificate, as a share of the arrow of the strongest tension."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +68,8 @@ class Scene:
 
     Attributes
     ----------
-    cables, platform, ghost : Lines
-        Cables by tension, arms of the platform, and the other rig.
+    cables, platform, ghost, walls : Lines
+        Cables by tension, arms of the platform, the other rig, and the surfaces of the space.
     anchors : (m, 3) array
         Where the modules are.
     hand, tip : (3,) array
@@ -86,6 +89,7 @@ class Scene:
     cables: Lines
     platform: Lines
     ghost: Lines
+    walls: Lines
     anchors: Floats
     hand: Floats
     tip: Floats
@@ -110,6 +114,7 @@ def draw(state: State, found: Evaluation) -> Scene:
         cables=Lines(np.stack([ends, anchors], axis=1), _twice(tension_colours(state.rig, found))),
         platform=_arms(hand, ends),
         ghost=_ghost(state),
+        walls=_walls(state),
         anchors=anchors,
         hand=hand,
         tip=_tip(hand, scale * force, size(state.rig)),
@@ -189,11 +194,15 @@ def _ghost(state: State) -> Lines:
     other = state.ghost
     if other is None or other.dimension != state.rig.dimension:
         return _plain(np.empty((0, 2, 3)), GREY)
-    from dataclasses import replace
-
-    turns = other.n > other.dimension and state.rotation is not None
-    shown = replace(state, rig=other, rotation=state.rotation if turns else None)
+    shown = of_ghost(state, other)
     return _plain(np.stack([in_space(shown.attachments), in_space(shown.anchors)], axis=1), GREY)
+
+
+def _walls(state: State) -> Lines:
+    """Return the edges of the surfaces to which anchors snap."""
+    if state.task is None:
+        return _plain(np.empty((0, 2, 3)), GREY)
+    return _plain(in_space(outlines(state.task.space)), GREY)
 
 
 def _labels(state: State, found: Evaluation, anchors: Floats) -> tuple[Label, ...]:
@@ -209,12 +218,11 @@ def _arrows(state: State, found: Evaluation, hand: Floats, scale: float) -> dict
     d = state.rig.dimension
     desired = hand + scale * in_space(state.wrench[:d])
     arrows = {"desired": Arrow(hand, desired, ARROWS["desired"])}
-    allocation = found.allocation
-    if allocation is not None and allocation.status != Status.EXACT and np.isfinite(allocation.wrench).all():
-        beside = allocation.wrench - (state.exerted - state.wrench)
-        rendered = hand + scale * in_space(beside[:d])
-        arrows["rendered"] = Arrow(hand, rendered, ARROWS["rendered"])
-        arrows["error"] = Arrow(rendered, desired, ARROWS["error"])
+    if found.allocation is not None and found.rendered is not None and found.allocation.status != Status.EXACT:
+        rendered = hand + scale * in_space(found.rendered[:d])
+        if np.isfinite(rendered).all():
+            arrows["rendered"] = Arrow(hand, rendered, ARROWS["rendered"])
+            arrows["error"] = Arrow(rendered, desired, ARROWS["error"])
     return arrows
 
 
@@ -229,31 +237,17 @@ def _available(found: Evaluation, hand: Floats, scale: float) -> tuple[Mesh | No
 def _certificate(state: State, found: Evaluation, hand: Floats, scale: float) -> tuple[Arrow, Mesh] | None:
     """Return the direction that certifies the desired force infeasible, and the plane that it stands on.
 
-    The plane touches the set of available forces, and the desired force is beyond it. None where there is no
-    certificate, or it is about torques alone.
+    The plane touches the set of available forces, and the desired force is beyond it.
     """
-    allocation, d = found.allocation, state.rig.dimension
-    if allocation is None or allocation.status != Status.NEAREST:
+    certificate = found.certificate
+    if certificate is None:
         return None
-    direction = allocation.separation
-    along = in_space(direction[:d])
-    length = float(np.linalg.norm(along))
-    if length <= 1e-9 * float(np.linalg.norm(direction)):
-        return None
-    along /= length
-    # The largest direction·wrench of all tensions within the limits, less what torque and requirement take of it.
-    structure = state.rig.structure_matrix(state.position, state.rotation, state.rig.at_rest)
-    pulls = direction @ structure
-    most = float(np.maximum(pulls * state.rig.limits.lower, pulls * state.rig.limits.upper).sum())
-    rest = state.exerted - np.concatenate([state.wrench[:d], np.zeros(len(direction) - d)])
-    distance = (most - float(direction @ rest)) / length
-    desired = in_space(state.wrench[:d])
-    foot = hand + scale * (desired + (distance - desired @ along) * along)
-    reach = scale * float(state.rig.limits.upper.max())
-    across = np.linalg.svd(along[None])[2][1:]
-    if d == 2:
-        across[:] = np.cross(along, [0.0, 0.0, 1.0]), [0.0, 0.0, 0.05]
-    ring = foot + reach * 0.6 * np.array([-across[0] - across[1], across[0] - across[1],
-                                          across[0] + across[1], across[1] - across[0]])  # fmt: skip
-    arrow = Arrow(foot, foot + 0.5 * reach * along, ARROWS["certificate"])
-    return arrow, Mesh(ring, np.array([[0, 1, 2], [0, 2, 3]]))
+    along, d = in_space(certificate.direction), state.rig.dimension
+    foot = hand + scale * (in_space(state.wrench[:d]) + (certificate.reach - certificate.desired) * along)
+    reach = PLANE_SHARE * scale * float(state.rig.limits.upper.max())
+    aside = reach * np.linalg.svd(along[None])[2][1:]
+    if d == 2:  # a line is seen there, from the front
+        aside = reach * np.stack([np.cross(along, [0.0, 0.0, 1.0]), 0.03 * along])
+    ring = foot + np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ aside
+    start = foot + aside[0]  # at the edge, clear of the other arrows
+    return Arrow(start, start + reach * along, ARROWS["certificate"]), Mesh(ring, np.array([[0, 1, 2], [0, 2, 3]]))

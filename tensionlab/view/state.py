@@ -16,7 +16,8 @@ from tensionlab.model.module import WORLD, Module
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Nearest
-from tensionlab.workspace.layout.space import Space
+from tensionlab.view.snapping import nearest_on_surfaces
+from tensionlab.workspace.layout.task import LayoutTask
 
 HAND = "hand"
 """What the hand, or the platform, is called where modules have names."""
@@ -55,8 +56,8 @@ class State:
         Name of a module, `HAND`, or nothing: what the handle with arrows is at.
     grid_m : float
         Step of the grid to which what is dragged snaps, in m; 0 for none.
-    space : Space or None
-        To whose surfaces anchors snap.
+    task : LayoutTask or None
+        Of a space file: to its surfaces anchors snap, and for its target layouts are searched for.
     ghost : Rig or None
         Rig that is drawn beside, for comparison.
     dark : bool
@@ -75,7 +76,7 @@ class State:
     show_available: bool = True
     selected: str = ""
     grid_m: float = 0.0
-    space: Space | None = None
+    task: LayoutTask | None = None
     ghost: Rig | None = None
     dark: bool = False
 
@@ -171,9 +172,11 @@ def snap(state: State, place: ArrayLike) -> Floats:
 
 
 def move_anchor(state: State, name: str, place: ArrayLike) -> State:
-    """Put an anchor at a place in the world, (d,), in m, or at the point of the grid nearest to it."""
-    module = find(state, name)
-    return _replaced(state, module, anchor=in_frame(state.rig, module.frame, snap(state, place)))
+    """Put an anchor at a place in the world, (d,), in m, or at the nearest point of the grid and the surfaces."""
+    module, point = find(state, name), snap(state, place)
+    if state.task is not None and state.task.space.dimension == state.rig.dimension:
+        point = np.round(nearest_on_surfaces(state.task.space, point), DECIMALS) + 0.0
+    return _replaced(state, module, anchor=in_frame(state.rig, module.frame, point))
 
 
 def move_attachment(state: State, name: str, place: ArrayLike) -> State:
@@ -257,6 +260,14 @@ def turn_platform(state: State, rotation: ArrayLike) -> State:
 def desire(state: State, wrench: ArrayLike) -> State:
     """Desire another wrench, (n,), in N and N·m."""
     return replace(state, wrench=frozen(np.asarray(wrench, np.float64)))
+
+
+def of_ghost(state: State, ghost: Rig) -> State:
+    """Return the state with another rig of as many dimensions, at the same place and turned alike if it can be."""
+    turns = ghost.n > ghost.dimension
+    rotation = state.rotation if turns and state.rotation is not None else _upright(ghost)
+    wrench = state.wrench if ghost.n == state.rig.n else frozen(np.zeros(ghost.n))
+    return replace(state, rig=ghost, rotation=rotation, wrench=wrench)
 
 
 def replace_rig(state: State, rig: Rig) -> State:

@@ -12,7 +12,7 @@ from tensionlab.solvers.base import Status
 from tensionlab.view.evaluation import Evaluation
 from tensionlab.view.scene import force_scale, tension_colours
 from tensionlab.view.state import State
-from tensionlab.view.volume import Volume
+from tensionlab.view.volume import VALUE_RAMP, Volume
 from tensionlab.workspace import metrics
 
 POLICY_WORDS = {
@@ -38,24 +38,49 @@ def status(state: State, found: Evaluation) -> str:
             more += f", {100 * float(found.allocation.scale):.3g} % of it"
     elif code is not Status.EXACT:
         word, colour, more = code.name, "#D55E00", status_mark(int(code)).word
-    d, unit = state.rig.dimension, "N" if state.rig.n == state.rig.dimension else "N (and N·m)"
-    rendered = found.allocation.wrench - (state.exerted - state.wrench)
-    lines = [
-        ("desired", f"{_number(float(np.linalg.norm(state.wrench[:d])))} N", _vector(state.wrench)),
-        ("rendered", f"{_number(float(np.linalg.norm(rendered[:d])))} N", _vector(rendered)),
-        ("error", f"{_number(float(found.allocation.residual))} {unit}", ""),
-        ("capacity margin", f"{found.margin:.3g} N", "at the hand"),
-    ]
+    return _box(colour, word, more) + _rows(_lines(state, found)) + _scale(state)
+
+
+def _lines(state: State, found: Evaluation) -> list[tuple[str, str, str]]:
+    """Return what is said of the wrench and the margin: name, value and note of each line."""
+    assert found.allocation is not None
+    assert found.rendered is not None
+    d, turns = state.rig.dimension, state.rig.n > state.rig.dimension
+    lines = []
+    for name, part, unit in (("force", slice(0, d), "N"), ("torque", slice(d, None), "N·m"))[: 1 + turns]:
+        for which, wrench in (("desired", state.wrench), ("rendered", found.rendered)):
+            length = _number(float(np.linalg.norm(wrench[part])))
+            lines.append((f"{which} {name}", f"{length} {unit}", _vector(wrench[part])))
+    note = "N and N·m together" if turns else ""
+    lines.append(("error", f"{_number(float(found.allocation.residual))} N", note))
+    if found.certificate is not None:
+        proof = f"along {_vector(found.certificate.direction)}; desired {_number(found.certificate.desired)} N"
+        lines.append(("at most", f"{_number(found.certificate.reach)} N", proof))
+    beside = "" if found.ghost_margin is None else f"; {found.ghost_margin:.3g} N of {_ghost_name(state)}"
+    lines.append(("capacity margin", f"{found.margin:.3g} N", "at the hand" + beside))
+    return lines
+
+
+def _ghost_name(state: State) -> str:
+    same = state.ghost is not None and state.ghost.name == state.rig.name
+    return "the other" if same or state.ghost is None else state.ghost.name
+
+
+def _rows(lines: list[tuple[str, str, str]]) -> str:
+    """Return a table of names, values and notes."""
     rows = "".join(
-        f'<tr><td>{name}</td><td style="text-align:right;padding:0 .8em;white-space:nowrap"><b>{value}</b></td>'
-        f'<td style="opacity:.65">{note}</td></tr>'
+        f'<tr><td style="white-space:nowrap">{name}</td>'
+        f'<td style="text-align:right;padding:0 .8em;white-space:nowrap"><b>{value}</b></td>'
+        f'<td style="opacity:.65">{escape(note)}</td></tr>'
         for name, value, note in lines
     )
-    scale = f"1 m in the picture is {short(1.0 / force_scale(state.rig))} N"
+    return f'<table style="font-size:12px;line-height:1.45;margin:.3em .6em 0">{rows}</table>'
+
+
+def _scale(state: State) -> str:
     return (
-        _box(colour, word, more)
-        + f'<table style="font-size:12px;margin:.3em .6em 0">{rows}</table>'
-        + (f'<div style="font-size:11px;opacity:.65;margin:0 .75em .4em">{scale}</div>')
+        '<div style="font-size:11px;opacity:.65;margin:0 .75em .4em">'
+        f"arrows of forces: 1 m is {1.0 / force_scale(state.rig):g} N</div>"
     )
 
 
@@ -92,12 +117,12 @@ def tensions(state: State, found: Evaluation) -> str:
 
 
 def _number(value: float) -> str:
-    """Return a number in few digits; what is zero but for rounding is 0."""
-    return "0" if abs(value) < ZERO else short(value)
+    """Return a number in three digits; what is zero but for rounding is 0."""
+    return "0" if abs(value) < ZERO else f"{value:.3g}"
 
 
 def _vector(values: Floats) -> str:
-    return f"({', '.join(_number(float(each)) for each in values)})"
+    return f"({', '.join(_number(float(each)) for each in values)})" if len(values) > 1 else ""
 
 
 def _box(colour: str, word: str, more: str) -> str:
@@ -112,15 +137,24 @@ def problem(text: str) -> str:
     return _box("#D55E00", "not done", escape(text)) if text else ""
 
 
-def share(state: State, volume: Volume) -> str:
+def share(state: State, volume: Volume, ghost: Volume | None = None) -> str:
     """Return in which share of the box the metric is above the level, as HTML."""
     metric = metrics.make(state.metric)
     unit = "" if metric.unit == "1" else f" {metric.unit}"
     low, high = volume.extent
     across = " x ".join(f"{float(np.ptp(axis)):.3g}" for axis in volume.axes)
+    beside = "" if ghost is None else f"; {100 * ghost.share(state.level):.1f} % with {escape(_ghost_name(state))}"
+    ramp = ""
+    if state.display == "slices":
+        colours = f"background:linear-gradient(90deg,{','.join(VALUE_RAMP)})"
+        ramp = (
+            f'<div style="display:flex;gap:.5em;align-items:center"><span>{low:.3g}</span>'
+            f'<div style="flex:1;height:8px;{colours}"></div><span>{high:.3g}{unit}</span></div>'
+        )
     return (
-        f'<div style="font-size:12px;margin:0 .75em"><b>{100 * volume.share(state.level):.1f} %</b> of the box '
-        f"of {across} m has a {escape(metric.title)} above {state.level:.3g}{unit}; "
-        f"it is from {low:.3g} to {high:.3g}{unit}."
+        f'<div style="font-size:12px;margin:0 .75em .5em">{ramp}'
+        f"<b>{100 * volume.share(state.level):.1f} %</b> of the box of {across} m "
+        f"has a {escape(metric.title)} above {state.level:.3g}{unit}; "
+        f"it is from {low:.3g} to {high:.3g}{unit}{beside}."
         f'<div style="opacity:.65">{escape(metrics.description(metric))}</div></div>'
     )

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from functools import partial
 
 from tensionlab.errors import TensionlabError
-from tensionlab.view.state import State
-from tensionlab.view.volume import COARSE, FINE, Volume, sweep
+from tensionlab.view.state import State, of_ghost
+from tensionlab.view.volume import COARSE, FINE, Volume, bounds, sweep
 
-NEEDS = ("rig", "rotation", "metric")
+NEEDS = ("rig", "rotation", "metric", "ghost")
 """Attributes of a state that its workspace depends on."""
 
 
@@ -20,9 +20,12 @@ def same_workspace(one: State | None, other: State) -> bool:
 
 
 class WorkspaceWorker:
-    """Evaluates the workspace of the state that was last wanted; a newer one makes it drop what it is at."""
+    """Evaluates the workspace of the state that was last wanted; a newer one makes it drop what it is at.
 
-    def __init__(self, found: Callable[[State, Volume], None]) -> None:
+    The other rig's workspace, if there is one, is evaluated over the same box.
+    """
+
+    def __init__(self, found: Callable[[State, Volume, Volume | None], None]) -> None:
         self._found = found
         self._wake = threading.Condition()
         self._wanted: tuple[State, bool] | None = None
@@ -49,7 +52,7 @@ class WorkspaceWorker:
         return self._open and self._wanted is not None and same_workspace(self._wanted[0], state)
 
     def _work(self) -> None:
-        volume: Volume | None = None
+        volumes: tuple[Volume, Volume | None] | None = None
         of: State | None = None
         while True:
             with self._wake:
@@ -60,16 +63,27 @@ class WorkspaceWorker:
                 (state, fine), self._changed = self._wanted, False
             if state.display == "off":
                 continue
-            try:
-                if volume is None or not same_workspace(of, state):
-                    volume, of = sweep(state, COARSE, partial(self._still, state)), state
-                if volume is None:
-                    continue
-                self._found(state, volume)
-                if fine and len(volume.axes[0]) < FINE:
-                    better = sweep(state, FINE, partial(self._still, state))
-                    if better is not None:
-                        volume = better
-                        self._found(state, volume)
-            except TensionlabError:
-                volume = None
+            if volumes is None or not same_workspace(of, state):
+                volumes, of = self._evaluate(state, COARSE), state
+            if volumes is None:
+                continue
+            self._found(state, *volumes)
+            if fine and len(volumes[0].axes[0]) < FINE and (better := self._evaluate(state, FINE)):
+                volumes = better
+                self._found(state, *volumes)
+
+    def _evaluate(self, state: State, resolution: int) -> tuple[Volume, Volume | None] | None:
+        """Return the workspaces of a state and of the other rig; None where they are not wanted or cannot be."""
+        box, wanted = bounds(state.rig), partial(self._still, state)
+        try:
+            volume = sweep(state, box, resolution, wanted)
+        except TensionlabError:  # a metric that this rig has not
+            return None
+        if volume is None:
+            return None
+        if state.ghost is None or state.ghost.dimension != state.rig.dimension:
+            return volume, None
+        try:
+            return volume, sweep(of_ghost(state, state.ghost), box, resolution, wanted)
+        except TensionlabError:
+            return volume, None

@@ -98,8 +98,10 @@ class Tab:
         right = np.cross(ahead, camera.up_direction)
         right /= np.linalg.norm(right)
         away = np.asarray(place) - camera.position
-        reach = (away @ ahead) * np.tan(camera.fov / 2) / 400.0  # m in the scene for a pixel of 800
-        return 640.0 + away @ right / reach, 400.0 - away @ np.cross(right, ahead) / reach
+        box = self.tab.locator("canvas").first.bounding_box()
+        x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        reach = (away @ ahead) * np.tan(camera.fov / 2) / (box["height"] / 2)  # m in the scene for a pixel
+        return x + away @ right / reach, y - away @ np.cross(right, ahead) / reach
 
     def drag(self, start, end, steps=10):
         """Drag from a place of the scene to where another is in the window."""

@@ -9,7 +9,7 @@ from tensionlab.view import state as edits
 from tensionlab.view import words
 from tensionlab.view.evaluation import evaluate
 from tensionlab.view.state import begin
-from tensionlab.view.volume import sweep
+from tensionlab.view.volume import bounds, sweep
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def plain(text):
 def test_a_feasible_force_is_exact(point):
     state = edits.desire(point, [1.0, 0.5, 1.0])
     said = plain(words.status(state, evaluate(state)))
-    assert said.startswith("EXACT the desired force is rendered desired 1.50 N (1.00, 0.50, 1.00)")
+    assert said.startswith("EXACT the desired force is rendered desired force 1.5 N (1, 0.5, 1)")
     assert "capacity margin 3.68 N at the hand" in said
 
 
@@ -48,6 +48,6 @@ def test_names_of_modules_are_text(point):
 
 def test_the_share_of_the_box_is_said(point):
     state = edits.choose(level=1.0)(point)
-    volume = sweep(state, 10, lambda: True)
+    volume = sweep(state, bounds(state.rig), 10, lambda: True)
     assert f"{100 * volume.share(1.0):.1f} % of the box" in plain(words.share(state, volume))
     assert "capacity margin above 1 N" in plain(words.share(state, volume))

@@ -1,0 +1,63 @@
+"""Where anchors snap to: the surfaces of a space, as the mouse points at them, and the nearest point of them."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.model.module import WORLD
+from tensionlab.workspace.layout.space import Space
+
+PARALLEL = 1e-9
+
+
+def wall_behind(space: Space, eye: Floats, through: Floats) -> Floats | None:
+    """Return where a ray from the eye (3,) through a place meets the last of the rectangles in its way, in m.
+
+    The last one, since people look into a room from outside, through the walls that are nearest to them. None
+    where it meets none; rails and boxes are not met.
+    """
+    along = through - eye
+    found: list[tuple[float, Floats]] = []
+    for corner, edges in _surfaces(space):
+        if len(edges) != 2 or len(corner) != 3:
+            continue
+        # corner + a e1 + b e2 = eye + s along
+        matrix = np.column_stack([*edges, -along])
+        if abs(np.linalg.det(matrix)) <= PARALLEL * float(np.prod(np.linalg.norm(matrix, axis=0))):
+            continue
+        a, b, s = np.linalg.solve(matrix, eye - corner)
+        if 0.0 <= a <= 1.0 and 0.0 <= b <= 1.0 and s > 0.0:
+            found.append((float(s), eye + s * along))
+    return max(found, key=lambda each: each[0])[1] if found else None
+
+
+def nearest_on_surfaces(space: Space, place: Floats) -> Floats:
+    """Return the point of the surfaces nearest to a place, (d,), in m; the place if none is in the world."""
+    best = place
+    least = np.inf
+    for corner, edges in _surfaces(space):
+        # Of a rectangle or a box this is the nearest point, of a skew surface one that is near.
+        share = np.clip(np.linalg.lstsq(edges.T, place - corner, rcond=None)[0], 0.0, 1.0)
+        point = corner + share @ edges
+        distance = float(np.linalg.norm(point - place))
+        if distance < least:
+            best, least = point, distance
+    return np.asarray(best)
+
+
+def outlines(space: Space) -> Floats:
+    """Return the edges of all surfaces as line segments (k, 2, d), in m."""
+    found: list[Floats] = []
+    for corner, edges in _surfaces(space):
+        corners = corner + np.array(list(product((0.0, 1.0), repeat=len(edges)))) @ edges
+        pairs = product(range(len(corners)), (1 << bit for bit in range(len(edges))))
+        found += [corners[[i, i | step]] for i, step in pairs if not i & step]
+    return np.stack(found) if found else np.empty((0, 2, space.dimension))
+
+
+def _surfaces(space: Space) -> list[tuple[Floats, Floats]]:
+    """Return corner (d,) and edges (k, d) of the surfaces that stand in the world."""
+    return [(surface.corner, surface.edges) for surface in space.surfaces if surface.frame == WORLD]
