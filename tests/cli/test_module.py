@@ -70,6 +70,7 @@ def test_info_shows_each_module_and_says_which_is_missing(run, call, urls):
         (["info", "COM5", "COM5"], "a module is there twice"),
         (["info", "com5", "COM5"], "two of these links reach the same module"),
         (["info", "tcp://there"], "'tcp://there' is no link to a module; give one of these:"),
+        (["info", "m.toml"], "m.toml is a modules file, not a link; give it as --modules m.toml"),
         (["info", "--modules", "none.toml"], "none.toml: no such file"),
         (["config", "set", "COM5"], "no parameters; write them like slew=50"),
         (["config", "set", "COM5", "slew=fast"], "slew=fast: give a number, such as slew=50"),

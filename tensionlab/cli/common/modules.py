@@ -37,6 +37,8 @@ def find_links(words: list[str] | None, file: Path | None) -> dict[str, str]:
                 raise typer.BadParameter(f"{file} has no module {word!r}; it has {', '.join(links)}")
         found = {name: links[name] for name in words or links}
     elif words:
+        if files := [word for word in words if word.endswith(".toml")]:
+            raise typer.BadParameter(f"{files[0]} is a modules file, not a link; give it as --modules {files[0]}")
         found = {url: url for url in words}
     else:
         raise typer.BadParameter(f"no modules; give --modules FILE, or links:\n{URL_KINDS}")
