@@ -211,7 +211,7 @@ def attack(what: tuple[str, ...], rig: Rig, count: int, draws: int, folder: Path
         running.send_signal(signal.SIGINT)
         code = running.wait(30.0)
         listener.join(10.0)
-    if code != 0:
+    if code != 130:
         tally.wrong.append(f"the server ended with {code}: {''.join(complaints)[-1000:]}")
     if tracebacks := sum("Traceback" in complaint for complaint in complaints):
         tally.wrong.append(f"{tracebacks} tracebacks: {''.join(complaints)[-3000:]}")

@@ -1,9 +1,9 @@
 """The command ``tensionlab``: its verbs, and how a command ends.
 
 Exit status 0: done. 1: the answer is no, or something went wrong with a module. 2: bad input, or a file or stdout
-that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C; verbs that are meant to
-be ended so (``run``, ``serve``, ``simulate``, ``view``, ``module monitor``, ``module ping``) and stop in good
-order have 0. 141: whoever reads stdout has gone. A verb is imported when it is used, so that ``--help`` is quick.
+that cannot be written, with one line on stderr that says what to do. 130: ended by Ctrl-C, with one line on stderr
+that says what is kept and how to go on. 141: whoever reads stdout has gone. A verb is imported when it is used, so
+that ``--help`` stays quick.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 from tensionlab import __version__
-from tensionlab.cli.common.output import INTERRUPTED, clip, print_error
+from tensionlab.cli.common.output import NOTHING_KEPT, clip, print_error
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tensionlab.operating_system import reader_has_gone
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 BAD_INPUT = 2
 """Exit status where input is bad, or a file or stdout cannot be written."""
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 + SIGINT, as a shell has it."""
 STDOUT_CLOSED = 141
 """Exit status where whoever reads stdout has gone: 128 + SIGPIPE."""
 PROGRAM = "tensionlab"
@@ -214,12 +216,9 @@ def _status(words: Sequence[str]) -> int:
         return 0
     except typer.Exit as leaving:
         return leaving.exit_code
-    except KeyboardInterrupt:
-        print_error("interrupted")
+    except KeyboardInterrupt as error:
+        print_error(f"interrupted: {str(error) or NOTHING_KEPT}")
         return INTERRUPTED
-    except typer.Abort:
-        print_error("stdin ended before it was answered; run this in a terminal")
-        return BAD_INPUT
     except ClickException as error:
         for theirs, ours in PARSER_WORDS.items():
             error.message = re.sub(theirs, ours, error.message)

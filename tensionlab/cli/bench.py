@@ -84,8 +84,9 @@ def bench(
     what = benchmark.plan(options.parse_names(sets), options.parse_names(solvers), count, seed, quick)
     with output.progress("Measuring") as progress:
         written = benchmark.measure(what, out, ["tensionlab", *sys.argv[1:]], progress)
-    results = read(written)
-    with output.ResultWriter(quiet=json) as writer:
+    rest = f"the results are in {written}, but not all figures and the report; the same command measures anew"
+    with output.if_interrupted(rest), output.ResultWriter(quiet=json) as writer:
+        results = read(written)
         _write(results, out, writer)
         _print(results, out, json)
     if written != out:

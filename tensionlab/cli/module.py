@@ -174,6 +174,7 @@ def _command(urls: Mapping[str, str], command: Message, json: bool) -> None:
     exit_if_failed(failed)
 
 
+@output.if_interrupted("NOT CONFIRMED that all have stopped; the same command again, or cut the motors' supply")
 def estop(links: Links = None, modules: ModulesFile = None, json: Json = False) -> None:
     """Stop modules at once, also those of other processes.
 

@@ -41,6 +41,7 @@ LARGEST_UNCERTAINTY = 0.05
 
 
 @calibrate.command()
+@output.if_interrupted(output.NOTHING_KEPT)
 def gain(
     url: Url,
     mass: Annotated[
@@ -105,6 +106,7 @@ def gain(
 
 
 @calibrate.command()
+@output.if_interrupted(output.NOTHING_KEPT)
 def staircase(
     url: Url,
     out: Annotated[Path, options.writes("Write to this file.", ".csv", metavar="CSV")],
@@ -140,13 +142,7 @@ def _weigh_all(client: ModuleClient, masses: list[float], repeat: int) -> list[B
         if isinstance(client.link, SimulatedLink) and isinstance(client.link.module, HangingMass):
             client.link.module.mass = mass
         else:
-            typer.prompt(
-                f"Hang {mass:g} kg on the cable, still, with 5 cm to rise; then press Enter",
-                default="",
-                show_default=False,
-                prompt_suffix=" ",
-                err=True,
-            )
+            output.wait_for_enter(f"Hang {mass:g} kg on the cable, still, with 5 cm to rise")
         with output.progress(f"{mass:g} kg") as progress:
             balances += measurement.weigh(client, mass, repeat, progress)
     return balances
@@ -190,6 +186,7 @@ def _print_gain(url: str, found: GainEstimate) -> None:
 
 
 @calibrate.command()
+@output.if_interrupted(output.NOTHING_KEPT)
 def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> None:
     """Set the cable lengths of all modules of a rig.
 
@@ -218,6 +215,7 @@ def lengths(path: RigArgument, modules: ModulesOfRig, json: Json = False) -> Non
 
 
 @calibrate.command()
+@output.if_interrupted(output.NOTHING_KEPT)
 def record(
     path: RigArgument,
     modules: ModulesOfRig,

@@ -95,7 +95,8 @@ def monitor(
         end = clock.now() + seconds
         shown = sys.stdout.isatty() and not json
         live = Live(_telemetry_table(found, failed), console=output.console(), auto_refresh=False)
-        with until_interrupted() as interrupted, live if shown else nullcontext():
+        interrupted = stack.enter_context(until_interrupted("nothing was changed; the same command watches again"))
+        with live if shown else nullcontext():
             while found.keys() - failed.keys() and not interrupted() and clock.now() < end:
                 for watcher in watchers:
                     watcher.ask()
@@ -110,7 +111,7 @@ def monitor(
             output.print_json([_telemetry_json(urls[name], each) for name, each in found.items()])
         elif not shown:
             output.console().print(_telemetry_table(found, failed))
-    exit_if_failed(failed)
+        exit_if_failed(failed)
 
 
 def _connect(links: dict[str, str], stack: ExitStack) -> tuple[Monitored, dict[str, HardwareError]]:
@@ -242,7 +243,7 @@ def ping(
     done = dict.fromkeys(urls, 0)
     ttls: dict[str, float] = {}
 
-    with until_interrupted() as interrupted, output.progress("pinging") as progress:
+    with until_interrupted("nothing was changed; the same command measures anew") as interrupted:
 
         def job(client: ModuleClient) -> RoundTrips:
             ttls[client.name] = 1e-3 * client.hello().ttl_ms
@@ -254,30 +255,40 @@ def ping(
 
             return measure(client, count, go_on)
 
-        trips, failed = call_all(urls, job)
-    rates = {
-        name: safe_rates(each, ttls[name], bluetooth=is_bluetooth(urls[name])) for name, each in trips.items()
-    }
-    if json:
-        output.print_json([_trips_json(name, urls[name], trips[name], rates[name], ttls[name]) for name in trips])
-    elif trips:
-        rows = []
-        for name, each in trips.items():
-            times = [output.short(1e3 * each.percentile(share)) for share in PERCENTILES]
-            rate = "none" if (safe := rates[name]) is None else f"{safe[0]:.0f} to {safe[1]:.0f}"
-            clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else "–"
-            pings = len(each.times) + each.lost
-            rows.append((name, pings, each.lost, *times, f"{1e3 * ttls[name]:.0f}", rate, clock))
-        output.print_table("", TRIPS, rows, gap=1)
-    for name, safe in rates.items():
-        if safe is None:
-            output.print_error(
-                f"{name}: no rate is safe over this link; make it better, or raise the module's "
-                f"parameter ttl (`tensionlab module config set {urls[name]} ttl=...`)"
+        with output.progress("pinging") as progress:
+            trips, failed = call_all(urls, job)
+        rates = {
+            name: safe_rates(each, ttls[name], bluetooth=is_bluetooth(urls[name])) for name, each in trips.items()
+        }
+        if json:
+            output.print_json(
+                [_trips_json(name, urls[name], trips[name], rates[name], ttls[name]) for name in trips]
             )
-    exit_if_failed(failed)
-    if None in rates.values():
-        raise typer.Exit(1)
+        elif trips:
+            _print_trips(trips, rates, ttls)
+        for name, safe in rates.items():
+            if safe is None:
+                output.print_error(
+                    f"{name}: no rate is safe over this link; make it better, or raise the module's "
+                    f"parameter ttl (`tensionlab module config set {urls[name]} ttl=...`)"
+                )
+        exit_if_failed(failed)
+        if None in rates.values():
+            raise typer.Exit(1)
+
+
+def _print_trips(
+    trips: dict[str, RoundTrips], rates: dict[str, tuple[float, float] | None], ttls: dict[str, float]
+) -> None:
+    """Print the times of each module's link, and the rates that are safe with them."""
+    rows = []
+    for name, each in trips.items():
+        times = [output.short(1e3 * each.percentile(share)) for share in PERCENTILES]
+        rate = "none" if (safe := rates[name]) is None else f"{safe[0]:.0f} to {safe[1]:.0f}"
+        clock = f"{each.offset:.4f} ± {each.offset_error:.4f}" if each.times else "–"
+        pings = len(each.times) + each.lost
+        rows.append((name, pings, each.lost, *times, f"{1e3 * ttls[name]:.0f}", rate, clock))
+    output.print_table("", TRIPS, rows, gap=1)
 
 
 def _trips_json(name: str, url: str, trips: RoundTrips, rate: tuple[float, float] | None, ttl: float) -> Any:

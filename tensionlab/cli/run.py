@@ -12,7 +12,7 @@ import typer
 
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_log, reach_modules
+from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigArgument, Solver
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.display import duration
@@ -21,6 +21,7 @@ from tensionlab.hardware.protocol.codes import Fault, Limit, State
 from tensionlab.hardware.runner.program import load_program
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.hardware.runner.statistics import CTRL_C
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 
@@ -112,6 +113,8 @@ def run(
         typer.echo(f'tensionlab: module "{name}" did not confirm that it has stopped: {why}', err=True)
     if failure is not None or statistics.emergency or statistics.unconfirmed or statistics.lost:
         raise typer.Exit(1)
+    if statistics.ended == CTRL_C:
+        raise KeyboardInterrupt(kept_of_run(log))
 
 
 def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import module_links, print_simulated
+from tensionlab.cli.common.modules import kept_of_run, module_links, print_simulated
 from tensionlab.cli.common.options import Duration, Json, Log, Modules, Plot, Solver
 from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
@@ -121,11 +121,11 @@ def scenario(
                 typer.echo("Expected values are only compared when a scenario is played as a whole.")
             elif rig is not None and loaded.name in SCENARIOS:
                 typer.echo("Expected values are only compared on the scenario's own rig.")
+    if statistics.unconfirmed or statistics.lost or statistics.emergency:
+        raise typer.Exit(1)
     if interrupted:
-        output.print_error(f"interrupted after {len(played.run)} cycles; its modules have been stopped")
-        raise typer.Exit(output.INTERRUPTED)
-    wrong = not all(row.met for row in rows) or found.reasons["unexplained"] > 0
-    if wrong or statistics.unconfirmed or statistics.lost or statistics.emergency:
+        raise KeyboardInterrupt(kept_of_run(log))
+    if found.reasons["unexplained"] or not all(row.met for row in rows):
         raise typer.Exit(1)
 
 

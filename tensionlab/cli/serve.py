@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options
-from tensionlab.cli.common.modules import begin_log, reach_modules
+from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules
 from tensionlab.cli.common.options import Duration, Log, Modules, Solver
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import TensionlabError
@@ -28,6 +28,7 @@ from tensionlab.haptics.bridge.source import BridgedDemand, FreeEffects, Inner, 
 from tensionlab.haptics.rendering.filtering import FADE_DELAY_S, FADE_S
 from tensionlab.hardware import Runner, RunSettings
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
+from tensionlab.hardware.runner.statistics import CTRL_C
 from tensionlab.hardware.simulation.world import GuidedHand
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -149,6 +150,8 @@ def serve(
     print_summary(runner)
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)
+    if runner.statistics.ended == CTRL_C:
+        raise KeyboardInterrupt(kept_of_run(log))
 
 
 def _loaded(rig: str | None, scenario: str | None) -> tuple[Rig, Scenario | None]:

@@ -178,7 +178,10 @@ def simulate(
             writing.write_text(modules, text)
         ports.pop_all()  # from here on, they are closed by serve
         server = serving.Server(served, speed, watchers, math.inf if person is None else COMPLIANT_STEP_S)
-        with until_interrupted() as interrupted:
+        kept = "the simulated modules are gone; the same command serves new ones"
+        if record is not None:
+            kept = f"{record} has the tensions until then; {kept}"
+        with until_interrupted(kept) as interrupted:
             typer.echo(text)
             serving.serve(server, interrupted)
 

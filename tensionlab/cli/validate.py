@@ -27,6 +27,7 @@ from tensionlab.validation.session import validate as measure
 SIMULATED = "sim:"
 
 
+@output.if_interrupted("measured forces are kept in the folder, and the same command goes on with them")
 def validate(
     rig: Annotated[
         str | None, options.rig_argument(", of a point in space; the published one if left out")
@@ -86,11 +87,7 @@ def validate(
             output.print_error(str(error))
             raise typer.Exit(1) from None
     if len(measurements) < total:
-        output.print_error(
-            f"interrupted: {len(measurements)} of {total} forces are measured; the same command goes on with the "
-            "others"
-        )
-        raise typer.Exit(output.INTERRUPTED)
+        raise KeyboardInterrupt(f"{len(measurements)} of {total} forces are measured")
     result = reports.evaluate(setup, measurements)
     with output.ResultWriter(quiet=True) as writer:
         report = _write(result, plan, sensor, out, writer)

@@ -9,11 +9,13 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common.options import RigArgument
+from tensionlab.cli.common.output import if_interrupted
 from tensionlab.model.files import load_rig
 from tensionlab.view.page import DesignPage
 from tensionlab.view.server import PageServer
 
 
+@if_interrupted("what was saved from the page is kept; the same command shows the file's rig again")
 def view(
     rig: RigArgument,
     port: Annotated[int, typer.Option(help="Of the page; 0 takes a free one.", min=0, max=65535)] = 0,
@@ -35,7 +37,5 @@ def view(
         if browser:
             webbrowser.open(page.server.url)
         threading.Event().wait()
-    except KeyboardInterrupt:
-        typer.echo("ended")
     finally:
         page.close()

@@ -32,6 +32,8 @@ ROOT_MEAN_SQUARE = "the root mean square distance of its attachments"
 """What the characteristic length is, if the file of the rig has none."""
 ORIENTATION_WORKSPACES: tuple[Literal["total", "inclusive"], ...] = ("total", "inclusive")
 ORIENTATION_HEADINGS = ("<rig", "<metric", "in all orientations\n(total)", "in one at least\n(inclusive)")
+WITHOUT_STORE = "no values are kept; with --out DIR.zarr, the same command goes on where it was"
+"""What Ctrl-C leaves to say."""
 STEPS = 40
 """Along the longest edge of the box, if no step is given."""
 
@@ -130,16 +132,17 @@ def workspace(
     places = {name: place for rig in loaded for name, place in rig.at_rest.items()}
     named = options.parse_names(metrics)
     names = _default_metrics(loaded) if named is None else named
-    try:
-        data = sweep(loaded, where, names, frames=places, out=out, scheduler=scheduler)
-    except OSError as error:  # as Zarr has it, without the name of a file
-        if out is None:
-            raise
-        raise unwritable(out, error) from None
-    found = summary(data).rows
-    turned = {kind: over_orientations(data, kind) for kind in ORIENTATION_WORKSPACES} if rotations else {}
-    shares = {kind: [each.above_zero for *_, each in summary(part).rows] for kind, part in turned.items()}
-    with output.ResultWriter(quiet=json) as writer:
+    go_on = WITHOUT_STORE if out is None else f"the same command goes on with what is in {out}"
+    with output.if_interrupted(go_on), output.ResultWriter(quiet=json) as writer:
+        try:
+            data = sweep(loaded, where, names, frames=places, out=out, scheduler=scheduler)
+        except OSError as error:  # as Zarr has it, without the name of a file
+            if out is None:
+                raise
+            raise unwritable(out, error) from None
+        found = summary(data).rows
+        turned = {kind: over_orientations(data, kind) for kind in ORIENTATION_WORKSPACES} if rotations else {}
+        shares = {kind: [each.above_zero for *_, each in summary(part).rows] for kind, part in turned.items()}
         if plot is not None:
             from tensionlab import plots
 

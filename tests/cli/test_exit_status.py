@@ -129,7 +129,8 @@ def test_ascii_screens_are_written_to(run_to):
 @pytest.mark.parametrize(
     ("error", "status", "line"),
     [
-        (KeyboardInterrupt(), 130, "tensionlab: interrupted"),
+        (KeyboardInterrupt(), 130, f"tensionlab: interrupted: {output.NOTHING_KEPT}"),
+        (KeyboardInterrupt("a.zarr is there"), 130, "tensionlab: interrupted: a.zarr is there"),
         (RigError("x.toml: no"), 2, "tensionlab: x.toml: no"),
         (OSError(28, "No space left on device", "/x"), 2, "tensionlab: /x: No space left on device (OSError at"),
         (MemoryError(), 2, "tensionlab: out of memory"),
@@ -241,5 +242,21 @@ def test_ctrl_c_ends_a_benchmark_with_one_line_and_its_measuring_process(tmp_pat
         )
         os.killpg(running.pid, signal.SIGINT)
         _, said = running.communicate(timeout=HANG_S)
-        assert (running.returncode, said) == (130, "tensionlab: interrupted\n")
+        assert (running.returncode, said) == (130, f"tensionlab: interrupted: {output.NOTHING_KEPT}\n")
     until(lambda: not words_of(measuring))  # no longer than to its next sign of life, which nobody hears
+
+
+@pytest.mark.realtime  # a signal to a process whose threads compute
+def test_ctrl_c_ends_a_sweep_with_one_line_and_its_store_is_whole(tmp_path):
+    store = tmp_path / "a.zarr"
+    ledger = store / ".ledger"
+    words = ["cube-8", "--box", "-0.4,0.4,-0.4,0.4,-0.4,0.4", "--step", "0.002", "--metric", "capacity-margin"]
+    with process(command("workspace", *words, "--out", store), preexec_fn=heeding_ctrl_c) as running:
+        until(lambda: ledger.exists() and ledger.read_bytes().count(b"\n") > 3)
+        os.kill(running.pid, signal.SIGINT)
+        out, said = running.communicate(timeout=HANG_S)
+    assert (running.returncode, out) == (130, "")
+    first, last = said.splitlines()
+    assert first.startswith("sweep: ")
+    assert last.endswith(f"chunks are written; the same command goes on with what is in {store}")
+    assert int(last.removeprefix("tensionlab: interrupted: ").split()[0]) >= 3

@@ -183,12 +183,21 @@ def test_monitor_says_when_a_module_is_gone(call, modules, urls, simulated_time)
     assert err == f"tensionlab: module 'floor-2': {urls['floor-2']} broke: it was cut\n"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_ends_the_monitor_in_good_order(call, modules, simulated_time, number):
+@pytest.mark.parametrize(
+    ("number", "ended"),
+    [
+        (
+            signal.SIGINT,
+            (130, "tensionlab: interrupted: nothing was changed; the same command watches again\n"),
+        ),
+        (signal.SIGTERM, (0, "")),
+    ],
+)
+def test_ctrl_c_ends_the_monitor_in_good_order(call, modules, simulated_time, number, ended):
     began, before = simulated_time.perf_counter(), signal.getsignal(number)
     after_a_second(simulated_time, lambda: signal.raise_signal(number))
     status, out, err = call("monitor")
-    assert (status, err) == (0, "")
+    assert (status, err) == ended
     assert "floor-1" in out
     assert simulated_time.perf_counter() - began < 1.5
     assert signal.getsignal(number) is before

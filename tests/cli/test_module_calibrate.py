@@ -1,6 +1,7 @@
 """`tensionlab module calibrate`, on simulated modules of this process, and on files."""
 
 import importlib
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -166,7 +167,9 @@ def test_a_staircase_is_climbed_and_a_mass_that_does_not_move_is_refused(run, tm
     assert code == 0, err
     assert json.loads(out)["newton_per_ampere"]["value"] == pytest.approx(3.0, rel=0.02)
     assert json.loads(out)["written"] is True
-    monkeypatch.setattr("typer.prompt", lambda *words, **options: "")
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    assert "stdin ended before Enter was pressed; run this in a terminal" in run("gain", url, "--mass", 0.1)[2]
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
     monkeypatch.setattr("tensionlab.hardware.calibration.gain_measurement.SEARCH_N_S", 3.0)
     code, _, err = run("gain", url, "--mass", 0.1)
     assert code == 2

@@ -10,6 +10,7 @@ import tensionlab as tl
 from tensionlab.demand import Demand
 from tensionlab.hardware.client.links import OPENERS
 from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.hardware.log.reader import read_run
 from tensionlab.hardware.protocol.codes import State
 from tensionlab.operating_system import ESTOP_SIGNAL
 from tests.support.reachable import ReachableRig
@@ -25,13 +26,13 @@ def reachable(monkeypatch, simulated_time):
 @pytest.mark.parametrize(
     ("number", "status", "said", "state"),
     [
-        (signal.SIGINT, 0, "signal SIGINT", State.IDLE),
+        (signal.SIGINT, 130, "signal SIGINT", State.IDLE),
         (signal.SIGTERM, 0, "signal SIGTERM", State.IDLE),
         (signal.SIGHUP, 0, "signal SIGHUP", State.IDLE),
         (ESTOP_SIGNAL, 1, "emergency stop (from another terminal)", State.ESTOP),
     ],
 )
-def test_a_signal_ends_a_run_in_good_order(run, reachable, monkeypatch, number, status, said, state):
+def test_a_signal_ends_a_run_in_good_order(run, reachable, tmp_path, monkeypatch, number, status, said, state):
     def demand(now):
         if now.cycle == 30:
             assert {module.sample.state for module in reachable.world.modules} == {State.RUNNING}
@@ -39,8 +40,11 @@ def test_a_signal_ends_a_run_in_good_order(run, reachable, monkeypatch, number, 
         return Demand()
 
     monkeypatch.setattr(importlib.import_module("tensionlab.cli.run"), "_demand", lambda *words: demand)
-    code, out, err = run("run", PATH, "--modules", ",".join(reachable.urls.values()))
-    assert (code, err) == (status, "")
+    log = tmp_path / "run.mcap"
+    code, out, err = run("run", PATH, "--modules", ",".join(reachable.urls.values()), "--log", log)
+    kept = f"all modules are stopped; {log} has the run until then; the next takes another --log"
+    assert (code, err) == (status, f"tensionlab: interrupted: {kept}\n" if status == 130 else "")
+    assert read_run(log).complete
     assert f"30 cycles, finished: {said}\n" in out  # on one line, however narrow the table
     assert {module.sample.state for module in reachable.world.modules} == {state}
     reachable.world.advance(0.1)  # cables are let go as slowly as tensions may change

@@ -110,12 +110,12 @@ def test_over_a_pseudo_terminal_a_client_that_goes_away_is_a_link_that_closed(tm
 
 
 @pytest.mark.realtime  # signals to a process
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_well_and_its_clients_see_it(how):
+@pytest.mark.parametrize(("how", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_it_ends_well_and_its_clients_see_it(how, status):
     with simulated(RIG) as (links, process), connected(links["top"]) as client:
         client.ping()
         process.send_signal(how)
-        assert process.wait(HANG_S) == 0
+        assert process.wait(HANG_S) == status
         with pytest.raises(LinkError, match=r"closed by the module|broke"):
             client.wait(Event)
         with pytest.raises(LinkError, match="cannot be opened"), connected(links["top"]):

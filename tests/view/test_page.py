@@ -127,4 +127,5 @@ def test_ctrl_c_ends_the_command_with_one_line():
             out, err = running.communicate(timeout=HANGS_S)
         finally:
             running.kill()
-    assert (running.returncode, out, err) == (0, "ended\n", "")
+    kept = "what was saved from the page is kept; the same command shows the file's rig again"
+    assert (running.returncode, out, err) == (130, "", f"tensionlab: interrupted: {kept}\n")

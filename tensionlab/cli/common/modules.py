@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import typer
 
-from tensionlab.cli.common.output import print_error
+from tensionlab.cli.common.output import if_interrupted, print_error
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.client.group import ModuleGroup, connect, load_modules
 from tensionlab.hardware.client.links import URL_KINDS, require_known
@@ -64,7 +64,8 @@ def call_all(
         except HardwareError as error:
             return error
 
-    with ThreadPoolExecutor(len(links)) as threads:
+    unknown = "which modules did it is not known; `tensionlab module info` shows how they are"
+    with if_interrupted(unknown), ThreadPoolExecutor(len(links)) as threads:
         found = dict(zip(links, threads.map(call, links), strict=True))
     failed = {name: each for name, each in found.items() if isinstance(each, HardwareError)}
     return {name: each for name, each in found.items() if not isinstance(each, HardwareError)}, failed
@@ -90,8 +91,11 @@ def exit_if_failed(failed: Mapping[str, HardwareError]) -> None:
 
 
 @contextmanager
-def until_interrupted() -> Iterator[Callable[[], bool]]:
-    """Let Ctrl-C and its like end the work in good order; yield whether one has come."""
+def until_interrupted(kept: str) -> Iterator[Callable[[], bool]]:
+    """Let Ctrl-C and its like end the work in good order; yield whether one has come.
+
+    At the end, a Ctrl-C is raised, with what is kept.
+    """
     came: list[int] = []
     before = [signal.signal(number, lambda number, _: came.append(number)) for number in INTERRUPT_SIGNALS]
     try:
@@ -99,6 +103,15 @@ def until_interrupted() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in zip(INTERRUPT_SIGNALS, before, strict=True):
             signal.signal(number, handler)
+    if signal.SIGINT in came:
+        raise KeyboardInterrupt(kept)
+
+
+def kept_of_run(log: Path | None) -> str:
+    """Return what is kept of a run that Ctrl-C ended, and how to go on."""
+    if log is None:
+        return "all modules are stopped; --log FILE.mcap keeps what a run does"
+    return f"all modules are stopped; {log} has the run until then; the next takes another --log"
 
 
 class Reached(NamedTuple):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 import typer
 
 from tensionlab import display, records
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, WriteError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, InputError, WriteError
 from tensionlab.files import writing
 from tensionlab.model.rig import Rig
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 120
 """Columns of a table where stdout is no terminal."""
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 + SIGINT, as a shell has it."""
+NOTHING_KEPT = "nothing was written; the same command starts over"
+"""What Ctrl-C leaves to say, unless a verb has other words."""
 short, vector = display.short, display.vector
 """Numbers, as notebooks show them too."""
 
@@ -34,6 +34,22 @@ def print_error(text: str) -> None:
     """Print one line about what went wrong on stderr: of limited length, with nothing that moves a cursor."""
     with contextlib.suppress(OSError, ValueError):
         print(clip(f"tensionlab: {text}"), file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def if_interrupted(*words: str) -> Iterator[None]:
+    """Say what is kept, and how to go on, where Ctrl-C ends this context; after what was said inside it."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt("; ".join([*map(str, error.args), *words])) from None
+
+
+def wait_for_enter(text: str) -> None:
+    """Print what to do, and wait until it is done."""
+    print(f"{text}; then press Enter", end=" ", file=sys.stderr, flush=True)
+    if sys.stdin is None or not sys.stdin.readline():
+        raise InputError("stdin ended before Enter was pressed; run this in a terminal")
 
 
 def clip(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
@@ -49,6 +65,7 @@ class ResultWriter:
     """Writer of result files, which prints where they are after the results, which its block shows.
 
     It raises `WriteError` for the first that could not be written. A quiet one prints nothing: stdout is JSON.
+    Where Ctrl-C ends its block, it says which files are there.
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
@@ -67,6 +84,8 @@ class ResultWriter:
                 typer.echo(line)
         if self._failed:
             raise self._failed[0]
+        if kind is KeyboardInterrupt and self._lines:
+            raise KeyboardInterrupt(f"written: {', '.join(self._lines)}; the same command writes the rest")
 
     def write(self, name: str, path: Path, write: Callable[[Path], object]) -> bool:
         """Write a file, and return whether that went well. Without a name, its place is not printed."""

@@ -18,7 +18,8 @@ MAX_TIMES = 100_000
 """Cycles whose times are kept for percentiles while a run lasts."""
 DURATION_REACHED = "duration reached"
 DEMAND_STOPPED = "stopped by the demand"
-"""What ends a run in good order; other ends are signals, an emergency stop and errors."""
+CTRL_C = "signal SIGINT"
+"""What ends a run in good order; other ends are other signals, an emergency stop and errors."""
 EMERGENCY_STOP = "emergency stop (from another terminal)"
 """`tensionlab estop` ended it, or whoever else sent `ESTOP_SIGNAL`."""
 STATUSES = tuple(sorted(Status))

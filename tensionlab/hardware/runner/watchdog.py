@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import NamedTuple, Self
@@ -111,15 +111,16 @@ class Watchdog:
         return f", in {code.co_name} ({Path(code.co_filename).name}:{frame.f_lineno})"
 
 
+EMERGENCY_STOPPED = "emergency stop; `tensionlab module clear` leads out of it"
 STOPPING_SIGNALS = (*ENDING_SIGNALS, ESTOP_SIGNAL)
 """Signals that end a run, after its modules are stopped."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """End of a run by a signal, whose number it has."""
+    """End by a signal, whose number it has; the message is its name, or what has become of the modules."""
 
-    def __init__(self, number: int) -> None:
-        super().__init__(signal.Signals(number).name)
+    def __init__(self, number: int, message: str = "") -> None:
+        super().__init__(message or signal.Signals(number).name)
         self.number = number
 
 
@@ -170,7 +171,8 @@ class Interrupts:
 def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iterator[None]:
     """Call `stop` in the end, whatever it is that ends this: also Ctrl-C, and signals that would end the program.
 
-    ``tensionlab estop`` has `stop_at_once` called. Errors of stopping are raised only where there is no other.
+    ``tensionlab estop`` has `stop_at_once` called. Errors of stopping are raised only where there is no other; an
+    `Interrupted` has them in its message.
     """
     interrupts = Interrupts()
     with interrupts.caught(STOPPING_SIGNALS):
@@ -179,8 +181,13 @@ def stopping(stop: Callable[[], None], stop_at_once: Callable[[], None]) -> Iter
         except BaseException as error:
             interrupts.ignore()
             at_once = isinstance(error, Interrupted) and error.number == ESTOP_SIGNAL
-            with suppress(HardwareError):
+            outcome = EMERGENCY_STOPPED if at_once else "modules are stopped"
+            try:
                 (stop_at_once if at_once else stop)()
+            except HardwareError as refused:
+                outcome = f"NOT CONFIRMED that modules are stopped: {refused}"
+            if isinstance(error, Interrupted):
+                raise Interrupted(error.number, outcome) from None
             raise
         interrupts.ignore()
         stop()

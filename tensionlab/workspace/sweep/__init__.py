@@ -124,7 +124,8 @@ def sweep(
     empty = empty_dataset(plan)
     store = MemoryStore(plan, empty) if out is None else ZarrStore(Path(out), plan, empty)
     with contextlib.closing(store):
-        missing = [number for number in range(math.prod(plan.tiles)) if number not in store.finished]
+        count = math.prod(plan.tiles)
+        missing = [number for number in range(count) if number not in store.finished]
         if missing:
             total, ahead = math.prod(plan.shape), sum(plan.size(number) for number in missing)
             tasks = (plan.task(number) for number in missing)
@@ -133,10 +134,17 @@ def sweep(
                 if seconds is None or seconds > BAR_DELAY_S:
                     print(f"sweep: {describe(plan, seconds)}", file=sys.stderr)
             results = evaluate_on_threads(tasks) if scheduler is None else evaluate_on_cluster(scheduler, tasks)
-            with progress_bar(total, total - ahead, progress) as advance:
-                for task, values in results:
-                    store.write(task, values)
-                    advance(plan.size(task.number))
+            written = count - len(missing)
+            try:
+                with progress_bar(total, total - ahead, progress) as advance:
+                    for task, values in results:
+                        store.write(task, values)
+                        written += 1
+                        advance(plan.size(task.number))
+            except KeyboardInterrupt:
+                if out is None:
+                    raise
+                raise KeyboardInterrupt(f"{written:,} of {count:,} chunks are written") from None
         return store.dataset()
 
 

@@ -162,13 +162,18 @@ def test_whoever_interrupts_leaves_the_module_stopped(error):
 
 
 @pytest.mark.parametrize(
-    ("number", "left"), [(signal.SIGINT, State.IDLE), (signal.SIGTERM, State.IDLE), (ESTOP_SIGNAL, State.ESTOP)]
+    ("number", "left", "said"),
+    [
+        (signal.SIGINT, State.IDLE, "modules are stopped"),
+        (signal.SIGTERM, State.IDLE, "modules are stopped"),
+        (ESTOP_SIGNAL, State.ESTOP, "emergency stop; `tensionlab module clear` leads out of it"),
+    ],
 )
-def test_a_signal_stops_the_module_and_ends_it(number, left):
+def test_a_signal_stops_the_module_and_ends_it(number, left, said):
     simulated = HangingMass(0.1)
     with ModuleClient("one", SimulatedLink(simulated)) as client:
         before = signal.getsignal(number)
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt, match=said):
             weigh(client, 0.1, 2, lambda share: signal.raise_signal(number))
         assert client.hello().state is left
         assert signal.getsignal(number) is before

@@ -214,7 +214,7 @@ def test_a_signal_stops_the_modules_and_the_one_of_an_emergency_stop_at_once(num
         raise HardwareError("nor does a module that does not confirm")
 
     with (
-        pytest.raises(Interrupted) as caught,
+        pytest.raises(Interrupted, match="NOT CONFIRMED that modules are stopped: nor does") as caught,
         stopping(lambda: stop("stop"), lambda: stop("at once")),
     ):
         signal.raise_signal(number)
