@@ -3,38 +3,40 @@
 import importlib
 from typing import TYPE_CHECKING
 
+from tensionlab import datasets, workspace
+from tensionlab.allocation import Allocation, Allocator, allocate
+from tensionlab.benchmarking.run import benchmark
+from tensionlab.comparison.compare import compare
+from tensionlab.errors import (
+    DataError,
+    InputError,
+    MissingDependency,
+    PluginError,
+    RigError,
+    ShapeError,
+    SweepError,
+    TensionlabError,
+    UnknownSolver,
+    Unreachable,
+)
+from tensionlab.model.files import load_requirement, load_rig, save_rig
+from tensionlab.model.kinematics import PoseEstimate
+from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
+from tensionlab.model.module import Module, Platform, TensionLimits
+from tensionlab.model.pose import Frame, RestPose
+from tensionlab.model.requirement import Requirement
+from tensionlab.model.rig import Rig
+from tensionlab.solvers import SOLVERS, Solver, Status
+from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
+from tensionlab.solvers.convex import ConvexProgram
+from tensionlab.solvers.least_squares import Dykstra, Newton
+from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
+from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
+from tensionlab.solvers.quadratic import QuadraticProgram
+from tensionlab.workspace.sweep import sweep
+
 if TYPE_CHECKING:
-    from tensionlab import datasets, plots, workspace
-    from tensionlab.allocation import Allocation, Allocator, allocate
-    from tensionlab.benchmarking.run import benchmark
-    from tensionlab.comparison.compare import compare
-    from tensionlab.errors import (
-        DataError,
-        InputError,
-        MissingDependency,
-        PluginError,
-        RigError,
-        ShapeError,
-        SweepError,
-        TensionlabError,
-        UnknownSolver,
-        Unreachable,
-    )
-    from tensionlab.model.files import load_requirement, load_rig, save_rig
-    from tensionlab.model.kinematics import PoseEstimate
-    from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
-    from tensionlab.model.module import Module, Platform, TensionLimits
-    from tensionlab.model.pose import Frame, RestPose
-    from tensionlab.model.requirement import Requirement
-    from tensionlab.model.rig import Rig
-    from tensionlab.solvers import SOLVERS, Solver, Status
-    from tensionlab.solvers.closed_form import ClosedForm, Polygon, Pseudoinverse, Puncture
-    from tensionlab.solvers.convex import ConvexProgram
-    from tensionlab.solvers.least_squares import Dykstra, Newton
-    from tensionlab.solvers.linear_program import LeastSum, Minimax, OptimallySafe
-    from tensionlab.solvers.penalty import AnalyticCentre, SlackNorm, Spidar
-    from tensionlab.solvers.quadratic import QuadraticProgram
-    from tensionlab.workspace.sweep import sweep
+    from tensionlab import plots
 
 __version__ = "0.1.0"
 
@@ -92,35 +94,6 @@ __all__ = [
 ]
 
 
-HOMES = {
-    name: module
-    for module, names in {
-        "allocation": "Allocation Allocator allocate",
-        "benchmarking.run": "benchmark",
-        "comparison.compare": "compare",
-        "errors": "DataError InputError MissingDependency PluginError RigError ShapeError "
-        "SweepError TensionlabError UnknownSolver Unreachable",
-        "model.files": "load_requirement load_rig save_rig",
-        "model.kinematics": "PoseEstimate",
-        "model.layouts": "alternate_corners box_corners ring_plus_top",
-        "model.module": "Module Platform TensionLimits",
-        "model.pose": "Frame RestPose",
-        "model.requirement": "Requirement",
-        "model.rig": "Rig",
-        "solvers": "SOLVERS Solver Status",
-        "solvers.closed_form": "ClosedForm Polygon Pseudoinverse Puncture",
-        "solvers.convex": "ConvexProgram",
-        "solvers.least_squares": "Dykstra Newton",
-        "solvers.linear_program": "LeastSum Minimax OptimallySafe",
-        "solvers.penalty": "AnalyticCentre SlackNorm Spidar",
-        "solvers.quadratic": "QuadraticProgram",
-        "workspace.sweep": "sweep",
-    }.items()
-    for name in names.split()
-}
-"""Module of each public name that is no module itself."""
-
-
 def __dir__() -> list[str]:
     return sorted(__all__)
 
@@ -128,14 +101,7 @@ def __dir__() -> list[str]:
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> object:
-        """Import what is public where it is first used, so that the command line is there at once."""
-        if name in HOMES:
-            found = globals()[name] = getattr(importlib.import_module(f"tensionlab.{HOMES[name]}"), name)
-            return found
-        module = f"tensionlab.{name}"
-        try:
-            return importlib.import_module(module)
-        except ModuleNotFoundError as missing:
-            if missing.name != module:
-                raise
+        """Import the plots where they are first used: they know all results, and take longer than all the rest."""
+        if name == "plots":
+            return importlib.import_module("tensionlab.plots")
         raise AttributeError(f"module 'tensionlab' has no attribute {name!r}")
