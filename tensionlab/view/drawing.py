@@ -117,6 +117,9 @@ class Drawing:
         self._behind = np.array([0.0, 0.0, -0.01 * reach if flat else 0.0])
         self._meshes["workspace"].position = self._behind
         self._meshes["ghost workspace"].position = 1.5 * self._behind
+        self._study = scene.add_point_cloud(
+            "/study", np.zeros((1, 3)), (0, 0, 0), point_size=0.008 * reach, point_shape="circle", visible=False
+        )
         self._slices = [scene.add_image(f"/slices/{i}", CLEAR, 1.0, 1.0, visible=False) for i in range(3)]
         self._hand = scene.add_icosphere("/hand", HAND_SHARE * reach, color=tuple(rgb(RED)), cast_shadow=False)
         self._tip = scene.add_icosphere("/tip", BALL_SHARE * reach, color=tuple(rgb(ORANGE)), cast_shadow=False)
@@ -156,6 +159,12 @@ class Drawing:
                 node.image, node.position = shown.image, shown.middle + self._behind
                 node.render_width, node.render_height = shown.edges
                 node.wxyz = quaternion(shown.axes)
+
+    def show_study(self, points: Floats, colours: Colours) -> None:
+        """Bring the problems at which solvers are compared up to date."""
+        self._study.visible = bool(len(points))
+        if len(points):
+            self._study.points, self._study.colors = points.astype(np.float32), colours
 
     def _show_modules(self, scene: Scene, state: State) -> None:
         self._names = tuple(module.name for module in state.rig.modules)

@@ -17,14 +17,18 @@ from tensionlab.view import export, volume
 from tensionlab.view import state as edits
 from tensionlab.view.drawing import TIP, Drawing, Grab, rotation_of
 from tensionlab.view.evaluation import evaluate
-from tensionlab.view.history import History
+from tensionlab.view.history import UNDONE, History
+from tensionlab.view.latest import Latest
 from tensionlab.view.panel import Panel
 from tensionlab.view.scene import draw, force_scale
 from tensionlab.view.server import PageServer
 from tensionlab.view.snapping import wall_behind
+from tensionlab.view.solver_study import compare, points
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.workspace import WorkspaceWorker
 
+COMPARED_BY = (*UNDONE, "solver", "nearest", "compared", "study", "selected")
+"""Attributes of a state that the comparison of solvers depends on."""
 NOTICE_S = 8.0
 """How long it is shown that something was done."""
 
@@ -64,10 +68,12 @@ class DesignPage:
         self._open = True
         self._step: object = None
         self._dragging = False
+        self._compared: State | None = None
         self._looked_at: tuple[object, ...] = (None,) * 5
         present = self.history.present
         self._drawing = Drawing(server.viser, present, self._grab, self._select)
         self._workspace = WorkspaceWorker(self._volume_found)
+        self._solvers: Latest[State] = Latest("solvers", self._compare)
         self._panel = Panel(server.viser, self, export.default_path(rig, word))
         self._thread = threading.Thread(target=self._work, name="view", daemon=True)
         self._show()
@@ -127,6 +133,7 @@ class DesignPage:
             self._wake.notify_all()
         self._thread.join()
         self._workspace.close()
+        self._solvers.close()
         self.server.close()
 
     def _put(self, request: Request | Callable[[], object]) -> None:
@@ -171,6 +178,25 @@ class DesignPage:
             self._looked_at = (None,) * 5
             self._drawing.show_workspace(None, None, [])
         self._workspace.want(state, fine=not self._dragging)
+        if state.compared or self._compared is not None:
+            self._solvers.want(state)
+
+    def _compare(self, state: State, wanted: Callable[[], bool]) -> None:
+        """Compare solvers, on a thread of its own, unless that was done for a state that is the same in it."""
+        if self._compared is not None and all(
+            getattr(state, name) is getattr(self._compared, name) for name in COMPARED_BY
+        ):
+            return
+        found = compare(state, wanted)
+        if found is None:
+            return
+        self._compared = state if state.compared else None
+        asked, answers = found
+        with self.server.viser.atomic():
+            places, colours = points(state, asked, answers[0])
+            self._drawing.show_study(places[: len(places) * bool(state.compared)], colours)
+            self._panel.show_answers(state, asked, answers)
+        self.server.viser.flush()
 
     def _volume_found(self, state: State, found: volume.Volume, ghost: volume.Volume | None) -> None:
         """Show the workspace that another thread has evaluated."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -20,6 +20,8 @@ from tensionlab.view import state as edits
 from tensionlab.view import words
 from tensionlab.view.evaluation import Evaluation
 from tensionlab.view.history import History
+from tensionlab.view.solver_panel import SolverPanel
+from tensionlab.view.solver_study import Answer, Problems
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.volume import COARSE, Volume
 from tensionlab.workspace.layout.task import load_task
@@ -74,6 +76,8 @@ class Panel:
             self._add_modules()
         with tabs.add_tab("Workspace"):
             self._add_workspace()
+        with tabs.add_tab("Solvers"):
+            self._solvers = SolverPanel(gui, self._edits, solver_names(self._rig))
         with tabs.add_tab("File"):
             self._add_file(path)
 
@@ -210,6 +214,7 @@ class Panel:
             self._dark = state.dark
             self._theme()
         self._show_module(state)
+        self._solvers.show(state)
 
     def _show_module(self, state: State) -> None:
         names = tuple(module.name for module in state.rig.modules)
@@ -242,6 +247,10 @@ class Panel:
             self._level.step = step
         self._level.value = float(state.level)
         self._share.content = words.share(state, volume, ghost)
+
+    def show_answers(self, state: State, asked: Problems, answers: Sequence[Answer]) -> None:
+        """Show what solvers answer."""
+        self._solvers.show_answers(state, asked, answers)
 
 
 def solver_names(rig: Rig) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,9 @@ DECIMALS = 4
 """Of coordinates in m and forces in N that are dragged."""
 
 Display = Literal["surface", "slices", "off"]
+Study = Literal["force in a circle", "force in all directions", "hand in a circle"]
+STUDIES: tuple[Study, ...] = get_args(Study)
+"""Problems at which solvers are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,10 @@ class State:
         Desired, in N and N·m, beside what the rig requires.
     solver, nearest : str, and a policy or None
         As `tensionlab.allocate` takes them.
+    compared : tuple of str
+        Solvers that are compared with that one.
+    study : str
+        What they are compared at, besides the desired wrench; one of `STUDIES`.
     metric : str
         Of the workspace, by its name in `tensionlab.workspace.METRICS`.
     level : float
@@ -70,6 +77,8 @@ class State:
     wrench: Floats
     solver: str = "newton"
     nearest: Nearest | None = None
+    compared: tuple[str, ...] = ()
+    study: Study = STUDIES[0]
     metric: str = "capacity-margin"
     level: float = 0.0
     display: Display = "off"

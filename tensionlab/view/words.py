@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.display import short, status_mark
+from tensionlab.display import duration, short, status_mark
 from tensionlab.solvers.base import Status
 from tensionlab.view.evaluation import Evaluation
 from tensionlab.view.scene import force_scale, tension_colours
+from tensionlab.view.solver_study import STATUS_COLOURS, Answer
 from tensionlab.view.state import State
 from tensionlab.view.volume import VALUE_RAMP, Volume
 from tensionlab.workspace import metrics
@@ -21,6 +23,12 @@ POLICY_WORDS = {
     "direction": "the longest wrench in the desired direction is rendered",
 }
 """What is done where the desired wrench is infeasible, by policy."""
+STATUS_WORDS = {
+    Status.EXACT: "exact",
+    Status.NEAREST: "certified infeasible",
+    Status.ITERATION_LIMIT: "unproven",
+    Status.FAILED: "failed",
+}
 AT_LIMIT_N = 1e-6
 ZERO = 1e-9
 
@@ -158,3 +166,87 @@ def share(state: State, volume: Volume, ghost: Volume | None = None) -> str:
         f"it is from {low:.3g} to {high:.3g}{unit}{beside}."
         f'<div style="opacity:.65">{escape(metrics.description(metric))}</div></div>'
     )
+
+
+SOLVER_HEADINGS = ("solver", "now", "error", "|t|", "max t", "time", "exact", "jump")
+"""Of the comparison of solvers; errors, tensions and jumps are in N."""
+
+
+def solver_table(answers: Sequence[Answer], colours: Sequence[str]) -> str:
+    """Return what solvers answer to the desired wrench and along the study, as HTML."""
+    if not answers:
+        return _note("Choose solvers to compare with the one of the tab Hand.")
+    rows = [_solver_cells(each) for each in answers]
+    look = "text-align:right;padding:1px 0 1px 6px;white-space:nowrap"
+    head = "".join(f'<th style="{look};font-weight:600">{word}</th>' for word in SOLVER_HEADINGS)
+    body = "".join(
+        f'<tr><td style="white-space:nowrap"><span style="color:{colours[i % len(colours)]}">■</span> '
+        f"{escape(answers[i].solver)}</td>"
+        + "".join(f'<td style="{look}" colspan="{span}">{text}</td>' for text, span in cells)
+        + "</tr>"
+        for i, cells in enumerate(rows)
+    )
+    legend = " ".join(f"{_dot(status)} {words}" for status, words in STATUS_WORDS.items())
+    return (
+        f'<div style="font-size:11px;margin:.2em .75em"><table style="width:100%"><tr>{head}</tr>{body}</table>'
+        f'<div style="opacity:.8;margin:.3em 0">{legend}; in the picture, by the first solver. Errors, tensions '
+        "and jumps are in N; jumps are from one problem to the next.</div></div>"
+    )
+
+
+def _solver_cells(each: Answer) -> list[tuple[str, int]]:
+    """Return the cells of a solver after its name, and over how many columns each goes."""
+    if each.now is None or each.study is None:
+        return [(escape(each.problem), len(SOLVER_HEADINGS) - 1)]
+    exact = each.study.counts()[Status.EXACT]
+    tensions = each.now.tensions
+    texts = (
+        _dot(Status(int(each.now.status))),
+        "0" if each.now.residual < ZERO else short(float(each.now.residual)),
+        short(float(np.linalg.norm(tensions))),
+        short(float(tensions.max())),
+        duration(each.seconds),
+        f"{exact}/{len(each.study.status)}",
+        short(each.jump),
+    )
+    return [(text, 1) for text in texts]
+
+
+def _dot(status: Status) -> str:
+    return f'<span style="color:{STATUS_COLOURS[status]}" title="{STATUS_WORDS[status]}">●</span>'
+
+
+def solver_bars(state: State, answers: Sequence[Answer], colours: Sequence[str]) -> str:
+    """Return the tensions of solvers side by side, module by module, between zero and the largest limit."""
+    known = [(i, each.now) for i, each in enumerate(answers) if each.now is not None]
+    if not known:
+        return ""
+    most = float(state.rig.limits.upper.max()) or 1.0
+    cells = []
+    for number, module in enumerate(state.rig.modules):
+        bars = "".join(
+            f'<div style="height:5px;width:{100 * float(now.tensions[number]) / most:.2f}%;'
+            f'background:{colours[i % len(colours)]}" title="{escape(answers[i].solver)} '
+            f'{short(float(now.tensions[number]))} N"></div>'
+            for i, now in known
+        )
+        left, width = 100 * module.lower / most, 100 * (module.upper - module.lower) / most
+        limits = (
+            f'<div style="position:absolute;left:{left:.2f}%;width:{width:.2f}%;height:100%;'
+            'background:rgba(128,128,128,.2)"></div>'
+        )
+        cells.append(
+            f'<div style="overflow:hidden;text-overflow:ellipsis;white-space:nowrap">{escape(module.name)}</div>'
+            f'<div style="position:relative">{limits}<div style="position:relative">{bars}</div></div>'
+        )
+    key = " ".join(
+        f'<span style="white-space:nowrap"><span style="color:{colours[i % len(colours)]}">■</span> '
+        f"{escape(answers[i].solver)}</span>"
+        for i, _ in known
+    )
+    grid = "display:grid;grid-template-columns:minmax(4em,8em) 1fr;gap:4px 8px;align-items:center"
+    return f'<div style="font-size:12px;margin:.3em .75em">{key}<div style="{grid}">{"".join(cells)}</div></div>'
+
+
+def _note(text: str) -> str:
+    return f'<div style="font-size:12px;opacity:.65;margin:.2em .75em">{escape(text)}</div>'

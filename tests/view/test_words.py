@@ -8,6 +8,7 @@ import tensionlab as tl
 from tensionlab.view import state as edits
 from tensionlab.view import words
 from tensionlab.view.evaluation import evaluate
+from tensionlab.view.solver_study import compare
 from tensionlab.view.state import begin
 from tensionlab.view.volume import bounds, sweep
 
@@ -44,6 +45,17 @@ def test_bars_say_who_is_at_a_limit(point):
 def test_names_of_modules_are_text(point):
     state = edits.rename(point, "top", "<b>top</b>")
     assert "&lt;b&gt;top" in words.tensions(state, evaluate(state))
+
+
+def test_solvers_are_side_by_side(point):
+    state = edits.choose(compared=("closed-form", "polygon"))(edits.desire(point, [20.0, 0.0, 0.0]))
+    _, answers = compare(state, lambda: True)
+    said = plain(words.solver_table(answers, ("#000000",)))
+    assert re.search(r"■ newton ● 15.1 \S+ 6.00 \S+ .s 0/180", said)
+    assert "■ closed-form ●" in said
+    bars = words.solver_bars(state, answers, ("#000000",))
+    assert 'title="newton 6.00 N"' in bars
+    assert plain(words.solver_table([], ())) == "Choose solvers to compare with the one of the tab Hand."
 
 
 def test_the_share_of_the_box_is_said(point):
