@@ -13,6 +13,7 @@ from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
 from tensionlab.model.rig import Rig
 from tensionlab.view.scene import ARROWS, Arrow, Colours, Lines, Scene, in_space, rgb, size
+from tensionlab.view.snapping import outlines
 from tensionlab.view.state import HAND, State
 from tensionlab.view.volume import Mesh, Slice, bounds
 
@@ -80,7 +81,8 @@ class Drawing:
         self._gizmo_held = False
         self._size = reach = size(state.rig)
         rig, flat = state.rig, state.rig.dimension == 2
-        place_camera(server, rig)
+        self._server = server
+        self._seen: tuple[object, ...] = ()
         scene.world_axes.visible = False
         self._floor = _add_floor(scene, rig)
         nothing, black = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8)
@@ -138,6 +140,10 @@ class Drawing:
 
     def show(self, scene: Scene, state: State) -> None:
         """Bring all nodes up to date, but for the workspace."""
+        seen = (state.rig.up, state.rig.m, state.rig.name, state.task)
+        if seen != self._seen:
+            self._seen = seen
+            place_camera(self._server, state)
         for name, lines in (("cables", scene.cables), ("platform", scene.platform), ("ghost", scene.ghost),
                             ("walls", scene.walls), ("edges", scene.edges)):  # fmt: skip
             _set_lines(self._lines[name], lines)
@@ -251,9 +257,17 @@ def rotation_of(turn: Floats, dimension: int) -> Floats:
     return np.asarray(transforms.SO3(np.asarray(turn, np.float64)).as_matrix())
 
 
-def place_camera(server: viser.ViserServer, rig: Rig) -> None:
-    """Have browsers look at the whole rig, with its vertical axis upright; at one in the plane from the front."""
+def place_camera(server: viser.ViserServer, state: State) -> None:
+    """Have browsers look at the whole rig and its walls from where they begin, and where they reset their view.
+
+    The vertical axis is upright; a rig in the plane is seen from the front.
+    """
+    rig = state.rig
     low, high = (in_space(each) for each in bounds(rig))
+    if state.task is not None and state.task.space.dimension == rig.dimension:
+        walls = in_space(outlines(state.task.space)).reshape(-1, 3)
+        corners = np.concatenate([walls, low[None], high[None]])
+        low, high = corners.min(axis=0), corners.max(axis=0)
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
     server.scene.set_up_direction(tuple(up))

@@ -42,19 +42,29 @@ def save(rig: Rig, path: str) -> Path:
 def python_text(state: State, source: str) -> str:
     """Return a program that loads the rig from a file or by name, and allocates tensions as the page does."""
     rig = state.rig
-    turn = "" if state.rotation is None else f", {_number(state.rotation)}"
-    place = _number(state.position) + turn + (", frames=rig.at_rest" if rig.frames else "")
-    wrench = _number(state.wrench)
-    if rig.required:
-        wrench = f"np.add({wrench}, rig.required.middle(rig{turn}))"
-    policy = "" if state.nearest is None else f', nearest="{state.nearest}"'
-    lines = [
-        *(["import numpy as np", ""] if rig.required else []),
+    pose = "position"
+    lines = ["import numpy as np", ""] if rig.required else []
+    lines += [
         "import tensionlab as tl",
         "",
         f'rig = tl.load_rig("{source}")',
-        f"structure = rig.structure_matrix({place})",
-        f'result = tl.allocate(structure, {wrench}, rig.limits, solver="{state.solver}"{policy})',
+        f"position = {_number(state.position)}",
+    ]
+    if state.rotation is not None:
+        lines.append(f"rotation = {_number(state.rotation)}")
+        pose += ", rotation"
+    lines.append(f"wrench = {_number(state.wrench)}")
+    if rig.required:
+        turn = ", rotation" if state.rotation is not None else ""
+        lines.append(f"wrench = np.add(wrench, rig.required.middle(rig{turn}))")
+    frames = ", frames=rig.at_rest" if rig.frames else ""
+    policy = "" if state.nearest is None else f', nearest="{state.nearest}"'
+    lines += [
+        f"structure = rig.structure_matrix({pose}{frames})",
+        "result = tl.allocate(",
+        "    structure, wrench, rig.limits,",
+        f'    solver="{state.solver}"{policy},',
+        ")",
         "print(result)",
     ]
     return "\n".join(lines) + "\n"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import InputError, TensionlabError
 from tensionlab.model.mjcf import rig_to_mjcf
 from tensionlab.model.rig import Rig
 from tensionlab.view import export, volume
@@ -19,6 +19,7 @@ from tensionlab.view.drawing import TIP, Drawing, Grab, rotation_of
 from tensionlab.view.evaluation import evaluate
 from tensionlab.view.history import UNDONE, History
 from tensionlab.view.latest import Latest
+from tensionlab.view.layout_runner import LayoutRunner
 from tensionlab.view.panel import Panel
 from tensionlab.view.scene import draw, force_scale
 from tensionlab.view.server import PageServer
@@ -26,6 +27,7 @@ from tensionlab.view.snapping import wall_behind
 from tensionlab.view.solver_study import compare, points
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.workspace import WorkspaceWorker
+from tensionlab.workspace.layout.results import Layout
 
 COMPARED_BY = (*UNDONE, "solver", "nearest", "compared", "study", "selected")
 """Attributes of a state that the comparison of solvers depends on."""
@@ -67,6 +69,7 @@ class DesignPage:
         self._wake = threading.Condition()
         self._open = True
         self._step: object = None
+        self._search_step: object = None
         self._dragging = False
         self._compared: State | None = None
         self._looked_at: tuple[object, ...] = (None,) * 5
@@ -74,6 +77,7 @@ class DesignPage:
         self._drawing = Drawing(server.viser, present, self._grab, self._select)
         self._workspace = WorkspaceWorker(self._volume_found)
         self._solvers: Latest[State] = Latest("solvers", self._compare)
+        self._search = LayoutRunner(self._layout_found, self._search_said)
         self._panel = Panel(server.viser, self, export.default_path(rig, word))
         self._thread = threading.Thread(target=self._work, name="view", daemon=True)
         self._show()
@@ -115,12 +119,34 @@ class DesignPage:
         def show() -> None:
             gui = self.server.viser.gui
             with gui.add_modal("As Python") as modal:
-                source = export.default_path(self.state.rig, self._word)
+                unchanged = self.state.rig == self.loaded and self._word
+                source = unchanged or export.default_path(self.state.rig, self._word)
                 gui.add_markdown(f"```python\n{export.python_text(self.state, source)}```")
                 close = gui.add_button("Close")
             close.on_click(lambda _: modal.close())
 
         self._put(show)
+
+    def search(self) -> None:
+        """Have a layout searched for in the space that is chosen; the best so far is shown as it is found."""
+
+        def start() -> None:
+            if self.state.task is None:
+                raise InputError("no space is chosen; give the name of one, or its file, in the tab Search")
+            self._search_step = object()
+            self._search.start(self.state.task, self.state.rig)
+
+        self._put(start)
+
+    def stop_search(self) -> None:
+        """End the search; the best rig so far stays, until it is undone."""
+        self._put(self._search.stop)
+
+    def _layout_found(self, layout: Layout) -> None:
+        self.edit(lambda state: edits.replace_rig(state, layout.rig), self._search_step, "layout")
+
+    def _search_said(self, share: float, said: str) -> None:
+        self._panel.show_search(share, said)
 
     def _tell(self, title: str, text: str) -> None:
         for client in self.server.viser.get_clients().values():
@@ -132,6 +158,7 @@ class DesignPage:
             self._open = False
             self._wake.notify_all()
         self._thread.join()
+        self._search.stop()
         self._workspace.close()
         self._solvers.close()
         self.server.close()

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 NONE, AS_LOADED = "none", "as loaded"
 OWN_POLICY = "the solver's own"
 STEP_M, STEP_N, STEP_DEG = 0.01, 0.1, 1.0
-PANEL_PIXELS = 370.0
+PANEL_PIXELS = 410.0
 LEVEL_STEPS = 50
 
 
@@ -51,6 +51,8 @@ class Actions(Protocol):
     def save(self, path: str) -> None: ...  # noqa: D102
     def download_model(self) -> None: ...  # noqa: D102
     def show_python(self) -> None: ...  # noqa: D102
+    def search(self) -> None: ...  # noqa: D102
+    def stop_search(self) -> None: ...  # noqa: D102
 
 
 class Panel:
@@ -78,6 +80,8 @@ class Panel:
             self._add_workspace()
         with tabs.add_tab("Solvers"):
             self._solvers = SolverPanel(gui, self._edits, solver_names(self._rig))
+        with tabs.add_tab("Search"):
+            self._add_search()
         with tabs.add_tab("File"):
             self._add_file(path)
 
@@ -149,10 +153,6 @@ class Panel:
         self._grid = self._edits(
             gui.add_number("snap to grid m", 0.0, min=0.0, step=STEP_M), lambda step: edits.choose(grid_m=step)
         )
-        self._space = self._edits(
-            gui.add_text("snap to walls of", "", hint="Name of a space, or its file"),
-            _with_space,
-        )
         self._ghost = self._edits(
             gui.add_dropdown("compare with", (NONE, AS_LOADED, *list_names("rigs"))), self._with_ghost
         )
@@ -166,6 +166,17 @@ class Panel:
         self._metric = self._edits(gui.add_dropdown("metric", names), lambda name: edits.choose(metric=name))
         self._level = self._edits(gui.add_slider("level", 0.0, 1.0, 0.01, 0.0), lambda at: edits.choose(level=at))
         self._share = gui.add_html("")
+
+    def _add_search(self) -> None:
+        gui, page = self._gui, self._page
+        self._space = self._edits(
+            gui.add_text("space", "", hint="Name of a space, or its file: the walls for modules"), _with_space
+        )
+        self._walls = gui.add_html(words.space(None, self._rig))
+        _pressed(gui.add_button("Search for a layout"), page.search)
+        _pressed(gui.add_button("Stop", color="gray"), page.stop_search)
+        self._progress = gui.add_progress_bar(0.0)
+        self._searched = gui.add_html("")
 
     def _add_file(self, path: str) -> None:
         gui, page = self._gui, self._page
@@ -210,6 +221,7 @@ class Panel:
             (self._rig_name, state.rig.name), (self._dark_field, state.dark),
         ):  # fmt: skip
             field.value = value
+        self._walls.content = words.space(state.task, state.rig)
         if state.dark is not self._dark:
             self._dark = state.dark
             self._theme()
@@ -247,6 +259,12 @@ class Panel:
             self._level.step = step
         self._level.value = float(state.level)
         self._share.content = words.share(state, volume, ghost)
+
+    def show_search(self, share: float, said: str) -> None:
+        """Show how far a search for a layout is, and what it says."""
+        bar: Any = self._progress
+        bar.value = 100.0 * share
+        self._searched.content = words.note(said)
 
     def show_answers(self, state: State, asked: Problems, answers: Sequence[Answer]) -> None:
         """Show what solvers answer."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.display import duration, short, status_mark
+from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.view.evaluation import Evaluation
 from tensionlab.view.scene import force_scale, tension_colours
@@ -16,6 +17,7 @@ from tensionlab.view.solver_study import STATUS_COLOURS, Answer
 from tensionlab.view.state import State
 from tensionlab.view.volume import VALUE_RAMP, Volume
 from tensionlab.workspace import metrics
+from tensionlab.workspace.layout.task import LayoutTask
 
 POLICY_WORDS = {
     "force": "the nearest wrench is rendered",
@@ -175,7 +177,7 @@ SOLVER_HEADINGS = ("solver", "now", "error", "|t|", "max t", "time", "exact", "j
 def solver_table(answers: Sequence[Answer], colours: Sequence[str]) -> str:
     """Return what solvers answer to the desired wrench and along the study, as HTML."""
     if not answers:
-        return _note("Choose solvers to compare with the one of the tab Hand.")
+        return note("Choose solvers to compare with the one of the tab Hand.")
     rows = [_solver_cells(each) for each in answers]
     look = "text-align:right;padding:1px 0 1px 6px;white-space:nowrap"
     head = "".join(f'<th style="{look};font-weight:600">{word}</th>' for word in SOLVER_HEADINGS)
@@ -248,5 +250,15 @@ def solver_bars(state: State, answers: Sequence[Answer], colours: Sequence[str])
     return f'<div style="font-size:12px;margin:.3em .75em">{key}<div style="{grid}">{"".join(cells)}</div></div>'
 
 
-def _note(text: str) -> str:
+def space(task: LayoutTask | None, rig: Rig) -> str:
+    """Return what a space file is about, as HTML."""
+    if task is None:
+        return note("With a space, anchors that are dragged stay on its walls, and layouts can be searched for.")
+    names = ", ".join(surface.name for surface in task.space.surfaces)
+    counts = " or ".join(map(str, task.space.counts))
+    return note(f"{task.name}: {counts} modules on {names}. Score: {task.objective.describe(rig)}.")
+
+
+def note(text: str) -> str:
+    """Return a remark, as HTML."""
     return f'<div style="font-size:12px;opacity:.65;margin:.2em .75em">{escape(text)}</div>'

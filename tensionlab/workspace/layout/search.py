@@ -48,6 +48,7 @@ def search_layout(
     generations: int = 30,
     starts: int = 50,
     progress: Progress | None = None,
+    better: Callable[[Layout], None] | None = None,
 ) -> LayoutSearch:
     """Search for anchors of modules that are best for a target, by an objective.
 
@@ -73,6 +74,9 @@ def search_layout(
         Generations of the evolution, and how many of its layouts are polished; as many hops follow.
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1.
+    better : callable, optional
+        Called with each layout that is better than those before with as many modules, as soon as it is found. What
+        either of the two raises ends the search.
 
     Raises
     ------
@@ -104,8 +108,16 @@ def search_layout(
             if progress is not None:
                 progress((done + share) / len(counts))
 
+        title = f"{name}-{count + len(space.fixed)}"
+
+        def show(places: Places, title: str = title) -> None:
+            if better is not None:
+                better(evaluate(space, points, objective, places, title))
+
         random = np.random.default_rng([seed, count])
-        ranked = _explore(space, points, objective, count, random, generations, lambda share: report(share / 3))
+        ranked = _explore(
+            space, points, objective, count, random, generations, lambda share: report(share / 3), show
+        )
         limits = space.tension_limits(count)
         best, rank = ranked[0], (-np.inf, -np.inf)
         candidates = _distinct(ranked, starts)
@@ -115,8 +127,9 @@ def search_layout(
             found = float(objective.score(values)), float(objective.merit(values))
             if found > rank:
                 best, rank = polished, found
+                show(best)
             report(1 / 3 + (number + 1) / (3 * starts))
-        layouts.append(evaluate(space, points, objective, best, f"{name}-{count + len(space.fixed)}"))
+        layouts.append(evaluate(space, points, objective, best, title))
     return LayoutSearch(objective, tuple(layouts))
 
 
@@ -128,8 +141,9 @@ def _explore(
     random: np.random.Generator,
     generations: int,
     report: Progress,
+    show: Callable[[Places], None],
 ) -> list[Places]:
-    """Return the last generation of an evolution, the best layout first."""
+    """Return the last generation of an evolution, the best layout first; show the best of each that is better."""
     with needs(None, "the search for a layout"):
         from scipy.optimize import Bounds, OptimizeResult, differential_evolution
 
@@ -142,12 +156,16 @@ def _explore(
     def cost(genes: Floats) -> Floats:
         return -objective.merit(target_margins(space, space.anchors(layouts(genes.T)), limits, target))
 
-    passed = 0
+    passed, least = 0, np.inf
 
     def callback(intermediate_result: OptimizeResult) -> None:
-        nonlocal passed
+        nonlocal passed, least
         passed += 1
         report(passed / generations)
+        if intermediate_result.fun < least:
+            least = intermediate_result.fun
+            shown = layouts(intermediate_result.x)
+            show(Places(shown.surfaces[0], shown.along[0]))
 
     found = differential_evolution(
         cost,  # type: ignore[arg-type]  # the stubs know no vectorized functions

@@ -11,12 +11,12 @@ import numpy as np
 
 from tensionlab import display
 from tensionlab.arrays import Floats, Integers, as_floats
-from tensionlab.errors import RigError
+from tensionlab.errors import RigError, needs
 from tensionlab.files.reading import brief
 from tensionlab.model import pose
 from tensionlab.model.layouts import LIMITS
 from tensionlab.model.module import WORLD, Module, Platform, TensionLimits, require_name, vector
-from tensionlab.model.pose import Frame
+from tensionlab.model.pose import Frame, RestPose
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
 
@@ -257,8 +257,24 @@ class Space:
             platform=self.platform,
             up=self.up,
             required=self.required,
+            rest=self._rest(modules),
             source="tensionlab layout search",
         )
+
+    def _rest(self, modules: Sequence[Module]) -> tuple[RestPose, ...]:
+        """Return where the body frames of modules are while the hand is in the target."""
+        with needs(None, "the rig of a layout"):
+            from scipy.spatial.transform import Rotation
+
+        found = []
+        for name in dict.fromkeys(module.frame for module in modules if module.frame != WORLD):
+            frame = pose.frame_of(self.frames[name])
+            turn = None
+            if frame.rotation is not None:
+                given = np.asarray(frame.rotation, np.float64)
+                turn = np.atleast_1d(given) if self.dimension == 2 else Rotation.from_matrix(given).as_rotvec()
+            found.append(RestPose(name, np.asarray(frame.position, np.float64), turn))
+        return tuple(found)
 
     def decode(self, genes: Floats) -> Places:
         """Return the places that genes (..., k, d + 1), from 0 to 1, stand for.

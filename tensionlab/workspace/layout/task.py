@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from os import PathLike
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from tensionlab.model.module import MAX_LENGTH, Module, Platform
 from tensionlab.model.pose import RestPose
 from tensionlab.model.schema import FrameTable, ModuleTable, PlatformTable, RequiredTable, Table, check
 from tensionlab.workspace.layout.objective import Objective
-from tensionlab.workspace.layout.results import LayoutSearch
+from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.search import Progress, search_layout
 from tensionlab.workspace.layout.space import HARDWARE, Space, Surface, room
 from tensionlab.workspace.poses import Grid, box
@@ -110,9 +111,11 @@ class LayoutTask(NamedTuple):
     generations: int
     starts: int
 
-    def run(self, progress: Progress | None = None) -> LayoutSearch:
-        """Search; ``progress`` is called with the share of the work that is done, from 0 to 1."""
-        return search_layout(**self._asdict(), progress=progress)
+    def run(
+        self, progress: Progress | None = None, better: Callable[[Layout], None] | None = None
+    ) -> LayoutSearch:
+        """Search; ``progress`` and ``better`` are called as by `search_layout`."""
+        return search_layout(**self._asdict(), progress=progress, better=better)
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:

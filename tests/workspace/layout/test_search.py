@@ -266,3 +266,35 @@ def test_no_layout_nearby_is_better_than_the_polished_one():
     near = np.clip(found.along + rng.normal(scale=0.01, size=(4000, 5, 3)), 0, 1)
     others = space.anchors(Places(np.broadcast_to(found.surfaces, (4000, 5)), near))
     assert target_margins(space, others, limits, target).min(axis=-1).max() <= margins.min() + 1e-4
+
+
+def test_layouts_are_shown_as_they_become_better():
+    shown = []
+    space = Space(WALLS, (3,), LIMITS)
+    found = search_layout(
+        space, [[0, 0]], Objective(), generations=3, starts=2, better=shown.append, progress=lambda share: None
+    )
+    scores = [each.score for each in shown]
+    assert scores == sorted(scores)
+    assert len(scores) > 1
+    assert shown[-1].rig == found.best.rig
+
+
+def test_who_watches_a_search_can_end_it():
+    def stop(layout):
+        raise KeyError("enough")
+
+    with pytest.raises(KeyError, match="enough"):
+        search_layout(Space(WALLS, (3,), LIMITS), [[0, 0]], Objective(), generations=3, starts=2, better=stop)
+
+
+def test_bodies_are_at_rest_in_the_rig_where_the_space_has_them():
+    turn = tl.workspace.roll_pitch_yaw(0.1, 0.2, 0.3)[0]
+    hip = tl.Frame([0.0, 0.9, -0.3], turn)
+    belt = Surface("belt", [-0.2, 0.0, 0.0], [[0.4, 0.0, 0.0]], frame="hip")
+    space = Space((*room([2, 2, 2]), belt), (5,), LIMITS, frames={"hip": hip})
+    on_belt = Places(np.array([6, 0, 1, 2, 3]), np.full((5, 3), 0.4))
+    rig = search.evaluate(space, np.array([[0.0, 1.0, 0.0]]), Objective(), on_belt, "five").rig
+    assert rig.frames == ("hip",)
+    np.testing.assert_allclose(rig.at_rest["hip"].position, hip.position)
+    np.testing.assert_allclose(rig.at_rest["hip"].rotation, turn, atol=1e-12)
