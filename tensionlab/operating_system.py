@@ -26,6 +26,8 @@ Result = TypeVar("Result")
 OPEN_ELSEWHERE_S = 1.0
 """How long another program may have a file open on Windows until it counts as one that cannot be replaced."""
 RETRY_PERIOD_S = 0.01
+NICENESS = 10
+"""Of a process that others must not wait for."""
 
 if sys.platform == "win32":
     INTERRUPT_SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM, signal.SIGBREAK)
@@ -57,6 +59,12 @@ def send_estop(pid: int) -> None:
 def kill_command(pid: int) -> str:
     """Return the command by which a user kills a process."""
     return f"taskkill /f /pid {pid}" if sys.platform == "win32" else f"kill -9 {pid}"
+
+
+def lower_priority() -> None:
+    """Leave the processor to others from now on; on Windows, nothing."""
+    if sys.platform != "win32":
+        os.nice(NICENESS)
 
 
 def interrupt_main_thread() -> None:

@@ -12,8 +12,8 @@ import typer
 
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules
-from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigArgument, Solver
+from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run
+from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigArgument, Solver, View
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.display import duration
 from tensionlab.errors import HardwareError
@@ -69,6 +69,7 @@ def run(
         ),
     ] = "stop",
     log: Log = None,
+    view: View = False,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and no live table.")] = False,
 ) -> None:
     """Render forces on the modules of a rig. Without a force or a program, the cables are held taut.
@@ -83,6 +84,8 @@ def run(
     settings = RunSettings(rate=rate, ttl=ttl, on_loss=on_loss, nearest=nearest)  # type: ignore[arg-type]  # it checks them
     options.check_solvers(loaded, [solver], nearest)
     tracker = _tracker(loaded, at)
+    if view:
+        show_run()
     group, clock, links = reach_modules(loaded, modules, tracker)
     failure: HardwareError | None = None
     try:

@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import kept_of_run, module_links, print_simulated
-from tensionlab.cli.common.options import Duration, Json, Log, Modules, Plot, Solver
+from tensionlab.cli.common.modules import kept_of_run, module_links, print_simulated, show_run
+from tensionlab.cli.common.options import Duration, Json, Log, Modules, Plot, Solver, View
 from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
 from tensionlab.files.named import list_names
@@ -61,14 +61,15 @@ def scenario(
     ] = None,
     log: Log = None,
     plot: Plot = None,
+    view: View = False,
     json: Json = False,
 ) -> None:
     """Play a haptic scenario and check its forces.
 
     Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
     it compares the rendered forces with what a person should feel. On simulated modules, a simulated person acts,
-    as fast as this computer can. Exit status 1 where a measured value is not as expected, something went wrong
-    with a module, or the rig can do nothing of the scenario.
+    as fast as this computer can; with --view, in real time. Exit status 1 where a measured value is not as
+    expected, something went wrong with a module, or the rig can do nothing of the scenario.
     """
     if name == LIST:
         _list(json)
@@ -87,7 +88,9 @@ def scenario(
         )
         raise typer.Exit(1)
     with ExitStack() as opened, output.progress(loaded.title) as progress:
-        reached = _reached(loaded, modules, osc, opened)
+        if view:
+            show_run()
+        reached = _reached(loaded, modules, osc, opened, paced=view)
         try:
             played = play(loaded, reached, solver, seconds, log, ["tensionlab", *sys.argv[1:]], progress)
         except HardwareError as error:
@@ -140,11 +143,16 @@ def _require_tracking(scenario: Scenario, modules: str | None, osc: int | None) 
         )
 
 
-def _reached(scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack) -> ScenarioModules:
-    """Open the modules, to be closed with the rest, and what tracks hand and bodies."""
+def _reached(
+    scenario: Scenario, modules: str | None, osc: int | None, opened: ExitStack, *, paced: bool
+) -> ScenarioModules:
+    """Open the modules, to be closed with the rest, and what tracks hand and bodies.
+
+    The time of simulated ones goes no faster than real time if ``paced``, else as fast as it can.
+    """
     if modules is None:
         print_simulated()
-        reached = simulate_modules(scenario)
+        reached = simulate_modules(scenario, paced=paced)
         opened.callback(reached.group.close)
         return reached
     links = module_links(scenario.rig, modules)

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options
-from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules
-from tensionlab.cli.common.options import Duration, Log, Modules, Solver
+from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run
+from tensionlab.cli.common.options import Duration, Log, Modules, Solver, View
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import TensionlabError
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
@@ -94,6 +94,7 @@ def serve(
         list[str] | None, typer.Option(metavar="ORIGIN", help="A web page that may connect; also repeated.")
     ] = None,
     log: Log = None,
+    view: View = False,
 ) -> None:
     """Let a game engine drive a rig over a WebSocket.
 
@@ -127,7 +128,12 @@ def serve(
     admission = Admission(_token(token_file), tuple(page or ()), schema_text(loaded))
     bridge = Bridge(client, welcome, events.state, host, port, admission, clients)
     events.send = bridge.broadcast
-    inner: Inner = FreeEffects(client) if played is None else ScenarioDemand(played, events.note, repeat=True)
+
+    def note(kind: str, text: str) -> None:
+        events.note(kind, text)
+        runner.note(kind, text)
+
+    inner: Inner = FreeEffects(client) if played is None else ScenarioDemand(played, note, repeat=True)
     with ExitStack() as stack:
         stack.enter_context(bridge)
         typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
@@ -136,6 +142,8 @@ def serve(
             typer.echo(f"OSC at UDP port {door.port}")
         page_url = bridge.url.replace("ws:", "http:")
         typer.echo(f"{page_url}{PAGE_PATH} shows the state, {page_url}{SCHEMA_PATH} has the messages' schema")
+        if view:
+            show_run()
         group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
         stack.callback(group.close)
         stack.enter_context(temporary_slew(group, MAX_SLEW_RATE_N_PER_S if played is None else played.slew))

@@ -1,23 +1,30 @@
-"""``tensionlab view``: a rig in the browser, to be designed."""
+"""``tensionlab view``: a rig in the browser, to be designed; or a run in progress, to be watched."""
 
 from __future__ import annotations
 
 import threading
 import webbrowser
+from contextlib import closing
 from typing import Annotated
 
 import typer
 
-from tensionlab.cli.common.options import RigArgument
+from tensionlab.cli.common import options, output
 from tensionlab.cli.common.output import if_interrupted
+from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
+from tensionlab.view.live import LivePage
 from tensionlab.view.page import DesignPage
 from tensionlab.view.server import PageServer
 
 
-@if_interrupted("what was saved from the page is kept; the same command shows the file's rig again")
 def view(
-    rig: RigArgument,
+    rig: Annotated[
+        str | None, options.rig_argument("; with --live, that of the run, if there are several")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the run in progress on this computer, and a button that stops it.")
+    ] = False,
     port: Annotated[int, typer.Option(help="Of the page; 0 takes a free one.", min=0, max=65535)] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser.")] = True,
     host: Annotated[
@@ -27,15 +34,49 @@ def view(
         ),
     ] = "127.0.0.1",
 ) -> None:
-    """Design a rig in the browser.
+    """Design a rig in the browser, or watch a run there.
 
-    Modules, hand and force can be dragged; tensions, what is feasible and the workspace follow. Ctrl-C ends it.
+    Modules, hand and force can be dragged; tensions, what is feasible and the workspace follow. A run whose modules
+    are simulated in its own process is shown by its --view. Ctrl-C ends it.
     """
+    if live:
+        watcher, name = _watcher(rig)
+        shown = LivePage(watcher, PageServer(host, port))
+        with if_interrupted("the run goes on; the same command shows it again"), closing(shown):
+            _open(shown.server, f"the run of {name}", browser=browser)
+            shown.serve(lambda: False)
+    if rig is None:
+        raise typer.BadParameter("give a rig to design, or --live for a run in progress")
     page = DesignPage(load_rig(rig), PageServer(host, port), rig)
-    try:
-        typer.echo(f"{page.server.url} shows {page.loaded.name}; Ctrl-C ends it")
-        if browser:
-            webbrowser.open(page.server.url)
+    with (
+        if_interrupted("what was saved from the page is kept; the same command shows the file's rig again"),
+        closing(page),
+    ):
+        _open(page.server, page.loaded.name, browser=browser)
         threading.Event().wait()
-    finally:
-        page.close()
+
+
+def _open(server: PageServer, name: str, *, browser: bool) -> None:
+    typer.echo(f"{server.url} shows {name}; Ctrl-C ends it")
+    if browser:
+        webbrowser.open(server.url)
+
+
+def _watcher(name: str | None) -> tuple[RunWatcher, str]:
+    """Return the watcher of the run in progress, or of the one with that rig, and the name of its rig."""
+    wanted = None if name is None else load_rig(name).name
+    runs = {each: each.info for each in find_runs() if each.info is not None}
+    found = [each for each, info in runs.items() if wanted in (None, info.rig.name)]
+    for each in runs:
+        if each not in found or len(found) > 1:
+            each.close()
+    if not found:
+        what = "on modules that are not simulated in it" if name is None else f'with the rig "{name}"'
+        output.print_error(
+            f"no process of yours has a run in progress {what}; give a run --view to see it from its begin"
+        )
+        raise typer.Exit(1)
+    if len(found) > 1:
+        programs = "; ".join(f"{runs[each].rig.name}: {runs[each].program}" for each in found)
+        raise typer.BadParameter(f"{len(found)} runs are in progress; name the rig of one of them ({programs})")
+    return found[0], runs[found[0]].rig.name

@@ -19,7 +19,7 @@ from tensionlab.hardware.client.group import ModuleGroup
 from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.runner import Runner, Tracker
-from tensionlab.hardware.runner.settings import Clock, RunSettings, WorldClock
+from tensionlab.hardware.runner.settings import Clock, PlaybackClock, RunSettings, WorldClock
 from tensionlab.hardware.runner.statistics import Statistics
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
@@ -76,16 +76,20 @@ def needs_tracker(rig: Rig) -> bool:
     return bool(rig.frames) or rig.m < rig.n
 
 
-def simulate_modules(scenario: Scenario, conditions: Conditions | None = None, seed: int = 0) -> ScenarioModules:
-    """Return modules in this process whose cables a simulated person holds; time passes as fast as it can.
+def simulate_modules(
+    scenario: Scenario, conditions: Conditions | None = None, seed: int = 0, *, paced: bool = False
+) -> ScenarioModules:
+    """Return modules in this process whose cables a simulated person holds.
 
-    The conditions are of the links, the seed of noise and accidents.
+    The conditions are of the links, the seed of noise and accidents. Time passes as fast as it can, or if
+    ``paced``, no faster than real time.
     """
     person = Person(scenario.person, scenario.rig)
     world = World(scenario.rig, person, seed)
     links = dict.fromkeys((module.name for module in scenario.rig.modules), SIMULATED)
     tracker = (lambda time: person.pose) if needs_tracker(scenario.rig) else None
-    return ScenarioModules(world.group(conditions, seed), WorldClock(world), links, tracker, person)
+    clock = PlaybackClock(world) if paced else WorldClock(world)
+    return ScenarioModules(world.group(conditions, seed), clock, links, tracker, person)
 
 
 def play(
@@ -123,7 +127,7 @@ def play(
     with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
         record = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links)
-        statistics = perform(scenario, modules, record.note, solver, seconds, record, progress)
+        statistics = perform(scenario, modules, None, solver, seconds, record, progress)
         person = None if modules.person is None else modules.person.record
         return ScenarioResult(scenario, read_run(path), statistics, person)
 
@@ -139,10 +143,16 @@ def perform(
 ) -> Statistics:
     """Play a scenario on modules inside `temporary_slew`; keep nothing of it unless there is a log.
 
-    Other parameters are those of `play` and, for ``notify``, of `ScenarioDemand`.
+    Other parameters are those of `play` and, for ``notify``, of `ScenarioDemand`; the run keeps its events anyway.
     """
     length = scenario.seconds if seconds is None else seconds
-    inner = ScenarioDemand(scenario, notify)
+
+    def note(kind: str, text: str) -> None:
+        runner.note(kind, text)
+        if notify is not None:
+            notify(kind, text)
+
+    inner = ScenarioDemand(scenario, note)
     inner.renderer.limits = module_limits(scenario.rig, modules.group)
     source: DemandSource = inner if modules.client is None else BridgedDemand(modules.client, inner)
 

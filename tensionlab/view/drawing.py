@@ -84,7 +84,7 @@ class Drawing:
         self._server = server
         self._seen: tuple[object, ...] = ()
         scene.world_axes.visible = False
-        self._floor = _add_floor(scene, rig)
+        self._floor = add_floor(scene, rig)
         nothing, black = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8)
         self._lines = {
             name: scene.add_line_segments(
@@ -143,12 +143,14 @@ class Drawing:
         seen = (state.rig.up, state.rig.m, state.rig.name, state.task)
         if seen != self._seen:
             self._seen = seen
-            place_camera(self._server, state)
+            task, d = state.task, state.rig.dimension
+            walls = [outlines(task.space).reshape(-1, d)] if task is not None and task.space.dimension == d else []
+            place_camera(self._server, state.rig, *walls)
         for name, lines in (("cables", scene.cables), ("platform", scene.platform), ("ghost", scene.ghost),
                             ("walls", scene.walls), ("edges", scene.edges)):  # fmt: skip
-            _set_lines(self._lines[name], lines)
+            set_lines(self._lines[name], lines)
         for name, node in self._arrows.items():
-            _set_arrow(node, scene.arrows.get(name))
+            set_arrow(node, scene.arrows.get(name))
         for name, mesh in (("available", scene.available), ("plane", scene.plane)):
             _set_mesh(self._meshes[name], mesh)
         self._show_modules(scene, state)
@@ -257,17 +259,12 @@ def rotation_of(turn: Floats, dimension: int) -> Floats:
     return np.asarray(transforms.SO3(np.asarray(turn, np.float64)).as_matrix())
 
 
-def place_camera(server: viser.ViserServer, state: State) -> None:
-    """Have browsers look at the whole rig and its walls from where they begin, and where they reset their view.
+def place_camera(server: viser.ViserServer, rig: Rig, *more: Floats) -> None:
+    """Have browsers look at the whole rig, with its vertical axis upright; at one in the plane from the front.
 
-    The vertical axis is upright; a rig in the plane is seen from the front.
+    ``more`` are arrays (k, d) of points that are to be seen, too.
     """
-    rig = state.rig
-    low, high = (in_space(each) for each in bounds(rig))
-    if state.task is not None and state.task.space.dimension == rig.dimension:
-        walls = in_space(outlines(state.task.space)).reshape(-1, 3)
-        corners = np.concatenate([walls, low[None], high[None]])
-        low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = (in_space(each) for each in bounds(rig, *more))
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
     server.scene.set_up_direction(tuple(up))
@@ -282,9 +279,9 @@ def place_camera(server: viser.ViserServer, state: State) -> None:
     camera.position, camera.look_at, camera.up = middle + distance * away / np.linalg.norm(away), middle, up
 
 
-def _add_floor(scene: Any, rig: Rig) -> Any:
-    """Add a grid at the lowest point of the rig; a rig in the plane has it behind."""
-    low, high = (in_space(each) for each in bounds(rig))
+def add_floor(scene: Any, rig: Rig, *more: Floats) -> Any:
+    """Add a grid at the lowest point of the rig, and of arrays (k, d); a rig in the plane has it behind."""
+    low, high = (in_space(each) for each in bounds(rig, *more))
     reach = float((high - low).max())
     section = 10.0 ** np.floor(np.log10(reach))
     middle = (low + high) / 2
@@ -301,7 +298,8 @@ def _add_floor(scene: Any, rig: Rig) -> Any:
     )  # fmt: skip
 
 
-def _set_lines(node: Any, lines: Lines) -> None:
+def set_lines(node: Any, lines: Lines) -> None:
+    """Show lines in a node; none hide it."""
     if len(lines.points):
         node.points, node.colors = lines.points, linear(lines.colours)
     node.visible = bool(len(lines.points))
@@ -314,7 +312,8 @@ def linear(colours: Colours) -> Colours:
     return np.asarray(np.round(255.0 * light), np.uint8)
 
 
-def _set_arrow(node: Any, arrow: Arrow | None) -> None:
+def set_arrow(node: Any, arrow: Arrow | None) -> None:
+    """Show an arrow in a node; one without a length hides it."""
     there = arrow is not None and float(np.linalg.norm(arrow.end - arrow.start)) > 0.0
     if arrow is not None and there:
         node.points = np.stack([arrow.start, arrow.end])[None]

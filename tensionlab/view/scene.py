@@ -111,8 +111,8 @@ def draw(state: State, found: Evaluation) -> Scene:
     if certificate is not None:
         arrows["certificate"] = certificate[0]
     return Scene(
-        cables=Lines(np.stack([ends, anchors], axis=1), _twice(tension_colours(state.rig, found))),
-        platform=_arms(hand, ends),
+        cables=Lines(np.stack([ends, anchors], axis=1), both_ends(tension_colours(state.rig, found))),
+        platform=arms(hand, ends),
         ghost=_ghost(state),
         walls=_walls(state),
         anchors=anchors,
@@ -157,25 +157,23 @@ def rgb(colour: str) -> Colours:
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
 
 
-def tension_shares(rig: Rig, found: Evaluation) -> Floats:
-    """Return where between its limits each tension is, (m,): 0 is the lower one; NaN without tensions."""
-    if found.allocation is None:
-        return np.full(rig.m, np.nan)
-    lower, upper = rig.limits.lower, rig.limits.upper
-    span = np.where(upper > lower, upper - lower, 1.0)
-    return np.asarray((found.allocation.tensions - lower) / span)
-
-
 def tension_colours(rig: Rig, found: Evaluation) -> Colours:
     """Return the colour of each cable, (m, 3), by where its tension is between its limits; grey without one."""
-    share = tension_shares(rig, found)
+    return ramp(rig, np.full(rig.m, np.nan) if found.allocation is None else found.allocation.tensions)
+
+
+def ramp(rig: Rig, tensions: Floats) -> Colours:
+    """Return colours (m, 3) by where tensions (m,) are between the limits; grey for NaN."""
+    lower, upper = rig.limits.lower, rig.limits.upper
+    share = (tensions - lower) / np.where(upper > lower, upper - lower, 1.0)
     stops = np.stack([rgb(colour) for colour in RAMP]).astype(np.float64)
     at = np.linspace(0.0, 1.0, len(stops))
-    ramp = np.stack([np.interp(np.nan_to_num(share), at, channel) for channel in stops.T], axis=-1)
-    return np.where(np.isnan(share)[:, None], rgb(GREY), np.round(ramp)).astype(np.uint8)
+    found = np.stack([np.interp(np.nan_to_num(share), at, channel) for channel in stops.T], axis=-1)
+    return np.where(np.isnan(share)[:, None], rgb(GREY), np.round(found)).astype(np.uint8)
 
 
-def _twice(colours: Colours) -> Colours:
+def both_ends(colours: Colours) -> Colours:
+    """Return the colours of lines, (k, 2, 3), each of one colour, (k, 3)."""
     return np.repeat(colours[:, None], 2, axis=1)
 
 
@@ -183,7 +181,7 @@ def _plain(points: Floats, colour: str) -> Lines:
     return Lines(points, np.broadcast_to(rgb(colour), (*points.shape[:2], 3)))
 
 
-def _arms(hand: Floats, ends: Floats) -> Lines:
+def arms(hand: Floats, ends: Floats) -> Lines:
     """Return lines from the reference point to the attachments; none for a point."""
     apart = ends[np.linalg.norm(ends - hand, axis=1) > 0.0]
     return _plain(np.stack([np.broadcast_to(hand, apart.shape), apart], axis=1), GREY)

@@ -90,12 +90,14 @@ class Slice:
     axes: Floats
 
 
-def bounds(rig: Rig) -> tuple[Floats, Floats]:
+def bounds(rig: Rig, *more: Floats) -> tuple[Floats, Floats]:
     """Return the low and high corner, (d,), in m, of a box around the anchors and the home of a rig.
+
+    ``more`` are arrays (k, d) of points that are in it, too.
 
     Where all of them are nearly in a plane, as on a ceiling, the box reaches beyond it on the side of home.
     """
-    points = np.concatenate([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home[None]])
+    points = np.concatenate([place_anchors(rig.modules, rig.anchors, rig.at_rest), rig.home[None], *more])
     low, high = points.min(axis=0), points.max(axis=0)
     missing = np.maximum(THIN * float((high - low).max()) - (high - low), 0.0)
     below = np.where(rig.home - low < high - rig.home, 1.0, np.where(rig.home - low > high - rig.home, 0.0, 0.5))

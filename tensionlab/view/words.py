@@ -38,7 +38,7 @@ ZERO = 1e-9
 def status(state: State, found: Evaluation) -> str:
     """Return the status, the forces and the margin, as HTML."""
     if found.allocation is None:
-        return _box("#D55E00", "no answer", escape(found.problem))
+        return box("#D55E00", "no answer", escape(found.problem))
     word, colour, more = "EXACT", "#009E73", "the desired force is rendered"
     code = Status(int(found.allocation.status))
     if code is Status.NEAREST:
@@ -48,7 +48,7 @@ def status(state: State, found: Evaluation) -> str:
             more += f", {100 * float(found.allocation.scale):.3g} % of it"
     elif code is not Status.EXACT:
         word, colour, more = code.name, "#D55E00", status_mark(int(code)).word
-    return _box(colour, word, more) + _rows(_lines(state, found)) + _scale(state)
+    return box(colour, word, more) + rows(_lines(state, found)) + _scale(state)
 
 
 def _lines(state: State, found: Evaluation) -> list[tuple[str, str, str]]:
@@ -59,13 +59,13 @@ def _lines(state: State, found: Evaluation) -> list[tuple[str, str, str]]:
     lines = []
     for name, part, unit in (("force", slice(0, d), "N"), ("torque", slice(d, None), "N·m"))[: 1 + turns]:
         for which, wrench in (("desired", state.wrench), ("rendered", found.rendered)):
-            length = _number(float(np.linalg.norm(wrench[part])))
-            lines.append((f"{which} {name}", f"{length} {unit}", _vector(wrench[part])))
+            length = number(float(np.linalg.norm(wrench[part])))
+            lines.append((f"{which} {name}", f"{length} {unit}", vector(wrench[part])))
     note = "N and N·m together" if turns else ""
-    lines.append(("error", f"{_number(float(found.allocation.residual))} N", note))
+    lines.append(("error", f"{number(float(found.allocation.residual))} N", note))
     if found.certificate is not None:
-        proof = f"along {_vector(found.certificate.direction)}; desired {_number(found.certificate.desired)} N"
-        lines.append(("at most", f"{_number(found.certificate.reach)} N", proof))
+        proof = f"along {vector(found.certificate.direction)}; desired {number(found.certificate.desired)} N"
+        lines.append(("at most", f"{number(found.certificate.reach)} N", proof))
     beside = "" if found.ghost_margin is None else f"; {found.ghost_margin:.3g} N of {_ghost_name(state)}"
     lines.append(("capacity margin", f"{found.margin:.3g} N", "at the hand" + beside))
     return lines
@@ -76,7 +76,7 @@ def _ghost_name(state: State) -> str:
     return "the other" if same or state.ghost is None else state.ghost.name
 
 
-def _rows(lines: list[tuple[str, str, str]]) -> str:
+def rows(lines: list[tuple[str, str, str]]) -> str:
     """Return a table of names, values and notes."""
     rows = "".join(
         f'<tr><td style="white-space:nowrap">{name}</td>'
@@ -126,16 +126,18 @@ def tensions(state: State, found: Evaluation) -> str:
     return f'<div style="{grid}">{"".join(rows)}</div>'
 
 
-def _number(value: float) -> str:
-    """Return a number in three digits; what is zero but for rounding is 0."""
+def number(value: float) -> str:
+    """Return it in three digits; what is zero but for rounding is 0."""
     return "0" if abs(value) < ZERO else f"{value:.3g}"
 
 
-def _vector(values: Floats) -> str:
-    return f"({', '.join(_number(float(each)) for each in values)})" if len(values) > 1 else ""
+def vector(values: Floats) -> str:
+    """Return numbers in three digits, in brackets; nothing for one alone."""
+    return f"({', '.join(number(float(each)) for each in values)})" if len(values) > 1 else ""
 
 
-def _box(colour: str, word: str, more: str) -> str:
+def box(colour: str, word: str, more: str) -> str:
+    """Return a word beside a bar of a colour, with HTML below."""
     return (
         f'<div style="margin:.2em .75em;border-left:5px solid {colour};padding:.15em .6em">'
         f'<b style="font-size:16px">{word}</b><div style="font-size:12px">{more}</div></div>'
@@ -144,7 +146,7 @@ def _box(colour: str, word: str, more: str) -> str:
 
 def problem(text: str) -> str:
     """Return what was refused and why, as HTML; nothing if nothing was."""
-    return _box("#D55E00", "not done", escape(text)) if text else ""
+    return box("#D55E00", "not done", escape(text)) if text else ""
 
 
 def share(state: State, volume: Volume, ghost: Volume | None = None) -> str:

@@ -137,6 +137,13 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
     return Reached(group, RealClock(group.clients), links)
 
 
+def show_run() -> None:
+    """Open a page in the browser that shows the run which this process is about to begin."""
+    from tensionlab.view.beside import open_page
+
+    typer.echo(f"{open_page()} shows the run", err=True)
+
+
 def print_simulated() -> None:
     """Print that the modules are simulated, so that nobody waits for real ones to pull."""
     typer.echo("no --modules: these are simulated, in this process", err=True)

@@ -195,6 +195,9 @@ Log = Annotated[
         help="Log every cycle to this file, a new one; see `tensionlab log`.",
     ),
 ]
+View = Annotated[
+    bool, typer.Option("--view", help="Show the run in the browser, with a button that stops its modules.")
+]
 Duration = Annotated[
     float | None,
     typer.Option(

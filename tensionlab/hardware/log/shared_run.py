@@ -115,9 +115,8 @@ class SharedRun:
             "currents": [None if each is None else each.message.current for each in heard],
             "supplies": [None if each is None else each.message.supply for each in heard],
             "brakes": [-1 if each is None else int(each.message.brake) for each in heard],
-            # Lists of reversed deques are made in one go, whatever the run's thread adds meanwhile.
-            "start_delays": list(islice(reversed(statistics.start_delays), MAX_TIMES))[::-1],
-            "compute_times": list(islice(reversed(statistics.compute_times), MAX_TIMES))[::-1],
+            "start_delays": latest(statistics.start_delays),
+            "compute_times": latest(statistics.compute_times),
             "cycles": statistics.cycles,
             "missed": statistics.missed,
             "fallback_used": statistics.fallback_used,
@@ -140,6 +139,13 @@ class SharedRun:
         last = self.pack(over=True)
         self._published.topics[RUN] = lambda: last
         self._published.announce(RUN)
+
+
+def latest(times: deque[float]) -> list[float]:
+    """Return the newest `MAX_TIMES` values, the newest last, while another thread may add to them."""
+    while True:
+        with suppress(RuntimeError):  # it did, just now
+            return list(islice(reversed(times), MAX_TIMES))[::-1]
 
 
 @dataclass(frozen=True, eq=False)

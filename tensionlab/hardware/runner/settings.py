@@ -182,3 +182,19 @@ class WorldClock:
         self._world.advance(max(when - self._world.time, 0.0))
         if self._paced:
             self._worked = time.process_time()
+
+
+class PlaybackClock(WorldClock):
+    """Clock of simulated modules that is never ahead of real time; where it falls behind, time passes more slowly.
+
+    So a run by it is to be watched, and yet the same, cycle by cycle, as one that goes as fast as it can.
+    """
+
+    def wait_until(self, when: float) -> None:
+        """Let time pass in the modules until then, and in the room."""
+        left = when - (time.perf_counter() - self._start)
+        if left > 0.0:
+            time.sleep(left)
+        else:
+            self._start -= left
+        super().wait_until(when)

@@ -1,0 +1,242 @@
+"""What the page of a run says, as HTML: how it is, forces, modules, loop times and events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+
+import numpy as np
+
+from tensionlab.arrays import Floats
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, count, duration, short
+from tensionlab.hardware.log.shared_run import Condition, RunInfo, RunReport
+from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
+from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
+from tensionlab.model.rig import Rig
+from tensionlab.view.instant import ENLARGED, FORCES, Instant
+from tensionlab.view.scene import force_scale, ramp
+from tensionlab.view.stop import StopOutcome
+from tensionlab.view.words import box, vector
+
+SHOWN_EVENTS = 20
+SILENT_S = 3.0
+"""A page that hears nothing from its server for so long says so itself."""
+DECIMALS = 4
+"""Of errors in N: modules measure no finer."""
+LATE_PERIODS = 3.0
+"""Telemetry that is older than so many cycles is marked."""
+SMALL = "font-size:12px;margin:.3em .75em"
+
+
+def heading(condition: Condition, age: float, info: RunInfo | None, report: RunReport | None) -> str:
+    """Return how the run is, as HTML, and for how long it has been so if that is not as it should be."""
+    if info is None:
+        return box(GREY, "WAITING", "for the run to answer") if condition != "gone" else _gone("")
+    who = (
+        '<div style="opacity:.65;white-space:nowrap;overflow:hidden;text-overflow:ellipsis">'
+        f"process {info.pid}: {escape(info.program)}</div>"
+    )
+    if condition == "gone":
+        return _gone(who)
+    if condition == "waiting":
+        return box(GREY, "WAITING", f"for news of the run{who}")
+    if condition == "arming":
+        return box(ORANGE, "ARMING", f"modules are armed, and slack cables reeled in{who}")
+    if condition == "stale":
+        return box(RED, f"STALE for {age:.1f} s", f"no newer cycle has come; what is shown is old{who}")
+    assert report is not None
+    if condition == "ended":
+        return _ended(report)
+    assert report.cycle is not None
+    now = (
+        f"{float(report.cycle['time']):.1f} s, {count(report.cycles, 'cycle')} at {info.rate:g} Hz, {info.solver}"
+    )
+    if report.lost:
+        return box(ORANGE, f"LIVE, {count(len(report.lost), 'module')} lost", now + who)
+    return box(GREEN, "LIVE", now + who)
+
+
+def _gone(who: str) -> str:
+    return box(RED, "GONE", f"its process has ended without a word; its modules release as their links close{who}")
+
+
+def _ended(report: RunReport) -> str:
+    lines = [escape(report.ended) or "for a reason that nobody knows"]
+    lines += [f"lost: {escape(name)}: {escape(why)}" for name, why in report.lost.items()]
+    lines += [
+        f"<b>{escape(name)} did not confirm that it has stopped</b>: {escape(why)}"
+        for name, why in report.unconfirmed.items()
+    ]
+    well = report.ended in (DURATION_REACHED, DEMAND_STOPPED) or report.ended.startswith("signal")
+    colour = RED if report.unconfirmed or report.lost or report.emergency or not well else GREY
+    confirmed = "" if report.unconfirmed else "; all modules have confirmed that they stopped"
+    return box(colour, "ENDED", f"{count(report.cycles, 'cycle')}{confirmed}<br>{'<br>'.join(lines)}")
+
+
+def style() -> str:
+    """Return the page's style, as HTML: a large stop button, and what becomes of parts that are not renewed.
+
+    Viser's buttons are of one size, and the stop button alone is red. What `renewed` wraps fades by itself, so that
+    nothing looks live where the page's server has ended or hangs.
+    """
+    return (
+        '<style>button[style*="mantine-color-red-filled"]{height:3.6em!important;font-size:18px!important}'
+        'button[style*="mantine-color-red-filled"] span{font-weight:bold!important}'
+        "@keyframes tensionlab-fade{to{opacity:.3}}"
+        "@keyframes tensionlab-hide{to{max-height:0;opacity:0}}"
+        "@keyframes tensionlab-show{to{max-height:20em;opacity:1}}</style>"
+    )
+
+
+def renewed(html: str, beat: int, *, fresh: bool) -> str:
+    """Return HTML that is faint if not fresh, or not replaced for `SILENT_S`; ``beat`` is always another."""
+    look = f"animation:tensionlab-fade 0s {SILENT_S:g}s forwards" if fresh else "opacity:.45"
+    return f'<div data-beat="{beat}" style="{look}">{html}</div>'
+
+
+def renewed_heading(html: str, beat: int) -> str:
+    """Return a heading in whose place browsers show that they hear nothing, if not replaced for `SILENT_S`."""
+    text = (
+        "This page hears nothing from its server: what it shows is old, and its button may stop nothing. "
+        "<code>tensionlab estop</code> in a terminal stops all modules."
+    )
+    hides, shows = (
+        f"overflow:hidden;animation:tensionlab-{what} 0s {SILENT_S:g}s forwards" for what in ("hide", "show")
+    )
+    return (
+        f'<div data-beat="{beat}" style="{hides}">{html}</div>'
+        f'<div style="max-height:0;opacity:0;{shows}">{box(RED, "NO NEWS", text)}</div>'
+    )
+
+
+def forces(rig: Rig, instant: Instant) -> str:
+    """Return desired, commanded and measured wrench, as HTML."""
+    d, rows = rig.dimension, []
+    for name, colour in FORCES.items():
+        wrench: Floats = getattr(instant, name)
+        known = bool(np.isfinite(wrench).all())
+        size = f"{short(float(np.linalg.norm(wrench[:d])))} N" if known else "–"
+        more = vector(wrench) if known else "taut cables"
+        rows.append((f'<span style="color:{colour}">■</span> {name}', size, more))
+    if np.isfinite(instant.desired).all():
+        error = np.round(instant.measured - instant.desired, DECIMALS)
+        rows.append(("measured − desired", f"{short(float(np.linalg.norm(error[:d])))} N", vector(error)))
+    cells = "".join(
+        f'<tr><td>{name}</td><td style="text-align:right;padding:0 .8em;white-space:nowrap"><b>{size}</b></td>'
+        f'<td style="opacity:.65">{more}</td></tr>'
+        for name, size, more in rows
+    )
+    notes = [f"1 m in the picture is {short(1.0 / (ENLARGED * force_scale(rig)))} N"]
+    if rig.n > d:
+        notes.append("vectors in N and N·m")
+    return f'<div style="{SMALL}"><table>{cells}</table><div style="opacity:.65">{"; ".join(notes)}</div></div>'
+
+
+def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool = True) -> str:
+    """Return each module's tension as a bar with its set-point, and below it how the module is, as HTML."""
+    assert report.cycle is not None
+    rig = info.rig
+    most = float(rig.limits.upper.max()) or 1.0
+    colours = ramp(rig, np.where(instant.active & fresh, instant.tensions, np.nan))
+    slack = instant.slack(rig)
+    rows = []
+    for i, module in enumerate(rig.modules):
+        lost = not instant.active[i]
+        share = [100.0 * min(max(float(np.nan_to_num(each[i])) / most, 0.0), 1.0)
+                 for each in (instant.tensions, instant.set_points)]  # fmt: skip
+        mark = "" if np.isnan(instant.set_points[i]) else (
+            f'<div style="position:absolute;left:calc({share[1]:.1f}% - 1px);width:2px;height:14px;top:-2px;'
+            f'background:{BLUE}"></div>'
+        )  # fmt: skip
+        bar = (
+            '<div style="position:relative;height:10px;background:rgba(128,128,128,.2);border-radius:2px">'
+            f'<div style="width:{share[0]:.1f}%;height:100%;background:rgb({",".join(map(str, colours[i]))});'
+            f'border-radius:2px"></div>{mark}</div>'
+        )
+        value = "LOST" if lost else f"{short(float(instant.tensions[i]))} N"
+        look = f"color:{RED}" if lost or slack[i] else ""
+        name = "overflow:hidden;text-overflow:ellipsis;white-space:nowrap"
+        rows.append(
+            f'<div style="{name}">{escape(module.name)}</div>{bar}'
+            f'<div style="text-align:right;white-space:nowrap;{look}"><b>{value}</b></div>'
+            f'<div style="grid-column:1/4;opacity:.8;font-size:11px;margin-bottom:4px">'
+            f"{_state(info, report, i, slack=bool(slack[i]))}</div>"
+        )
+    grid = "display:grid;grid-template-columns:minmax(4em,8em) 1fr auto;gap:2px 8px;align-items:center;"
+    return f'<div style="{grid}{SMALL}">{"".join(rows)}</div>'
+
+
+def _state(info: RunInfo, report: RunReport, index: int, *, slack: bool) -> str:
+    """Return how a module is: driver, brake, limiter, link and faults."""
+    cycle: Mapping[str, Floats] = report.cycle or {}
+    state, limit = State(int(cycle["states"][index])), Limit(int(cycle["limiters"][index]))
+    faults = [each.name or "" for each in Fault(int(cycle["faults"][index]))]
+    brake = int(report.brakes[index])
+    words = [state.name.lower()]
+    if np.isfinite(report.currents[index]):
+        words.append(f"{short(float(report.currents[index]))} A")
+    words.append(f"heat {100 * float(np.nan_to_num(cycle['thermal'][index])):.0f} %")
+    commanded = bool(cycle["commanded_brakes"][index])
+    if brake >= 0:
+        closed = "" if commanded is (brake == BrakeState.CLOSED) else f", commanded {'on' if commanded else 'off'}"
+        words.append(f"brake {BrakeState(brake).name.lower()}{closed}")
+    if limit is not Limit.NONE:
+        words.append(f"limited by {limit.name.lower()}")
+    age = float(cycle["ages"][index])
+    link = f"link {1e3 * age:.0f} ms" if np.isfinite(age) else "link silent"
+    words.append(_marked(link) if age * info.rate > LATE_PERIODS else link)
+    if bad := int(report.bad_frames[index]):
+        words.append(count(bad, "damaged frame"))
+    if slack:
+        words.append(_marked("slack"))
+    words += [_marked(f"fault: {each.lower()}") for each in faults]
+    if why := report.lost.get(info.rig.modules[index].name):
+        words.append(_marked(why))
+    return " · ".join(words)
+
+
+def _marked(text: str) -> str:
+    return f'<span style="color:{RED}">{escape(text)}</span>'
+
+
+def times(info: RunInfo, report: RunReport, start_delays: Floats, compute_times: Floats) -> str:
+    """Return the latency of the loop, and what cycles lately took, as HTML; times are in s."""
+    lines = []
+    if report.cycle is not None:
+        delays = report.cycle["delays"][report.cycle["active"]]
+        worst = float(np.nanmax(delays)) if np.isfinite(delays).any() else float("nan")
+        lines.append(f"loop latency {duration(worst)} (set-point to telemetry, slowest module)")
+    for name, values in (("start jitter", start_delays), ("compute time", compute_times)):
+        if len(values):
+            middle, high = np.percentile(values, [50.0, 99.0])
+            lines.append(f"{name} {duration(float(middle))} median, {duration(float(high))} p99")
+    missed = f"{count(report.missed, 'deadline')} missed"
+    lines.append(_marked(missed) if report.missed else missed)
+    lines.append(escape(report.answers))
+    period = f"; a cycle has {duration(1.0 / info.rate)}"
+    return f'<div style="{SMALL}">{"<br>".join(lines)}{period}</div>'
+
+
+def events(report: RunReport) -> str:
+    """Return the latest events, the newest first, as HTML."""
+    cell = "padding-right:.8em;white-space:nowrap;vertical-align:top"
+    rows = "".join(
+        f'<tr><td style="text-align:right;{cell}">{event.time:.2f} s</td>'
+        f'<td style="{cell}"><b>{escape(event.kind)}</b></td>'
+        f"<td>{escape(event.text)}</td></tr>"
+        for event in list(report.events)[: -SHOWN_EVENTS - 1 : -1]
+    )
+    return f'<div style="{SMALL}"><table>{rows}</table></div>' if rows else f'<div style="{SMALL}">none yet</div>'
+
+
+def stopping() -> str:
+    """Return what is said while a stop goes on, as HTML."""
+    return box(ORANGE, "STOPPING", "waiting for the modules to confirm it ...")
+
+
+def stopped(outcome: StopOutcome) -> str:
+    """Return what came of a stop, as HTML."""
+    lines = "<br>".join(escape(each) for each in outcome.lines)
+    if outcome.confirmed:
+        return box(GREEN, "STOPPED", lines)
+    return box(RED, "NOT STOPPED", f"{lines}<br>Cut the power of modules that still pull.")
