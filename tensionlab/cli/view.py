@@ -36,8 +36,8 @@ def view(
 ) -> None:
     """Design a rig in the browser, or watch a run there.
 
-    Modules, hand and force can be dragged; tensions, what is feasible and the workspace follow. A run whose modules
-    are simulated in its own process is shown by its --view. Ctrl-C ends it.
+    Modules, hand and force can be dragged; tensions, what is feasible and the workspace follow. A run whose
+    modules are simulated in its own process is shown by its --view. Ctrl-C ends it.
     """
     if live:
         watcher, name = _watcher(rig)

@@ -76,8 +76,8 @@ def _ended(report: RunReport) -> str:
 def style() -> str:
     """Return the page's style, as HTML: a large stop button, and what becomes of parts that are not renewed.
 
-    Viser's buttons are of one size, and the stop button alone is red. What `renewed` wraps fades by itself, so that
-    nothing looks live where the page's server has ended or hangs.
+    Viser's buttons are of one size, and the stop button alone is red. What `renewed` wraps fades by itself: then
+    nothing looks live where the page's server is gone.
     """
     return (
         '<style>button[style*="mantine-color-red-filled"]{height:3.6em!important;font-size:18px!important}'

@@ -44,9 +44,9 @@ def stop_modules(watcher: RunWatcher) -> StopOutcome:
     if len(links) < len(info.links) and (problem := _stop_process(watcher, info.pid)):
         wrong.append(problem)
     if wrong:
-        stopped = count(len(info.links) - len(wrong), "other module")
-        return StopOutcome(False, (*wrong, f"{stopped} confirmed that they have stopped"))
-    return StopOutcome(True, (f"{count(len(info.links), 'module')} confirmed that they have stopped",))
+        others = sum(not each.error for each in outcomes.values())
+        return StopOutcome(False, (*wrong, f"confirmed by {count(others, 'module')}"))
+    return StopOutcome(True, (f"confirmed by {count(len(info.links), 'module')}",))
 
 
 def _stop_process(watcher: RunWatcher, pid: int) -> str:

@@ -2,6 +2,7 @@
 
 import select
 import socket
+from collections import deque
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tensionlab.hardware.client.locks import LinkLock
 from tensionlab.hardware.client.shared_telemetry import Publisher
 from tensionlab.hardware.log import shared_run
 from tensionlab.hardware.log.columns import COLUMNS, VALUES
-from tensionlab.hardware.log.shared_run import ASK_AGAIN_S, MIN_STALE_S, RunWatcher, find_runs
+from tensionlab.hardware.log.shared_run import ASK_AGAIN_S, MAX_TIMES, MIN_STALE_S, RunWatcher, find_runs, latest
 from tensionlab.hardware.protocol.codes import BrakeState
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
@@ -255,3 +256,22 @@ def test_runs_are_found_by_the_locks_of_their_processes(published, locks_folder,
     found.close()
     for lock in locks:
         lock.release()
+
+
+class Busy(deque):
+    """Deque to which another thread adds something as it is read, the first times."""
+
+    busy = 3
+
+    def __reversed__(self):
+        found = super().__reversed__()
+        if self.busy:
+            self.busy -= 1
+            self.append(0.0)
+        return found
+
+
+def test_the_latest_times_are_read_while_the_run_adds_to_them():
+    times = Busy(float(value) for value in range(1000))
+    assert latest(times) == [float(value) for value in range(1000 - MAX_TIMES + 3, 1000)] + 3 * [0.0]
+    assert latest(deque([1.0])) == [1.0]

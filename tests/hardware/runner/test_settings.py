@@ -7,7 +7,7 @@ from tensionlab.demand import Demand
 from tensionlab.errors import ModuleFault
 from tensionlab.hardware.runner import settings
 from tensionlab.hardware.runner.runner import Runner
-from tensionlab.hardware.runner.settings import RunSettings, WorldClock
+from tensionlab.hardware.runner.settings import PlaybackClock, RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
 from tests.support.runs import four
 
@@ -70,3 +70,19 @@ def test_a_process_that_gets_no_time_loses_none_of_its_simulated_modules(compute
 def test_one_that_computes_for_too_long_loses_them(computer):
     with pytest.raises(ModuleFault, match=r"TIMEOUT.*this computer took 1\.02 s from one cycle to the next"):
         ran(computer, 1.0)
+
+
+def test_playback_is_never_ahead_of_real_time_and_leaves_no_cycle_out_behind_it(computer):
+    world, times = World(four()), []
+
+    def demand(state):
+        times.append(computer.now)
+        computer.now += 1.0 if state.cycle in (10, 20) else 0.0  # whatever holds the process up
+        return Demand(np.zeros(3))
+
+    clock = PlaybackClock(world)
+    statistics = Runner(four(), world.group(), "newton", demand, RunSettings(), clock=clock).run(1.0)
+    assert (statistics.cycles, statistics.missed, statistics.lost) == (50, 0, {})
+    steps = np.diff(times)
+    assert steps[[10, 20]] == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert np.delete(steps, [10, 20]) == pytest.approx(0.02, abs=1e-3)  # what was lost is not caught up

@@ -1,0 +1,105 @@
+"""`tensionlab view` and `--view`, without a browser; `tests/view` has what they show."""
+
+from types import SimpleNamespace
+
+import pytest
+
+import tensionlab as tl
+from tensionlab.cli.view import _watcher
+from tensionlab.demand import Demand
+from tensionlab.errors import HardwareError
+from tensionlab.hardware.client import shared_telemetry
+from tensionlab.hardware.client.locks import LinkLock
+from tensionlab.hardware.client.shared_telemetry import Publisher
+from tensionlab.hardware.log import shared_run
+from tensionlab.hardware.runner.runner import Runner
+from tensionlab.hardware.runner.settings import WorldClock
+from tensionlab.hardware.simulation.world import World
+from tensionlab.view import beside
+
+RIG = "bartels2026-validation"
+
+
+@pytest.fixture
+def running(monkeypatch, locks_folder):
+    """A process that has modules and had a run with them: this one."""
+    monkeypatch.setattr(shared_telemetry, "MIN_PERIOD_S", 0.0)
+    monkeypatch.setattr(shared_telemetry, "_publisher", Publisher())
+    monkeypatch.setattr(shared_run, "FIND_TIMEOUT_S", 600.0)
+    lock, world = LinkLock("COM5"), World(tl.load_rig(RIG))
+    Runner(tl.load_rig(RIG), world.group(), "newton", lambda state: Demand(), clock=WorldClock(world)).run(0.1)
+    yield
+    lock.release()
+
+
+def test_a_rig_or_a_run_is_needed(run):
+    status, out, err = run("view")
+    assert (status, out) == (2, "")
+    assert "give a rig to design, or --live for a run in progress" in err
+
+
+def test_without_a_run_there_is_nothing_to_watch(run, locks_folder):
+    status, out, err = run("view", "--live")
+    assert (status, out) == (1, "")
+    assert err == (
+        "tensionlab: no process of yours has a run in progress on modules that are not simulated in it; "
+        "give a run --view to see it from its begin\n"
+    )
+
+
+def test_a_run_with_another_rig_is_not_the_one(run, running):
+    status, out, err = run("view", "--live", "floor-3")
+    assert (status, out) == (1, "")
+    assert 'no process of yours has a run in progress with the rig "floor-3"' in err
+
+
+def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):
+    closed = []
+
+    class Watched:
+        def __init__(self, name):
+            self.info = SimpleNamespace(rig=tl.load_rig(name), program="python my_run.py")
+
+        def close(self):
+            closed.append(self.info.rig.name)
+
+    monkeypatch.setattr("tensionlab.cli.view.find_runs", lambda: [Watched("floor-3"), Watched(RIG)])
+    status, _, err = run("view", "--live")
+    assert status == 2
+    assert "2 runs are in progress; name the rig of one of them (floor-3: python my_run.py; " in " ".join(
+        err.split()
+    )
+    assert closed == ["floor-3", RIG]
+    assert _watcher(RIG).info.rig.name == RIG
+    assert closed[2:] == ["floor-3"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("run", RIG, "--seconds", "1"), ("scenario", "recoil"), ("serve", RIG, "--port", "0", "--seconds", "1")],
+)
+def test_a_page_that_cannot_be_opened_is_said_before_anything_pulls(words, run, monkeypatch):
+    def fail():
+        raise HardwareError("the view cannot be opened: it is raining")
+
+    monkeypatch.setattr(beside, "open_page", fail)
+    for reach in ("run.reach_modules", "serve.reach_modules", "scenario.simulate_modules"):
+        monkeypatch.setattr(f"tensionlab.cli.{reach}", lambda *words, **options: pytest.fail("it was reached"))
+    status, _, err = run(*words, "--view")
+    assert status == 2
+    assert "the view cannot be opened: it is raining" in err
+
+
+@pytest.mark.realtime  # a process
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [('echo \'{"error": "no viser"}\'', "no viser"), ("exit 3", "its process has ended at once")],
+)
+def test_a_page_whose_process_fails_is_an_error_with_its_reason(script, reason, monkeypatch, tmp_path):
+    program = tmp_path / "python"
+    program.write_text(f"#!/bin/sh\n{script}\n")
+    program.chmod(0o700)
+    monkeypatch.setattr(beside.sys, "executable", str(program))
+    with pytest.raises(HardwareError, match=f"the view cannot be opened: {reason}"):
+        beside.open_page()
+    beside._started.pop().wait()
