@@ -16,7 +16,7 @@ from tensionlab.model.rig import Rig
 from tensionlab.view.instant import ENLARGED, FORCES, Instant
 from tensionlab.view.scene import force_scale, ramp
 from tensionlab.view.stop import StopOutcome
-from tensionlab.view.words import box, vector
+from tensionlab.view.words import box, number, rows, vector
 
 SHOWN_EVENTS = 20
 SILENT_S = 3.0
@@ -111,25 +111,23 @@ def renewed_heading(html: str, beat: int) -> str:
 
 def forces(rig: Rig, instant: Instant) -> str:
     """Return desired, commanded and measured wrench, as HTML."""
-    d, rows = rig.dimension, []
+    d, lines = rig.dimension, []
     for name, colour in FORCES.items():
         wrench: Floats = getattr(instant, name)
         known = bool(np.isfinite(wrench).all())
-        size = f"{short(float(np.linalg.norm(wrench[:d])))} N" if known else "–"
-        more = vector(wrench) if known else "taut cables"
-        rows.append((f'<span style="color:{colour}">■</span> {name}', size, more))
+        size, more = (_force(wrench[:d]), vector(wrench)) if known else ("–", "taut cables")
+        lines.append((f'<span style="color:{colour}">■</span> {name}', size, more))
     if np.isfinite(instant.desired).all():
         error = np.round(instant.measured - instant.desired, DECIMALS)
-        rows.append(("measured − desired", f"{short(float(np.linalg.norm(error[:d])))} N", vector(error)))
-    cells = "".join(
-        f'<tr><td>{name}</td><td style="text-align:right;padding:0 .8em;white-space:nowrap"><b>{size}</b></td>'
-        f'<td style="opacity:.65">{more}</td></tr>'
-        for name, size, more in rows
-    )
-    notes = [f"1 m in the picture is {short(1.0 / (ENLARGED * force_scale(rig)))} N"]
+        lines.append(("measured − desired", _force(error[:d]), vector(error)))
+    notes = [f"arrows of forces: 1 m is {1.0 / (ENLARGED * force_scale(rig)):g} N"]
     if rig.n > d:
         notes.append("vectors in N and N·m")
-    return f'<div style="{SMALL}"><table>{cells}</table><div style="opacity:.65">{"; ".join(notes)}</div></div>'
+    return f'{rows(lines)}<div style="{SMALL};opacity:.65">{"; ".join(notes)}</div>'
+
+
+def _force(components: Floats) -> str:
+    return f"{number(float(np.linalg.norm(components)))} N"
 
 
 def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool = True) -> str:
@@ -139,7 +137,7 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
     most = float(rig.limits.upper.max()) or 1.0
     colours = ramp(rig, np.where(instant.active & fresh, instant.tensions, np.nan))
     slack = instant.slack(rig)
-    rows = []
+    lines = []
     for i, module in enumerate(rig.modules):
         lost = not instant.active[i]
         share = [100.0 * min(max(float(np.nan_to_num(each[i])) / most, 0.0), 1.0)
@@ -156,14 +154,14 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
         value = "LOST" if lost else f"{short(float(instant.tensions[i]))} N"
         look = f"color:{RED}" if lost or slack[i] else ""
         name = "overflow:hidden;text-overflow:ellipsis;white-space:nowrap"
-        rows.append(
+        lines.append(
             f'<div style="{name}">{escape(module.name)}</div>{bar}'
             f'<div style="text-align:right;white-space:nowrap;{look}"><b>{value}</b></div>'
             f'<div style="grid-column:1/4;opacity:.8;font-size:11px;margin-bottom:4px">'
             f"{_state(info, report, i, slack=bool(slack[i]))}</div>"
         )
     grid = "display:grid;grid-template-columns:minmax(4em,8em) 1fr auto;gap:2px 8px;align-items:center;"
-    return f'<div style="{grid}{SMALL}">{"".join(rows)}</div>'
+    return f'<div style="{grid}{SMALL}">{"".join(lines)}</div>'
 
 
 def _state(info: RunInfo, report: RunReport, index: int, *, slack: bool) -> str:
@@ -220,13 +218,13 @@ def times(info: RunInfo, report: RunReport, start_delays: Floats, compute_times:
 def events(report: RunReport) -> str:
     """Return the latest events, the newest first, as HTML."""
     cell = "padding-right:.8em;white-space:nowrap;vertical-align:top"
-    rows = "".join(
+    lines = "".join(
         f'<tr><td style="text-align:right;{cell}">{event.time:.2f} s</td>'
         f'<td style="{cell}"><b>{escape(event.kind)}</b></td>'
         f"<td>{escape(event.text)}</td></tr>"
         for event in list(report.events)[: -SHOWN_EVENTS - 1 : -1]
     )
-    return f'<div style="{SMALL}"><table>{rows}</table></div>' if rows else f'<div style="{SMALL}">none yet</div>'
+    return f'<div style="{SMALL}">{f"<table>{lines}</table>" if lines else "none yet"}</div>'
 
 
 def stopping() -> str:

@@ -70,7 +70,7 @@ def test_of_several_runs_one_is_named_by_its_rig(run, monkeypatch):
         err.split()
     )
     assert closed == ["floor-3", RIG]
-    assert _watcher(RIG).info.rig.name == RIG
+    assert _watcher(RIG)[1] == RIG
     assert closed[2:] == ["floor-3"]
 
 

@@ -142,7 +142,7 @@ def test_a_browser_that_hangs_or_is_closed_changes_nothing_in_the_run(tmp_path):
             assert (report.lost, watcher.condition) == ({}, "live")
             opened(playwright.chromium.launch(executable_path=BROWSER, args=OPTIONS), url)  # others get the page
             run.send_signal(signal.SIGINT)
-            assert run.wait(HANGS_S) == 0
+            assert run.wait(HANGS_S) == 130  # by Ctrl-C
         assert ask(links) == [State.IDLE] * 4
 
 
@@ -163,5 +163,5 @@ def test_a_run_in_progress_is_found_and_shown(tmp_path):
         assert (shown, rest) == (" shows the run of ", f"{RIG}; Ctrl-C ends it\n"), view.stderr.read()
         opened(browser, url)
         view.send_signal(signal.SIGINT)
-        assert view.wait(HANGS_S) == 0
-        assert view.stderr.read() == ""
+        assert view.wait(HANGS_S) == 130
+        assert "the run goes on" in view.stderr.read()

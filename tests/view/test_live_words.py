@@ -102,10 +102,10 @@ def test_how_a_run_ended(report):
 def test_three_forces_and_their_error_are_told(report):
     instant = Instant.of(INFO.rig, report.cycle, report.anchors)
     text = plain(live_words.forces(INFO.rig, instant))
-    assert text.startswith("■ desired 2.29 N (1.00, 2.00, 0.50) ■ commanded ")
+    assert text.startswith("■ desired 2.29 N (1, 2, 0.5) ■ commanded ")
     error = instant.measured - instant.desired
-    assert f"measured − desired {np.linalg.norm(error):.2f} N" in text
-    assert "1 m in the picture is 10.0 N" in text
+    assert f"measured − desired {np.linalg.norm(error):.3g} N" in text
+    assert "arrows of forces: 1 m is 10 N" in text
     taut = replace(instant, desired=np.full(3, np.nan))
     assert plain(live_words.forces(INFO.rig, taut)).startswith("■ desired – taut cables")
     assert "measured − desired" not in live_words.forces(INFO.rig, taut)
