@@ -86,6 +86,7 @@ bench-brakes: .venv/dev.stamp
 
 bench-runner: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.runner
+	@$(BIN)/python -m benchmarks.runner_view
 
 what-if: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.validation.what_if --out datasets/what-if/paper-like-simulated.parquet

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import secrets
 import socket
 import threading
@@ -40,6 +41,8 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
 }
 """Of what a browser gets: it loads nothing from elsewhere, and no other site frames it."""
+QUIET = logging.getLogger(f"{__name__}.connections")
+QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a browser leaves no traceback
 _starting = threading.Lock()
 
 
@@ -183,7 +186,7 @@ def _gated(gate: Gate) -> Iterator[list[Gate]]:
         def answer(connection: ServerConnection, request: Request) -> Response | None:
             return gate.answer(connection, request, process_request)
 
-        return websockets.asyncio.server.serve(*words, process_request=answer, **options)
+        return websockets.asyncio.server.serve(*words, process_request=answer, logger=QUIET, **options)
 
     asking = SimpleNamespace(
         asyncio=SimpleNamespace(server=SimpleNamespace(serve=serve)),

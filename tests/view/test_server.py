@@ -1,5 +1,8 @@
 """Who may open the page, and connect to it."""
 
+import logging
+import socket
+
 import pytest
 
 from tensionlab.errors import InputError
@@ -69,3 +72,17 @@ def test_a_port_that_is_taken_is_refused():
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=f"port {port} "):
             PageServer(port=port)
+
+
+@pytest.mark.realtime  # a real server
+def test_whatever_connects_without_being_a_browser_leaves_no_traceback(caplog):
+    server = PageServer()
+    with caplog.at_level(logging.DEBUG):
+        for content in (b"", b"GARBAGE\r\n\r\n"):
+            with socket.create_connection(("127.0.0.1", server.viser.get_port()), timeout=600.0) as caller:
+                caller.sendall(content)
+                caller.shutdown(socket.SHUT_WR)
+                while caller.recv(1000):
+                    pass
+        server.close()
+    assert [each for each in caplog.records if each.levelno >= logging.WARNING] == []
