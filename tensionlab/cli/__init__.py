@@ -81,7 +81,7 @@ VERBS = {
     "estop": ("module", "Stop modules at once, also those of other processes."),
     "module": ("module", "Find modules, show how they are, set them up and stop them."),
     "new": ("new", "Write a rig, a space, a scenario or a program to start from."),
-    "view": ("view", "Design a rig in the browser."),
+    "view": ("view", "Design a rig in the browser, or watch a run there."),
     "rig": ("rig", "Show, check, import and export rigs."),
     "layout": ("layout", "Find out where to put the modules."),
     "log": ("log", "Show, export, draw and replay logs of runs."),
