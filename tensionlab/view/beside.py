@@ -32,9 +32,9 @@ def open_page() -> str:
     _started.append(page)  # it outlives the run
     assert page.stdin is not None
     assert page.stdout is not None
-    with page.stdin, page.stdout, suppress(OSError):
+    with suppress(OSError), page.stdin:  # it has ended already: then that is what it answers
         page.stdin.write(json.dumps({"port": published.port, "token": published.token}) + "\n")
-        page.stdin.flush()
+    with page.stdout:
         answer = page.stdout.readline()
     said = json.loads(answer) if answer else {"error": "its process has ended at once"}
     if "error" in said:
