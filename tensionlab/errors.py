@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum, IntFlag
@@ -196,6 +197,17 @@ class ProtocolError(HardwareError):
 
 class LinkError(HardwareError, OSError):
     """Link that cannot be opened, or that has broken; the message names its URL."""
+
+
+def cannot_listen(who: str, host: str, port: int, reason: OSError | str) -> HardwareError:
+    """Return the error of what cannot listen at an address; the reason without the address, which is there."""
+    if isinstance(reason, OSError):
+        number = reason.errno or 0  # below zero where a name is not known, and large on Windows
+        reason = os.strerror(number) if 0 < number < 1000 else str(reason.strerror or reason).partition(" (")[0]
+    return HardwareError(
+        f"{who} cannot listen at {host}, port {port}: {reason}; give another port, 0 for a free one, or another "
+        "address"
+    )
 
 
 class LinkTimeout(HardwareError, TimeoutError):  # noqa: N818 - pinned name

@@ -30,7 +30,8 @@ def make(name: str, found: type[Any] | None, names: Iterable[str], what: str, er
         default: Any = first.default
         value = type(default)(choice)
     except ValueError:
-        raise error(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}") from None
+        kind = {float: "a number", int: "a whole number"}.get(type(default), "another")
+        raise error(f"in {name!r}, {choice!r} is no value for {family}'s {first.name}; give {kind}") from None
     return found(**{first.name: value})
 
 

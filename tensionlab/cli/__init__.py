@@ -22,8 +22,8 @@ import typer
 from typer.core import TyperGroup
 
 from tensionlab import __version__
-from tensionlab.cli.common.output import NOTHING_KEPT, clip, print_error
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
+from tensionlab.cli.common.output import NOTHING_KEPT, print_error
+from tensionlab.errors import TensionlabError
 from tensionlab.operating_system import reader_has_gone
 
 if TYPE_CHECKING:
@@ -50,6 +50,12 @@ OLD_OPTIONS = {
 """Options that had another name, or have one with other verbs: what they are called now. Not in ``--help``."""
 NUMBERS = re.compile(r"[-+]?\.?\d[\d.eE+,-]*,?|[-+]?(nan|inf),?", re.IGNORECASE)
 PARSER_WORDS = {
+    r"^Invalid value for '([^']+)'.*?: ": r"\1: ",
+    r"^Invalid value: ": "",
+    r"^Missing \w+ '([^']+)'.*": r"\1 is missing",
+    r"^No such": "no such",
+    r"^Option '([^']+)'": r"\1",
+    r"^Got unexpected extra arguments? ?\(?s?\)? \((.*)\)": r"too many words: \1",
     r"Value error, ": "",
     r"Input should be a valid integer.*": "give a whole number",
     r"Input should be a valid number.*": "give a number",
@@ -220,13 +226,7 @@ def _status(words: Sequence[str]) -> int:
         print_error(f"interrupted: {str(error) or NOTHING_KEPT}")
         return INTERRUPTED
     except ClickException as error:
-        for theirs, ours in PARSER_WORDS.items():
-            error.message = re.sub(theirs, ours, error.message)
-        if len(error.message) > MAX_MESSAGE_CHARACTERS and type(error).__name__ != "NoArgsIsHelpError":
-            error.message = clip(error.message)
-        with suppress(OSError):
-            error.show()
-        return int(error.exit_code)
+        return _parser_refused(error)
     except TensionlabError as error:
         print_error(str(error))
     except OSError as error:
@@ -237,6 +237,21 @@ def _status(words: Sequence[str]) -> int:
         print_error(f"nested too deeply ({_where(error)}); give input that is less nested")
     except ValueError as error:
         print_error(f"{error} ({_where(error)})")
+    return BAD_INPUT
+
+
+def _parser_refused(error: Any) -> int:
+    """Print what the parser refused: the option, what is wrong with it, and where to read how it is called."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        with suppress(OSError):
+            error.show()
+        return BAD_INPUT
+    text: str = error.format_message().rstrip(".")
+    for theirs, ours in PARSER_WORDS.items():
+        text = re.sub(theirs, ours, text)
+    told = error.ctx is None or (isinstance(error, typer.BadParameter) and not text.endswith("is missing"))
+    after = "" if text.endswith("?") else ";"
+    print_error(text if told else f"{text}{after} see `{error.ctx.command_path} -h`")
     return BAD_INPUT
 
 

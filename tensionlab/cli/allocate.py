@@ -21,6 +21,7 @@ STATUS_TEXTS = {
     "ITERATION_LIMIT": "unproven: neither exact nor certified infeasible (iteration limit); try --solver newton",
     "FAILED": "failed: the solver broke",
 }
+REFERENCES = ("lower", "middle")
 LIMIT_TOLERANCE_N = 1e-9
 """Within which a tension counts as at its limit."""
 
@@ -50,11 +51,11 @@ def allocate(
     loaded = with_requirement(options.with_frames(load_rig(rig), frames), wrench, gravity)
     options.check_solvers(loaded, [solver], nearest)
     desired = loaded.required.middle(loaded).tolist()
-    position = loaded.home if at is None else options.parse_numbers(at)
+    position = options.parse_position(at, loaded)
     allocator = Allocator(
         loaded.limits,
         solver,
-        reference if reference in (None, "lower", "middle") else options.parse_numbers(reference),
+        _reference(loaded, reference),
         nearest,  # type: ignore[arg-type]  # checked above
     )
     result = allocator(loaded.structure_matrix(position, frames=loaded.at_rest), desired)
@@ -85,6 +86,18 @@ def _status_text(status: Status, policy: str | None, scale: float) -> str:
     if math.isnan(scale):
         return text + "; no part of it keeps the direction, so this is the nearest in force"
     return text + f", {100 * scale:.4g} % of it"
+
+
+def _reference(rig: Rig, text: str | None) -> str | list[float] | None:
+    """Return what ``--reference`` says: a name, or a tension for each module."""
+    if text is None or text in REFERENCES:
+        return text
+    if not any(each.isdigit() for each in text):
+        names = " or ".join(REFERENCES)
+        raise typer.BadParameter(f"--reference is {text!r}; give {names}, or {rig.m} tensions in N")
+    tensions = options.parse_numbers("--reference", text)
+    options.check_components("--reference", tensions, [module.name for module in rig.modules], rig.name)
+    return tensions
 
 
 def _print(rig: Rig, position: Any, desired: list[float], result: Allocation, status: str) -> None:

@@ -76,7 +76,7 @@ def compare(
     with output.progress(f"Comparing on {loaded.name}") as progress:
         result = comparison.compare(
             loaded,
-            position=None if at is None else options.parse_numbers(at),
+            position=options.parse_position(at, loaded),
             directions=None if directions is None else direction_sets.parse(directions),
             magnitude=magnitude,
             solvers=names,

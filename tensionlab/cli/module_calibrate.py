@@ -76,7 +76,7 @@ def gain(
         raise typer.BadParameter("--sensor and --staircase belong together; `staircase` records the latter")
     for each in mass or []:
         if not 0.0 < each < 100.0:
-            raise typer.BadParameter(f"--mass {each:g}: give kg, above 0")
+            raise typer.BadParameter(f"--mass {each:g}: give kg, above 0 and below 100")
     measured = _sensor_balances(sensor, staircase, lag) if sensor and staircase else []
     with _client(url) as client:
         before = client.hello().newton_per_ampere

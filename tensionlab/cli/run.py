@@ -128,9 +128,7 @@ def _demand(rig: Rig, force: str | None, program: Path | None) -> DemandSource:
         return load_program(program, rig)
     if force is None:
         return lambda state: Demand()
-    wrench = np.array(options.parse_numbers(force))
-    if not np.isfinite(wrench).all():
-        raise typer.BadParameter(f"--force is {force}; give finite numbers, in N and N·m")
+    wrench = np.array(options.parse_numbers("--force", force))
     if wrench.size != rig.dimension:
         options.check_components("--force", wrench.tolist(), output.components(rig), rig.name)
     constant = Demand(np.pad(wrench, (0, rig.n - wrench.size)))
@@ -141,7 +139,7 @@ def _tracker(rig: Rig, at: str | None) -> Tracker | None:
     """Return where the point is at each time; None if the cable lengths are to show it."""
     if at is None:
         return None
-    position = np.array(options.parse_numbers(at))
+    position = options.parse_position(at, rig)
     rig.lengths(position, frames=rig.at_rest)  # refuses what is no position
     pose = Pose(position, frames=rig.at_rest)
     return lambda time: pose

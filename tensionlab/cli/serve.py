@@ -15,7 +15,8 @@ from tensionlab.cli.common import options
 from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run
 from tensionlab.cli.common.options import Duration, Log, Modules, Solver, View
 from tensionlab.cli.run import print_summary
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import InputError, TensionlabError
+from tensionlab.files.reading import read_text
 from tensionlab.haptics.bridge.admission import PAGE_PATH, SCHEMA_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.events import RunEvents
@@ -178,10 +179,7 @@ def _token(file: Path | None) -> str | None:
     """Return the token of clients: from a file or, without one, from the environment."""
     if file is None:
         return os.environ.get(TOKEN_VARIABLE) or None
-    try:
-        token = file.read_text(encoding="utf-8").strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise typer.BadParameter(f"--token-file {file} cannot be read: {error}") from None
+    token = read_text(file, "a file with the token of clients", InputError).strip()
     if not token:
         raise typer.BadParameter(f"--token-file {file} is empty; put the token of clients into it")
     return token

@@ -44,10 +44,12 @@ def simulate(
         Path | None, options.writes("Also write the modules file here.", ".toml", names=["--modules"])
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all random noise and losses.", min=0)] = 0,
-    latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.")] = 0.0,
-    jitter_ms: Annotated[float, typer.Option(help="Random time that is added, at most.")] = 0.0,
-    drop_pct: Annotated[float, typer.Option(help="Per cent of the bytes that are lost.")] = 0.0,
-    corrupt_pct: Annotated[float, typer.Option(help="Per cent of the bytes with a flipped bit.")] = 0.0,
+    latency_ms: Annotated[float, typer.Option(help="Time that bytes take, one way.", min=0, max=60_000)] = 0.0,
+    jitter_ms: Annotated[float, typer.Option(help="Random time that is added, at most.", min=0, max=60_000)] = 0.0,
+    drop_pct: Annotated[float, typer.Option(help="Per cent of the bytes that are lost.", min=0, max=100)] = 0.0,
+    corrupt_pct: Annotated[
+        float, typer.Option(help="Per cent of the bytes with a flipped bit.", min=0, max=100)
+    ] = 0.0,
     fault: Annotated[
         list[str] | None,
         typer.Option(
@@ -145,7 +147,7 @@ def simulate(
         person = None if loaded_scenario is None else _person(loaded_scenario, tracker, opened)
         far_ends: FarEnds = {} if person is None else person.far_ends
         if orbit is not None:
-            far_ends = _orbit(loaded, options.parse_numbers(orbit))
+            far_ends = _orbit(loaded, options.parse_numbers("--orbit", orbit))
         simulated = _modules(loaded, seed, config_file, far_ends, errors)
         chosen = _chosen(only, list(simulated))
         faults = _faults(fault or [], list(simulated))

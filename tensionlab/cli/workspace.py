@@ -15,6 +15,7 @@ import typer
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import BodyFrames, Json
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
+from tensionlab.display import count
 from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
@@ -206,14 +207,17 @@ def _box(rigs: list[Rig], box: str | None, step: str | None, rotations: str | No
         points = np.concatenate([[rig.home, *rig.anchors] for rig in rigs if rig.dimension == dimension])
         ends = np.stack([points.min(axis=0), points.max(axis=0)], axis=-1)
     else:
-        numbers = options.parse_numbers(box)
+        numbers = options.parse_numbers("--box", box)
         if len(numbers) != 2 * dimension:
             names = " ".join(f"{axis}0 {axis}1" for axis in "xyz"[:dimension])
             raise typer.BadParameter(
-                f"--box has {len(numbers)} numbers; {rigs[0].name} needs {2 * dimension}: {names}"
+                f"--box has {count(len(numbers), 'number')}; {rigs[0].name} needs {2 * dimension}: {names}"
             )
         ends = np.array(numbers).reshape(dimension, 2)
-    steps = [float(np.ptp(ends, axis=1).max()) / STEPS or 1.0] if step is None else options.parse_numbers(step)
+    if step is None:
+        steps = [float(np.ptp(ends, axis=1).max()) / STEPS or 1.0]
+    else:
+        steps = options.parse_numbers("--step", step)
     up = rigs[0].upward if rigs[0].up else np.eye(dimension)[-1]
     turns = None if rotations is None else parse_rotations(rotations, dimension, up)
     return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0], rotations=turns)

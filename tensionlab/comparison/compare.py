@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
-from tensionlab.arrays import Floats, Integers, angles
+from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers, angles
 from tensionlab.display import duration, short
 from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
@@ -237,8 +237,8 @@ def compare(
     wrenches = rig.required.at(rig)
     if directions is not None or len(wrenches) == 1:
         magnitude = (rig.required.ball or PUBLISHED_FORCE_N) if magnitude is None else magnitude
-        if not (np.isfinite(magnitude) and magnitude > 0):
-            raise InputError(f"magnitude {magnitude} is no size of a force; give newtons above 0")
+        if not 0.0 < magnitude < MAX_MAGNITUDE:
+            raise InputError(f"magnitude {magnitude} is no size of a force; give newtons, finite and above 0")
         if directions is None:
             directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
         forces = magnitude * np.asarray(directions, dtype=np.float64)

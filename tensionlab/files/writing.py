@@ -52,7 +52,8 @@ def require_writable(path: str | PathLike[str], suffixes: Sequence[str] = ()) ->
     there must be nothing other than a file that may be replaced.
     """
     if suffixes and Path(path).suffix.lower() not in suffixes:
-        raise WriteError(f"{path}: unsupported format; it must end in {' or '.join(suffixes)}")
+        what = "a name is missing" if Path(path).name in suffixes else "unsupported format"
+        raise WriteError(f"{path}: {what}; it must end in {' or '.join(suffixes)}")
     place = _place(path)
     try:
         _probe(place.parent)

@@ -11,6 +11,7 @@ from tensionlab.errors import DataError, InputError, ShapeError
 from tensionlab.files.reading import brief, read_text
 from tensionlab.files.tables import MAX_FILE_BYTES, csv_rows
 
+MAX_DIRECTIONS = 10_000_000
 CIRCLE_COUNT = 72
 """Directions of the planar default: one every 5 degrees."""
 
@@ -54,15 +55,15 @@ def circle(count: int = CIRCLE_COUNT) -> Floats:
 
 
 def _require_positive(count: int) -> None:
-    if count < 1:
-        raise InputError(f"a set of directions needs at least 1 vector, not {count}")
+    if not 1 <= count <= MAX_DIRECTIONS:
+        raise InputError(f"a set of directions has 1 to {MAX_DIRECTIONS:,} vectors; got {count}")
 
 
 def read_csv(path: str | Path) -> Floats:
     """Read directions from a file, (K, 3) or (K, 2); DataError, naming file and row, if a row is none.
 
-    One direction a row: three columns x, y, z, or two for planar rigs. A first row of words is a header. The
-    lengths do not matter: each row is scaled to a unit vector.
+    One direction a row: three columns x, y, z, or two for planar rigs. A first row with these names is a header.
+    The lengths do not matter: each row is scaled to a unit vector.
     """
     text = read_text(path, "a list of directions (*.csv)", DataError, MAX_FILE_BYTES)
     rows: list[list[float]] = []
@@ -72,9 +73,11 @@ def read_csv(path: str | Path) -> Floats:
         try:
             row = [float(cell) for cell in cells]
         except ValueError:
-            if number == 1 and not any(character.isdigit() for cell in cells for character in cell):
+            if number == 1 and cells in (["x", "y"], ["x", "y", "z"]):
                 continue
-            raise DataError(f"{path}, row {number}: {brief(','.join(cells))} is not a row of numbers") from None
+            raise DataError(
+                f"{path}, row {number}: {brief(','.join(cells))} is not a row of numbers; write x,y,z"
+            ) from None
         columns = len(rows[0]) if rows else len(row)
         if columns not in (2, 3) or len(row) != columns:
             raise DataError(f"{path}, row {number}: {len(row)} columns; every row needs the same 3 (or 2)")

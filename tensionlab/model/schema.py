@@ -118,7 +118,7 @@ def _together(lines: list[str]) -> str:
         fitting = sum(length <= MAX_PROBLEMS_CHARACTERS for length in accumulate(map(len, lines)))
         lines = lines[: max(fitting, 1)]
     more = [f"and {count - len(lines)} more"] if len(lines) < count else []
-    return "\n  ".join([f"{count} problems", *lines, *more])
+    return "\n  ".join([f"{count} problems:", *lines, *more])
 
 
 def _explain(problem: ErrorDetails, kind: type[Table], document: dict[str, Any]) -> str:

@@ -149,7 +149,7 @@ def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers
     direction = vector((desired[worst] / sizes[worst]).round(2) + 0.0)
     text += (
         f" {percent(float(feasible.mean()))} of the time; at {played.time[strong[worst]]:.2f} s, "
-        f"{along[worst]:.1f} N of {sizes[worst]:.1f} N along {direction}"
+        f"{along[worst]:.1f} N are rendered where {sizes[worst]:.1f} N are desired along {direction}"
     )
     return Finding(phase.name, None if some.any() else False, text)
 

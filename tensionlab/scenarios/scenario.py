@@ -197,7 +197,10 @@ class Scenario:
                 "give a script for each of these"
             )
         if self.seen_from is not None and self.seen_from not in rig.frames:
-            raise self._error(f'seen_from is "{self.seen_from:.40}"; give one of {frames}')
+            known = f"one of {frames}" if rig.frames else "a rig with modules that ride on it"
+            raise self._error(
+                f'seen_from is "{self.seen_from:.40}", no body frame of rig "{rig.name}"; give {known}'
+            )
         if not self.phases:
             raise self._error("there are no phases; give at least one")
         for name, script in {"person": self.person.script, **self.person.bodies}.items():
@@ -303,7 +306,7 @@ def _turned(rig: Rig, up: object) -> tuple[Rig, str]:
     try:
         turned = rig.turned(str(up))
     except RigError as error:
-        raise ScenarioError(f'{error}, as rig "{rig.name}" has them') from None
+        raise ScenarioError(f'{error}, as rig "{rig.name}" ({rig.kind}) has them, or another rig') from None
     axes = []
     for row in turn_axes(rig.upward, turned.upward):
         index = int(np.abs(row).argmax())

@@ -112,4 +112,6 @@ def true_plants(rig: Rig, errors: RigErrors) -> dict[str, dict[str, float]]:
 def require_point(rig: Rig) -> None:
     """Raise `RigError`, naming the rig and its kind, if it holds anything but a point in space."""
     if rig.kind != "point":
-        raise RigError(f'rig "{rig.name}" holds a {rig.kind}; the validation is about a point in space')
+        raise RigError(
+            f'rig "{rig.name}" is of kind "{rig.kind}"; the validation is about a point in space, kind "point"'
+        )

@@ -54,7 +54,8 @@ def cone(half_angle: float, step: float, axis: ArrayLike = (0.0, 0.0, 1.0)) -> F
         raise InputError(f"axis is {axis!r}; give a vector in space, not zero")
     if not (0 < half_angle <= np.pi and step > 0 and half_angle / step < np.sqrt(MAX_ORIENTATIONS)):
         raise InputError(
-            f"a cone of {half_angle:g} rad with a step of {step:g} rad; give angles above zero, up to pi"
+            f"a cone of {np.degrees(half_angle):g} degrees with a step of {np.degrees(step):g}; give angles above "
+            f"zero, up to 180 degrees, and no more than {MAX_ORIENTATIONS:,} orientations"
         )
     upward = upward / np.linalg.norm(upward)
     across = np.linalg.svd(upward[None])[2][1:]

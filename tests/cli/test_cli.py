@@ -298,61 +298,6 @@ def test_version(run):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["rig", "check", "none.toml"], "none.toml"),
-        (["compare", "none.toml"], "none.toml"),
-        (["compare", PUBLISHED, "--solvers", "newtown"], "newton"),
-        (["compare", PUBLISHED, "--at", "0", "1"], "position"),
-        (["compare", PUBLISHED, "--directions", "grid19"], "grid18"),
-        (["compare", PUBLISHED, "--directions", "circle:8"], "x,y,z"),
-        (["compare", PUBLISHED, "--magnitude", "-1"], "magnitude"),
-        (["allocate", PUBLISHED, "--wrench", "0", "0", "nan"], "wrench"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(run, words, message):
-    code, out, err = run(*words)
-    assert (code, out) == (2, "")
-    assert message in err
-    assert err.startswith("tensionlab: ")
-    assert len(err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["compare", PUBLISHED, "--solvers", "dykstra", "--nearest", "force"], "honours 'tension'"),
-        (["compare", PUBLISHED, "--nearest", "closest"], "force, tension, direction"),
-        (["compare", PUBLISHED, "--plot", "picture.bmp"], ".png"),
-        (["compare", PUBLISHED, "--out", "no/such/folder/t.parquet"], "no folder"),
-        (["allocate", PUBLISHED, "--wrench", "0", "1"], "needs 3"),
-        (["allocate", PUBLISHED], "--wrench"),
-        (["allocate", PUBLISHED, "--wrench", "up"], "not a list of numbers"),
-        (["allocate", PUBLISHED, "--wrench", "one", "0", "0"], "'one,0,0' is not a list of numbers"),
-        (
-            ["allocate", PUBLISHED, "--wrench", "0", "0", "1", "--solver", "dykstra", "--nearest", "force"],
-            "tension",
-        ),
-        (["dance"], "dance"),
-    ],
-)
-def test_bad_options_are_status_2_and_never_a_traceback(run, words, message):
-    code, out, err = run(*words)
-    assert (code, out) == (2, "")
-    assert message in err
-    assert "Traceback" not in err
-
-
-def test_a_broken_rig_file_names_file_and_module(run, tmp_path):
-    broken = tmp_path / "mine.toml"
-    broken.write_text((RIGS / "bartels2026-validation.toml").read_text().replace('name = "top"', 'nam = "top"'))
-    code, out, err = run("rig", "check", broken)
-    assert (code, out) == (2, "")
-    assert str(broken) in err
-    assert "nam" in err
-
-
-@pytest.mark.parametrize(
     ("value", "text"),
     [
         (0.0, "0"), (1.2345, "1.23"), (12.345, "12.3"), (123.45, "123"), (0.12345, "0.12"),

@@ -135,7 +135,7 @@ def test_ascii_screens_are_written_to(run_to):
         (OSError(28, "No space left on device", "/x"), 2, "tensionlab: /x: No space left on device (OSError at"),
         (MemoryError(), 2, "tensionlab: out of memory"),
         (RecursionError("deep"), 2, "tensionlab: nested too deeply"),
-        (ValueError("a\n\x1b[31mlong\tone " + 300 * "b"), 2, "tensionlab: a \\x1b[31mlong one bbb"),
+        (ValueError("a\n\x1b[31mlong\tone " + 300 * "b"), 2, "tensionlab: a; \\x1b[31mlong one bbb"),
         (RigError("x" * 5000 + "; do that"), 2, "tensionlab: xxx"),
     ],
 )

@@ -91,7 +91,7 @@ def test_what_the_motors_cannot_is_said_with_how_much_they_can(table, tmp_path):
     rig = rig_of(modules=tuple(dataclasses.replace(each, upper=0.6) for each in rig_of().modules))
     weak = needs(table(rig=saved(rig, tmp_path)))["table"]
     assert weak.passed is None
-    along = float(weak.text.split(" s, ")[1].split(" N of")[0])
+    along = float(weak.text.split(" s, ")[1].split(" N are")[0])
     W = rig.structure_matrix([0.0, 1.19, 0.0])
     most = tl.allocate(W, [0.0, 3.0, 0.0], rig.limits, nearest="direction").wrench[1]
     assert along == pytest.approx(most, abs=0.1)

@@ -11,25 +11,41 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from tensionlab.arrays import MAX_MAGNITUDE, Floats
+from tensionlab.display import count
 from tensionlab.errors import WriteError
 from tensionlab.files import writing
 from tensionlab.files.named import list_names
+from tensionlab.files.reading import brief
 from tensionlab.model.pose import RestPose
 from tensionlab.model.rig import Rig
 from tensionlab.records import TABLE_SUFFIXES
 from tensionlab.solvers import every_solver, select_solvers
 
 
-def parse_numbers(text: str) -> list[float]:
-    """Return the numbers in a text, separated by commas or spaces; there must be one at least."""
+def parse_numbers(option: str, text: str) -> list[float]:
+    """Return the numbers in an option, separated by commas or spaces; there must be one at least."""
     parts = text.replace(",", " ").split()
     try:
         values = [float(part) for part in parts]
     except ValueError:
-        raise typer.BadParameter(f"{text!r} is not a list of numbers; write them like 0 -0.1 0.3") from None
+        raise typer.BadParameter(
+            f"{option}: {brief(text)} is not a list of numbers; write them like 0 -0.1 0.3"
+        ) from None
     if not values:
-        raise typer.BadParameter("no numbers; write them like 0 -0.1 0.3")
+        raise typer.BadParameter(f"{option}: no numbers; write them like 0 -0.1 0.3")
+    if not all(abs(value) < MAX_MAGNITUDE for value in values):
+        raise typer.BadParameter(f"{option} is {text.replace(',', ' ')}; give finite numbers below 1e100")
     return values
+
+
+def parse_position(text: str | None, rig: Rig) -> Floats:
+    """Return the position that ``--at`` gives, in m; the rig's home if it is left out."""
+    if text is None:
+        return rig.home
+    values = parse_numbers("--at", text)
+    check_components("--at", values, [f"{axis} (m)" for axis in "xyz"[: rig.dimension]], rig.name)
+    return np.array(values)
 
 
 def parse_names(values: list[str] | None) -> list[str] | None:
@@ -51,12 +67,12 @@ def with_frames(rig: Rig, frames: list[str] | None) -> Rig:
     rest = {each.name: each for each in rig.rest}
     for text in frames or []:
         name, _, numbers = text.partition(",")
-        values, d = parse_numbers(numbers), rig.dimension
+        values, d = parse_numbers(f"--frame {name}", numbers), rig.dimension
         turn = 3 if d == 3 else 1
         if len(values) not in (d, d + turn):
             raise typer.BadParameter(
-                f"--frame {name} has {len(values)} numbers; {rig.name} needs {d} for the position in m, and "
-                f"{turn} more for a turn in rad, if it is turned"
+                f"--frame {name} has {count(len(values), 'number')}; {rig.name} needs {d} for the position in m, "
+                f"and {turn} more for a turn in rad, if it is turned"
             )
         rest[name] = RestPose(name, np.array(values[:d]), np.array(values[d:]) if values[d:] else None)
     return replace(rig, rest=tuple(rest.values()))
@@ -74,7 +90,7 @@ def check_components(option: str, values: list[float], names: list[str], owner: 
     """Refuse an option that has another number of values than what it is about has components."""
     if len(values) != len(names):
         raise typer.BadParameter(
-            f"{option} has {len(values)} components; {owner} needs {len(names)}: {', '.join(names)}"
+            f"{option} has {count(len(values), 'component')}; {owner} needs {len(names)}: {', '.join(names)}"
         )
 
 

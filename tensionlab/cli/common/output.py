@@ -54,7 +54,8 @@ def wait_for_enter(text: str) -> None:
 
 def clip(text: str, length: int = MAX_MESSAGE_CHARACTERS) -> str:
     """Return a text as one line of so many characters at most; what is left out is in its middle."""
-    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in " ".join(text.split()))
+    lines = "; ".join(" ".join(each.split()) for each in text.splitlines() if each.strip()).replace(":; ", ": ")
+    line = "".join(each if each.isprintable() else repr(each)[1:-1] for each in lines)
     if len(line) <= length:
         return line
     end = length // 3

@@ -43,7 +43,7 @@ def with_requirement(rig: Rig, wrench: str | None, gravity: bool | None, require
     """Return the rig with what the options require of it; refuse what does not suit it."""
     found = rig.required if required is None else load_requirement(required)
     if wrench is not None:
-        numbers = options.parse_numbers(wrench)
+        numbers = options.parse_numbers("--wrench", wrench)
         options.check_components("--wrench", numbers, output.components(rig), rig.name)
         found = replace(found, wrench=np.array(numbers))
     return replace(rig, required=found if gravity is None else replace(found, gravity=gravity))

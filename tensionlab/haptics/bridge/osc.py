@@ -28,7 +28,7 @@ from typing import Any, NamedTuple, Self
 from pydantic import ValidationError
 
 from tensionlab.arrays import Floats
-from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, needs
+from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, cannot_listen, needs
 from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
@@ -191,7 +191,7 @@ class OscServer:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
             self._socket.bind(address)
         except OSError as error:
-            raise HardwareError(f"OSC cannot listen at {host}, port {port}: {error.strerror}") from None
+            raise cannot_listen("OSC", host, port, error) from None
         self._socket.settimeout(POLL_S)
         self.port = int(self._socket.getsockname()[1])
         self._thread = threading.Thread(target=self._listen, name="OSC", daemon=True)

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, TypeAdapter
 
 from tensionlab.admission import LOOPBACK
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, needs
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, cannot_listen, needs
 from tensionlab.haptics.bridge.admission import COMMAND_PATH, HEADERS, STATE_PATH, Admission
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, FrameRefused
@@ -117,7 +117,7 @@ class Bridge:
         admission = admission or Admission()
         if host not in LOOPBACK and not admission.token:
             raise HardwareError(
-                f"the bridge would be open to others at {host}; give a token that clients must know"
+                f"the bridge would be open to others at {host}; give a token that clients must know (--token-file)"
             )
         self._client, self._welcome, self._state = client, welcome, state
         self._host, self._port, self._admission, self._report = host, port, admission, report
@@ -137,7 +137,8 @@ class Bridge:
         self._ready.wait(START_TIMEOUT_S)
         if self._failure is not None or not self.url:
             self._thread.join()
-            raise HardwareError(f"the bridge cannot listen at {self._host}, port {self._port}: {self._failure}")
+            reason = "no answer" if self._failure is None else self._failure
+            raise cannot_listen("the bridge", self._host, self._port, reason)
         return self
 
     def __exit__(

@@ -183,9 +183,9 @@ def _require_weight(client: ModuleClient, mass: float) -> None:
     if not info.tension_lower < weight < most:
         lower, upper = info.tension_lower / STANDARD_GRAVITY_M_S2, most / STANDARD_GRAVITY_M_S2
         raise CalibrationError(
-            f'module "{client.name}" pulls with {info.tension_lower:.2g} to {most:.2g} N for ever, so {mass:g} kg '
-            f"is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of {1.3 * lower:.2f} to "
-            f"{0.9 * upper:.2f} kg on it"
+            f'module "{client.name}" can go on pulling with {info.tension_lower:.2g} to {most:.2g} N, so '
+            f"{mass:g} kg is too {'light' if weight <= info.tension_lower else 'heavy'}: hang a mass of "
+            f"{1.3 * lower:.2f} to {0.9 * upper:.2f} kg on it"
         )
 
 

@@ -6,6 +6,7 @@ Each link has its own clock. That of a simulated module advances only while some
 from __future__ import annotations
 
 import io
+import os
 import re
 import select
 import socket
@@ -129,8 +130,10 @@ class SerialLink:
             self._port.dtr = self._port.rts = False  # they reset most boards
             self._port.open()
         except (serial.SerialException, ValueError) as error:
+            number = getattr(error, "errno", None)
+            why = os.strerror(number) if number else error
             raise LinkError(
-                f"{url} cannot be opened: {error}; is it there, and is no other program using it?"
+                f"{url} cannot be opened: {why}; is it there, and is no other program using it?"
             ) from None
         try:
             self._file: int | None = self._port.fileno()

@@ -167,7 +167,7 @@ def silence(client: ModuleClient, age: float) -> str:
             f"repeats what it said {age:.2f} s ago ({client.repeated} times time_us "
             f"{client.telemetry.message.time_us}): its firmware or its link hangs; switch it off and on"
         )
-    return f"has been silent for {age:.2f} s"
+    return f"has been silent for {age:.2f} s; has it power, is its link whole? A longer --ttl allows for more"
 
 
 def require_plausible(name: str, before: Received[Telemetry] | None, heard: Received[Telemetry]) -> None:

@@ -140,7 +140,7 @@ class PoseTracker:
             why = f"{rig.m} cables do not fix {rig.n} unknowns"
         if why is not None:
             raise HardwareError(
-                f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or a place'
+                f'rig "{rig.name}": {why}, so cable lengths do not tell where it is; give a tracker, or --at'
             )
         self._rig = rig
         self.error = math.inf

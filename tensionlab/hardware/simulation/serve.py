@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from tensionlab.errors import HardwareError, InputError
+from tensionlab.errors import HardwareError, InputError, cannot_listen
 from tensionlab.files import writing
 from tensionlab.hardware.simulation.links import Channel, Conditions
 from tensionlab.hardware.simulation.simulated_module import PARTS, STEP_S, SimulatedModule
@@ -61,7 +61,7 @@ class TcpPort:
         try:
             self._listener = socket.create_server((host, port))
         except OSError as error:
-            raise HardwareError(f"cannot listen at {host}, port {port}: {error.strerror}") from None
+            raise cannot_listen("a module", host, port, error) from None
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
         self._newcomer: socket.socket | None = None  # until it is known whether the client has gone before it came

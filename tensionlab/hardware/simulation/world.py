@@ -53,6 +53,12 @@ def simulated_module(
     settings take the place of all that but the cable's length, which no module remembers. A `HardwareError` names
     the module, for what no module of this kind can do.
     """
+    longest = PARAMETERS["length_upper"].upper
+    if length > longest:
+        raise HardwareError(
+            f'module "{module.name}": its cable would be {length:.4g} m long, and a module takes {longest:g} m at '
+            "most; move the pose or the anchor"
+        )
     built = plant_of(module)
     made = built | ({} if plant is None else dict(plant))
     simulated = SimulatedModule(serial_number, plant=made, distance=length, seed=seed, settings=settings)
@@ -61,7 +67,7 @@ def simulated_module(
     if not simulated.loaded:
         taut = PARAMETERS["tension_lower"]
         wanted = {
-            "length_upper": max(PARAMETERS["length_upper"].standard, 2.0 * length),
+            "length_upper": min(max(PARAMETERS["length_upper"].standard, 2.0 * length), longest),
             "tension_upper": module.upper,
             "tension_lower": min(max(module.lower, taut.lower), taut.upper),
             "spool_radius": built["radius"],

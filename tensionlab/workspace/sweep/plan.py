@@ -304,12 +304,14 @@ class Plan:
         if rig.dimension != self.poses.dimension:
             raise SweepError(
                 f"the poses have {self.poses.dimension} coordinates; "
-                f'rig "{rig.name}" ({rig.kind}) needs {rig.dimension}'
+                f'rig "{rig.name}" ({rig.kind}) needs {rig.dimension}; give it other poses, or a sweep of its own'
             )
         one = self.poses.block(tuple(slice(0, 1) for _ in self.poses.shape))
         position, rotation = one.arrays()
         if rotation is not None and rig.n == rig.dimension:
-            raise SweepError(f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn')
+            raise SweepError(
+                f'the poses have orientations, and rig "{rig.name}" ({rig.kind}) cannot turn; leave them out'
+            )
         nothing = None if rotation is None else rotation[:0]
         batch, _ = _batch(rig, position[:0], nothing, self.frames, self.requirement(rig))
         batch.required.check_rig(rig)

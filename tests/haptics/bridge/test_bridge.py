@@ -326,7 +326,7 @@ def test_a_token_is_needed_beyond_this_machine(serve, run, monkeypatch):
         assert bridge.osc._socket.getsockname()[0] == "127.0.0.1"  # OSC knows no token
 
 
-@pytest.mark.parametrize(("content", "said"), [("", "is empty"), (None, "cannot be read")])
+@pytest.mark.parametrize(("content", "said"), [("", "is empty"), (None, "no such file")])
 def test_a_token_file_without_a_token_is_refused(run, tmp_path, content, said):
     file = tmp_path / "token"
     if content is not None:

@@ -86,7 +86,11 @@ def test_settings_that_were_stored_take_the_place_of_the_rigs():
     ("module", "length", "message"),
     [
         (Module("winch", [0, 0, 0], 1.0, 200.0), 1.0, '"winch": tension_upper is from 0.5 to 12 N; got 200'),
-        (Module("winch", [0, 0, 0], 1.0, 6.0), 15.0, '"winch": length_upper is from .* m; got 30'),
+        (
+            Module("winch", [0, 0, 0], 1.0, 6.0),
+            25.0,
+            '"winch": its cable would be 25 m long, and a module takes 20 m at most',
+        ),
         (Module("winch", [0, 0, 0], 1.0, 6.0, spool_radius=0.5), 1.0, '"winch": spool_radius'),
         (Module("winch", [0, 0, 0], 1.0, 6.0, newton_per_ampere=50.0), 1.0, '"winch" answered .*BAD_VALUE'),
     ],

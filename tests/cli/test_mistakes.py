@@ -1,0 +1,250 @@
+"""Mistakes that a stranger makes on the command line, and what the line on stderr must say about each.
+
+It names what was wrong, where, and what to do; nothing is written, and nothing is a traceback.
+"""
+
+import errno
+import re
+import shlex
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support import runs
+
+RIG = (Path(__file__).parents[2] / "datasets" / "rigs" / "bartels2026-validation.toml").read_text()
+LINKS = "give one of these: bt://AA:BB:CC:DD:EE:FF/1"
+MISTAKES = {
+    # Words.
+    "comprae cube-8": "no such command 'comprae'. Did you mean 'compare'? see `tensionlab -h`",
+    "rig chek cube-8": "Did you mean 'check'? see `tensionlab rig -h`",
+    "compare": "RIG is missing; see `tensionlab compare -h`",
+    "compare cube-8 tetra-4": "too many words: tetra-4; see `tensionlab compare -h`",
+    "solvers newton": "too many words: newton; see `tensionlab solvers -h`",
+    "compare cube-8 --plt c.png": "no such option: --plt (Possible options: --at, --out, --plot); see `tensionlab",
+    "compare cube-8 --json=yes": "--json does not take a value",
+    "allocate cube-8": "--wrench is missing; see `tensionlab allocate -h`",
+    "new": "is missing; see `tensionlab new -h`",
+    "new rigg": "'rigg' is none of rig, space, scenario, program",
+    "workspace cube-8 --view volumes": "--view: 'volumes' is not one of 'slices', 'volume', 'shares'",
+    # Names.
+    "compare cube8": "no rig is called 'cube8'; did you mean 'cube-8'? `tensionlab datasets rigs` lists them",
+    "view cube9": "no rig is called 'cube9'; did you mean 'cube-8'?",
+    "layout search room": "no space is called 'room'; did you mean 'four-in-a-room'?",
+    "scenario bw": "no scenario is called 'bw'; did you mean 'bow'?",
+    "problems show edg": "no problem set is called 'edg'; choose one of published, point, edge",
+    "datasets rig": "no data sets are called 'rig'; there are rigs, spaces",
+    "compare cube-8 --solvers newtn": "no solver is called 'newtn'; did you mean 'newton'?",
+    "compare cube-8 --solver json:Nothing": "'Nothing' (json:Nothing) cannot be loaded",
+    "compare cube-8 --solvers ,": "no solver is named; leave the option out for all, or see `tensionlab solvers`",
+    "compare cube-8 --nearest forces": "'forces' is no policy; choose one of force, tension, direction",
+    "compare cube-8 --solvers dykstra --nearest force": "cannot honour nearest='force'; it honours 'tension'",
+    "compare cube-8 --directions grid19": "'grid19': write grid18, fibonacci:N, circle:N or the path of a .csv",
+    "allocate cube-8 --wrench 0 0 1 --solver qp:nosuch": "no QP backend is called 'nosuch'; choose one of",
+    "workspace cube-8 --metric capacity-margins": "did you mean 'capacity-margin'?",
+    "workspace cube-8 --metric reachable-share:x": "no value for reachable-share's magnitude; give a number",
+    "workspace cube-8 --metric effort,effort": "metric 'effort' is there twice; give it once",
+    "workspace cube-8 cube-8": 'two rigs are called "cube-8"; give each its own name',
+    "simulate rig.toml --only nobody": "--only nobody: no such module; there are floor-1, floor-2, floor-3, top",
+    "simulate rig.toml --fault encodr@2s": "no fault 'encodr@2s'; write one of encoder, supply",
+    "module config set sim: slw=50": 'modules have no parameter "slw"; is it slew?',
+    "validate --out v --preset perfect": "no preset 'perfect'; there are ideal, paper-like",
+    "compare body-mounted --frame knee 0 0 0": 'frame "knee" carries no module; the frames are',
+    # Numbers, and how many.
+    "compare cube-8 --at 0 0": "--at has 2 components; cube-8 needs 3: x (m), y (m), z (m)",
+    "compare cube-8 --at 0 0 nan": "--at is 0 0 nan; give finite numbers",
+    "compare cube-8 --magnitude -1": "magnitude -1.0 is no size of a force; give newtons, finite and above 0",
+    "compare cube-8 --magnitude 1e300": "magnitude 1e+300 is no size of a force; give newtons",
+    "compare cube-8 --magnitude 1,5": "--magnitude: give a number",
+    "compare cube-8 --directions circle:8": "directions of x,y,z; try grid18 or fibonacci:N",
+    "compare cube-8 --directions fibonacci:99999999999": "has 1 to 10,000,000 vectors; got 99999999999",
+    "compare body-mounted --frame hip 0": "--frame hip has 1 number; body-mounted needs 3 for the position",
+    "allocate cube-8 --wrench 1 0": "--wrench has 2 components; cube-8 needs 3: Fx (N), Fy (N), Fz (N)",
+    "allocate cube-8 --wrench up": "--wrench: 'up' is not a list of numbers; write them like 0 -0.1 0.3",
+    "allocate cube-8 --wrench one 0 0": "--wrench: 'one,0,0' is not a list of numbers; write them like 0 -0.1 0.3",
+    "allocate cube-8 --wrench 0 0 inf": "--wrench is 0 0 inf; give finite numbers",
+    "allocate cube-8 --wrench 0 0 1 --reference 1 2": "--reference has 2 components; cube-8 needs 8",
+    "allocate cube-8 --wrench 0 0 1 --reference low": "--reference is 'low'; give lower or middle, or 8 tensions",
+    "workspace cube-8 --box 1 2 3": "--box has 3 numbers; cube-8 needs 6: x0 x1 y0 y1 z0 z1",
+    "workspace cube-8 --box 1 0 0 1 0 1": "x goes from 1 to 0 m; give the lower end first",
+    "workspace cube-8 --box 0 inf 0 1 0 1": "--box is 0 inf 0 1 0 1; give finite numbers",
+    "workspace cube-8 --step 0": "step is 0.0; give one length in m, or one for each axis, above zero",
+    "workspace cube-8 --step 1e-9": "gives 1e+09 poses along x; give a larger one",
+    "workspace cube-8 --step 1e-6 --out a.zarr": "left; take a longer step, a smaller box or fewer metrics",
+    "workspace cogiro --rotations cone:-10": "a cone of -10 degrees with a step of 5; give angles above zero",
+    "bench --out b --count 0": "--count: it must be greater than or equal to 1",
+    "run cube-8 --seconds 0": "--seconds: give a finite number above 0; got 0",
+    "run cube-8 --seconds -3": "--seconds: give a finite number above 0; got -3",
+    "run cube-8 --rate 1e9": "rate is from 8 Hz, which is 2 set-points in a ttl of 0.25 s, to 10000 Hz; got 1e+09",
+    "run cube-8 --at 100 0 0": "its cable would be 100.5 m long, and a module takes 20 m at most; move the pose",
+    "scenario bow --seconds 100": "--seconds is above 0 and at most 5; got 100",
+    "simulate rig.toml --drop-pct 200": "--drop-pct: it must be less than or equal to 100",
+    "simulate rig.toml --orbit 1": "--orbit takes a rig, and two numbers: a radius in m and a period in s",
+    "validate --out v --hold 0": "each force is held for 0 s, of which 0.3 s are left out; hold longer than that",
+    "module config set sim: slew=-50": "slew is from 10 to 300 N/s; got -50",
+    "module config set sim: slew=fast": "slew=fast: give a number, such as slew=50",
+    "module calibrate gain sim: --mass 200": "--mass 200: give kg, above 0 and below 100",
+    "module calibrate gain sim: --mass 5": "5 kg is too heavy: hang a mass of 0.07 to 0.28 kg on it",
+    "serve cube-8 --port 99999": "--port: it must be less than or equal to 65535",
+    # Options that do not go together, or lack another.
+    "run cube-8 --force 1 2 3 --program program.toml": "--force and --program are both given; give one of them",
+    "workspace cube-8 --poses poses.csv --step 1": "--poses takes the place of --box, --step and --rotations",
+    "workspace cube-8 --rotations cone:10": "cannot turn; leave them out",
+    "validate --out v --modules modules.toml": "--modules needs --sensor: what do they pull on?",
+    "scenario bow --osc 9000": "--osc is for real modules; of a simulated person it is known where it is",
+    "serve": "give a rig, or --scenario NAME, which has a rig of its own",
+    "serve cube-8 --host 0.0.0.0 --port 0": "give a token that clients must know (--token-file)",
+    "simulate --tracker here": "--tracker sends the positions of a scenario: give --scenario NAME as well",
+    "module calibrate gain sim:": "give either --mass, once or repeatedly, or --sensor with --staircase",
+    "module config dump sim: --folder d": "--folder needs --modules FILE, whose names the files get",
+    # Rigs that do not suit the verb.
+    "workspace cube-8 kntu-planar": "(planar) needs 2; give it other poses, or a sweep of its own",
+    "allocate cube-8 --wrench 0 0 1 --gravity": "does not know its weight; its file needs [platform]",
+    "run body-mounted": "cable lengths do not tell where it is; give a tracker, or --at",
+    "scenario bow --rig kntu-planar": 'as rig "kntu-planar" (planar) has them, or another rig',
+    "scenario bow --rig seven-modules": 'no body frame of rig "seven-modules"; give a rig with modules',
+    "validate kntu-planar --out v": 'is of kind "planar"; the validation is about a point in space, kind "point"',
+    # Modules that are not there.
+    "module info top": f"'top' is no link to a module; {LINKS}",
+    "estop nobody": f"'nobody' is no link to a module; {LINKS}",
+    "module info": f"no modules; give --modules FILE, or links: {LINKS.partition(': ')[2]}",
+    "module info --modules modules.toml floor": "modules.toml has no module 'floor'; it has top",
+    "module info socket://127.0.0.1:99999": "give a host and a port from 1 to 65535, such as socket://127.0.0.1:4001",
+    "module info socket://127.0.0.1:1": "cannot be opened: Connection refused; is it served there, and in reach?",
+    "module monitor": "no process of yours uses a module; name the modules to watch",
+    "run rig.toml --modules modules.toml": "no link for floor-1, floor-2, floor-3; give each module its own",
+    "run rig.toml --modules sim:,sim:": "--modules has 2 links, bartels2026-validation has 4 modules",
+    "serve cube-8 --port {port}": "port {port}: Address already in use; give another port, 0 for a free one",
+    "simulate rig.toml --port {port}": "port {port}: Address already in use; give another port, 0 for a free one",
+    # Files that are not there, are not what is wanted, or are damaged.
+    "compare none.toml": "none.toml: no such file; give the path of a rig file (*.toml)",
+    "compare folder.toml": "folder.toml: is a folder; give a rig file (*.toml)",
+    "compare latin1.toml": "latin1.toml: not UTF-8 text; save it as UTF-8, or give a rig file (*.toml)",
+    "compare broken.toml": "broken.toml: not valid TOML: Unclosed array (at line 12, column 1); correct that line",
+    "compare key.toml": 'key.toml: 2 problems: module 4: key "name" is missing; give a name in quotes that no '
+    'other module has; module 4: unknown key "nam"; did you mean "name"?',
+    "compare nan.toml": 'nan.toml: module "floor-1": key "lower" is nan; give a finite tension in N',
+    "compare swapped.toml": 'key "lower" is 0.5, above "upper", which is 0.1; give lower <= upper, both in N',
+    "compare cube-8 --required wrong.toml": 'wrong.toml: unknown key "bx"; did you mean "box"?',
+    "compare cube-8 --directions heads.csv": "heads.csv, row 1: 'a,b,c' is not a row of numbers; write x,y,z",
+    "workspace cube-8 --poses poses.csv": "poses.csv: line 2, column \"z\": 'nan' is no finite number",
+    "workspace cube-8 --poses run.mcap": "not a file of poses; give one that ends in .csv, .parquet, .npz",
+    "workspace cube-8 --poses broken.parquet": "broken.parquet: a damaged file (ArrowInvalid); give a file of",
+    "run cube-8 --program short.toml": "short.toml: step 1: wrench is [1.0, 2.0]; this rig takes 3 components",
+    "layout search rig.toml": 'rig.toml: 5 problems: key "counts" is missing; key "target" is missing',
+    "log info broken.mcap": "broken.mcap: not the log of a run; give a file that `tensionlab run --log` wrote",
+    "log info cut.mcap": "cut.mcap: the log was cut off before the run began; there is nothing in it",
+    "regressions run.mcap run.mcap": "run.mcap: a damaged file (ArrowInvalid); give results of `tensionlab bench`",
+    "rig import --caspr rig.toml rig.toml": "rig.toml: not well-formed XML",
+    "module calibrate anchors rig.toml heads.csv": 'heads.csv: column "floor-1" is missing; there must be floor-1',
+    "serve cube-8 --token-file none": "none: no such file; give the path of a file with the token of clients",
+    # Places that cannot be written to.
+    "compare cube-8 --plot c.bmp": "--plot: c.bmp: unsupported format; it must end in .png or .pdf or .svg",
+    "compare cube-8 --out no/such/c.csv": "no folder",
+    "workspace cube-8 --out a.csv": "--out: a.csv: the name must end in .zarr",
+    "workspace cube-8 --out there.zarr": "there.zarr is there and holds no sweep; give another place to write to",
+    "run cube-8 --log run.mcap": "--log: run.mcap: there is something already; name a new file for the log",
+    "new rig --out rig.toml": "rig.toml: there is something already; name a new file for the rig",
+    "new rig --out .toml": "--out: .toml: a name is missing; it must end in .toml",
+    "bench --out run.mcap": "--out: run.mcap: cannot be written (Not a directory); name a place in a folder",
+}
+"""What the line on stderr must say, by command."""
+NO = {"module info socket://127.0.0.1:1", "module monitor"}
+"""Commands that are well-formed: the answer is no."""
+MISSING = {
+    "workspace cube-8 --step 1 --out a.zarr": ("zarr", 'a store needs zarr: pip install "tensionlab[workspace]"'),
+    "workspace cube-8 --scheduler tcp://127.0.0.1:1": (
+        "distributed",
+        'a cluster needs distributed: pip install "tensionlab[cluster]"',
+    ),
+    "serve cube-8 --port 0": ("websockets", 'the bridge needs websockets: pip install "tensionlab[haptics]"'),
+    "view cube-8 --no-browser": ("viser", 'the view needs viser: pip install "tensionlab[view]"'),
+}
+"""A library that is not installed, and what must be said, by command."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with files to be mistaken about."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    texts = {
+        "rig.toml": RIG,
+        "broken.toml": RIG.replace("[", "[[", 1),
+        "key.toml": RIG.replace('name = "top"', 'nam = "top"'),
+        "nan.toml": RIG.replace("lower = 0.5", "lower = nan"),
+        "swapped.toml": RIG.replace("upper = 6.0", "upper = 0.1"),
+        "wrong.toml": "bx = [1.0, 1.0, 1.0]\n",
+        "short.toml": 'name = "short"\n[[steps]]\nseconds = 1.0\nwrench = [1.0, 2.0]\n',
+        "program.toml": 'name = "program"\n[[steps]]\nseconds = 1.0\nwrench = [0.0, 1.0, 0.0]\n',
+        "modules.toml": '[modules]\ntop = "sim:"\n',
+        "poses.csv": "x,y,z\n0,0,nan\n",
+        "heads.csv": "a,b,c\n1,2,3\n",
+        "broken.parquet": "PAR1 and nothing else",
+        "broken.mcap": "no log at all",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    (folder / "latin1.toml").write_bytes(RIG.replace('"top"', '"töp"').encode("latin-1"))
+    runs.logged(folder / "run.mcap", runs.four(), 4)
+    (folder / "cut.mcap").write_bytes((folder / "run.mcap").read_bytes()[:200])
+    (folder / "folder.toml").mkdir()
+    (folder / "there.zarr").mkdir()
+    (folder / "there.zarr" / "something").write_text("precious")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def port():
+    """A port that is in use."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        yield listening.getsockname()[1]
+
+
+@pytest.fixture
+def mistaken(run, folder, monkeypatch, locks_folder):
+    """Run a command that must be refused, and return the last line on stderr: nothing is written."""
+
+    def contents():
+        return {path: path.is_file() and path.read_bytes() for path in folder.rglob("*")}
+
+    def call(command, status):
+        monkeypatch.chdir(folder)
+        before = contents()
+        code, _, err = run(*shlex.split(command))
+        assert (code, contents()) == (status, before)
+        *told, line = err.splitlines()
+        assert len(told) <= 1, err  # that modules are simulated, or how large a sweep is
+        assert line.startswith("tensionlab: ")
+        assert len(line) <= 300
+        assert not re.search(r"Traceback|\.py\b|Errno", line)
+        return line
+
+    return call
+
+
+@pytest.mark.parametrize("command", MISTAKES)
+def test_a_mistake_is_named_with_its_cure(mistaken, port, command):
+    line = mistaken(command.format(port=port), 1 if command in NO else 2)
+    assert MISTAKES[command].format(port=port) in line
+
+
+@pytest.mark.parametrize("command", MISSING)
+def test_a_library_that_is_not_installed_is_named_with_its_extra(mistaken, monkeypatch, command):
+    library, said = MISSING[command]
+    monkeypatch.setitem(sys.modules, library, None)
+    assert said in mistaken(command, 2)
+
+
+def test_a_file_that_may_not_be_read_is_named(mistaken, monkeypatch):
+    opened = Path.open
+
+    def refuse(path, *words, **options):  # permissions do not stop who runs as root
+        if path.name == "secret.toml":
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return opened(path, *words, **options)
+
+    monkeypatch.setattr(Path, "open", refuse)
+    said = "tensionlab: secret.toml: cannot be read (Permission denied); give a rig file (*.toml)"
+    assert mistaken("compare secret.toml", 2) == said
