@@ -131,7 +131,8 @@ class Demand:
     Attributes
     ----------
     wrench : (n,) array or None
-        Desired, of all modules together, in N and N·m. None: each cable is held at its lower limit.
+        Desired, of all modules together, in N and N·m; beside what the rig requires, `Rig.required`. None: nothing
+        besides, and without that each cable is held at its lower limit.
     impedances : mapping of str to Impedance
         Modules, by name, with a module-local impedance. The others render the rest of the wrench.
     brakes : set of str

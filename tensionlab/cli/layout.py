@@ -79,6 +79,24 @@ def search(
             )
         else:
             _print(found, task.name)
+    if found.best.score <= 0:
+        output.print_error(
+            f"no layout was found that holds {_aim(found)}: the worst margin is {found.best.worst:.4g} N; give "
+            "more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
+        )
+        raise typer.Exit(1)
+
+
+def _aim(found: LayoutSearch) -> str:
+    """Return in a few words what a layout has to hold, at the least."""
+    required = found.best.rig.required
+    held = required.describe(found.best.rig) if required else "a force in every direction"
+    force = found.objective.force
+    return (
+        f"{held} everywhere in the target"
+        if force is None
+        else f"{held} with {force:g} N in every direction anywhere"
+    )
 
 
 def _plain(found: Layout, on_front: bool) -> dict[str, object]:

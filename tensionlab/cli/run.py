@@ -183,10 +183,25 @@ def print_summary(runner: Runner) -> None:
         if client.bad_frames
     ]
     statistics = runner.statistics
-    table = output.table(("<", "<"), [*statistics.rows(), *damaged])
+    table = output.table(("<", "<"), [*statistics.rows(), *_last(runner), *damaged])
     table.show_header = False
     output.print_title(f"{runner.rig.name}: {statistics.title}")
     output.console().print(table)
+
+
+def _last(runner: Runner) -> list[tuple[str, str]]:
+    """Return what the last cycle desired, and what came of it, as lines of two texts."""
+    cycle = runner.latest
+    if cycle is None or cycle.demand.wrench is None:
+        return []
+    unit = "N" if runner.rig.n == runner.rig.dimension else "N and N·m"
+    local = cycle.demand.wrench - cycle.solver_wrench  # by impedances and lost modules
+    wrenches = {
+        "desired": cycle.demand.wrench,
+        "commanded": cycle.allocation.wrench + local,
+        "measured": cycle.state.structure @ cycle.state.tensions,
+    }
+    return [(f"{name} in the last cycle", f"{_components(each)} {unit}") for name, each in wrenches.items()]
 
 
 def _components(wrench: Floats) -> str:

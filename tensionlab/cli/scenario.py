@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from tensionlab.allocation import Status
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import kept_of_run, module_links, print_simulated, show_run
+from tensionlab.cli.common.modules import kept_of_run, module_links, print_required, print_simulated, show_run
 from tensionlab.cli.common.options import Duration, Json, Log, Modules, Plot, Solver, View
 from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
@@ -20,7 +21,7 @@ from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
-from tensionlab.scenarios.expected import check_scenario
+from tensionlab.scenarios.expected import EXPECTED, check_scenario
 from tensionlab.scenarios.play import ScenarioModules, ScenarioResult, needs_tracker, play, simulate_modules
 
 LIST = "list"
@@ -120,10 +121,9 @@ def scenario(
             )
         else:
             _print(played, rows, found)
-            if not complete:
-                typer.echo("Expected values are only compared when a scenario is played as a whole.")
-            elif rig is not None and loaded.name in SCENARIOS:
-                typer.echo("Expected values are only compared on the scenario's own rig.")
+            if loaded.name in EXPECTED and not rows:
+                where = "when a scenario is played as a whole" if not complete else "on the scenario's own rig"
+                typer.echo(f"Expected values are only compared {where}.")
     if statistics.unconfirmed or statistics.lost or statistics.emergency:
         raise typer.Exit(1)
     if interrupted:
@@ -190,6 +190,7 @@ def _list(json: bool) -> None:
 
 def _print_needs(scenario: Scenario, needs: list[Finding]) -> None:
     """Print what a scenario needs of its rig, and whether that has it."""
+    print_required(scenario.rig)
     if scenario.turned:
         output.console().print(scenario.turned, soft_wrap=True)
     output.print_findings(f"What {scenario.name} needs, and {scenario.rig.name} has", needs)
@@ -215,3 +216,11 @@ def _print(played: ScenarioResult, rows: tuple[Check, ...], found: Directions) -
         f"{found.within} within 45 degrees of the desired ones{elsewhere}."
     )
     console.print(f"Loop latency {1e3 * loop_delay(played):.0f} ms.")
+    statistics = played.statistics
+    if set(statistics.statuses) - {Status.EXACT}:
+        console.print(f"Answers: {statistics.explained}.", soft_wrap=True)
+    if statistics.missed:
+        console.print(
+            f"{statistics.missed} of {statistics.missed + statistics.cycles} deadlines missed: forces came late, "
+            "or from an older position. Is the computer busy?"
+        )

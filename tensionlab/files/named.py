@@ -49,6 +49,10 @@ def find(word: str | PathLike[str], kind: str, error: type[TensionlabError]) -> 
     suffix, what = SUFFIXES[kind], kind.removesuffix("s")
     if not is_path(word, suffix):
         if word not in (known := list_names(kind)):
+            if os.path.exists(f"{word}{suffix}"):  # noqa: PTH110 - takes what no system does
+                raise error(
+                    f"no {what} that comes with tensionlab is called {word!r}; for the file give {word}{suffix}"
+                )
             problem = describe_unknown(str(word), known, what, f"`tensionlab datasets {kind}` lists them")
             raise error(f"{problem}; a path ends in {suffix} or has a '/'")
         return datasets_folder() / kind / f"{word}{suffix}"

@@ -17,7 +17,7 @@ from tensionlab.plots import scene, style
 from tensionlab.plots.run import COLOURS
 from tensionlab.plots.scene import TILE_M, Moment
 from tensionlab.plots.style import COARSE_SHADE
-from tensionlab.scenarios.checks import ForceRecord, rendered_force
+from tensionlab.scenarios.checks import ForceRecord, desired_force, rendered_force
 from tensionlab.scenarios.expected import check_scenario
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ def draw_force(axes: Axes, played: ScenarioResult) -> None:
     sizes = np.abs(rendered.force).max(axis=0)
     shown = [axis for axis in range(run.rig.dimension) if sizes[axis] >= max(MIN_FORCE_SHARE * sizes.max(), 1e-9)]
     for axis in shown:
-        axes.plot(run.time, run.desired[:, axis], color=COLOURS[axis], **WIDE)
+        axes.plot(run.time, desired_force(run)[:, axis], color=COLOURS[axis], **WIDE)
         axes.plot(rendered.time, rendered.force[:, axis], color=COLOURS[axis], **THIN)
     axes.axhline(0.0, color=GREY, linewidth=0.7, zorder=1)
     axes.set_ylabel("N")
@@ -251,7 +251,7 @@ def force_distance(played: ScenarioResult) -> list[ForceDistance]:
     """
     run, frame = played.run, played.scenario.seen_from
     rendered, measured = rendered_force(played), rendered_force(replace(played, person=None))
-    desired = ForceRecord(run.time, measured.position, run.desired)
+    desired = ForceRecord(run.time, measured.position, desired_force(run))
     between = f"from {played.scenario.labels.get(frame or '', frame)} to {scene.held_name(played.scenario)} (m)"
     found = []
     for phase in played.scenario.phases:

@@ -173,7 +173,7 @@ def check_directions(run: Run) -> Directions:
 def direction_reasons(run: Run) -> NDArray[np.int64]:
     """Return for each cycle an index of `REASONS`, `ALIGNED_CYCLE` or `WEAK_CYCLE`."""
     measured = measured_force(run)
-    desired = np.nan_to_num(run.desired)
+    desired = np.nan_to_num(desired_force(run))
     tension_limits = [int(limit) for limit in (Limit.NONE, Limit.LOWER, Limit.UPPER)]
     found = np.full(len(run), REASONS.index("unexplained"))
     found[~np.isin(run.limiters, tension_limits).all(axis=1)] = REASONS.index("module limited")
@@ -185,10 +185,15 @@ def direction_reasons(run: Run) -> NDArray[np.int64]:
     return found
 
 
+def desired_force(run: Run) -> Floats:
+    """Return the desired force on the hand, (K, n) in N: without what the rig requires."""
+    return run.desired - run.rig.required.middle(run.rig)
+
+
 def measured_force(run: Run) -> Floats:
-    """Return the force of the tensions that the modules report, (K, n) in N."""
+    """Return the force on the hand of the tensions that the modules report, (K, n) in N."""
     force: Floats = np.einsum("knm,km->kn", run.structure, np.nan_to_num(run.measured))
-    return force
+    return force - run.rig.required.middle(run.rig)
 
 
 def _aligned(measured: Floats, desired: Floats) -> NDArray[np.bool_]:

@@ -223,6 +223,7 @@ class Person:
         self._position = plan.script.position(0.0)
         self._velocity: Floats = np.zeros_like(self._position)
         self._tensions: Floats = np.zeros(rig.m)
+        self._required = rig.required.middle(rig)  # the cables hold that of what weighs on the hand
         self._force: Floats | None = None
         self._cables: Cables | None = None
         self._rows: list[tuple[float, Floats, Floats, Floats]] = []
@@ -285,7 +286,7 @@ class Person:
         speed = (plan.script.position(now + SPEED_STEP_S) - goal) / SPEED_STEP_S
         force = self._force
         if force is None:
-            force = structure_matrix(self.cables.directions, self.cables.arms) @ self._tensions
+            force = structure_matrix(self.cables.directions, self.cables.arms) @ self._tensions - self._required
         own = plan.stiffness * (goal - self._position) + plan.damping * (speed - self._velocity)
         self._velocity = self._velocity + step * (own + force) / plan.mass
         self._position = self._position + step * self._velocity

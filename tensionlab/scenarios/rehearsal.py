@@ -115,7 +115,7 @@ def _reach(scenario: Scenario, played: Rehearsal) -> Finding:
     lengths = f"cables of {extent(played.lengths.round(2))} m"
     if rig.m <= rig.n:
         return Finding("reach", None, f"{where}, {lengths}; {count(rig.m, 'cable')} cannot pull in all directions")
-    nothing = np.zeros(rig.n)
+    nothing = rig.required.middle(rig)
     held = allocate(played.structure, nothing, rig.limits).status == Status.EXACT
     if held.all():
         return Finding("reach", True, f"{where}, {lengths}")
@@ -137,14 +137,16 @@ def _force(scenario: Scenario, phase: Phase, played: Rehearsal, during: Integers
     if not strong.size:
         return Finding(phase.name, True, f"no force above {MIN_FORCE_N:g} N is desired")
     desired, sizes = played.desired[strong], sizes[sizes > MIN_FORCE_N]
-    found = allocate(played.structure[strong], desired, scenario.rig.limits, nearest=scenario.nearest)
-    missing = np.linalg.norm(desired - found.wrench, axis=1) / sizes
+    required = scenario.rig.required.middle(scenario.rig)
+    found = allocate(played.structure[strong], desired + required, scenario.rig.limits, nearest=scenario.nearest)
+    rendered = found.wrench - required
+    missing = np.linalg.norm(desired - rendered, axis=1) / sizes
     feasible = missing <= MAX_MISSING
     text = f"up to {sizes.max():.1f} N are desired, and feasible"
     if feasible.all():
         return Finding(phase.name, True, text)
-    along = np.einsum("kn,kn->k", desired, found.wrench) / sizes
-    some = along > MIN_COSINE * np.linalg.norm(found.wrench, axis=1)
+    along = np.einsum("kn,kn->k", desired, rendered) / sizes
+    some = along > MIN_COSINE * np.linalg.norm(rendered, axis=1)
     worst = int(np.argmax(missing * sizes))
     direction = vector((desired[worst] / sizes[worst]).round(2) + 0.0)
     text += (

@@ -278,7 +278,10 @@ def _scenario(table: dict[str, Any], path: Path, rig: str | PathLike[str] | None
     for key in (*NEEDED, "person", "phases"):
         if key not in table:
             raise ScenarioError(f'key "{key}" is missing')
-    loaded, turned = _turned(load_rig(_rig_of(table, path) if rig is None else rig), table["up"])
+    try:
+        loaded, turned = _turned(load_rig(_rig_of(table, path) if rig is None else rig), table["up"])
+    except RigError as error:
+        raise error if rig is not None else RigError(f'{path}: key "{RIG}": {error}') from None
     if not isinstance(table["phases"], list):
         raise ScenarioError("phases: give a list of tables, [[phases]]")
     return Scenario(

@@ -98,6 +98,17 @@ def test_what_is_required_is_in_the_score_and_in_the_rig(run, space, tmp_path):
     assert "--wrench has 3 components; this space needs 2" in run(space, "--wrench", 0, 1, 2)[2]
 
 
+def test_a_search_that_finds_nothing_that_holds_says_so_and_ends_with_status_1(run, space, tmp_path):
+    code, out, err = run(space, "--wrench", 0, 40, "-o", tmp_path / "rig.toml")
+    assert code == 1
+    assert "score" in out
+    assert (
+        "no layout was found that holds the wrench (0, 40) N everywhere in the target: the worst margin is -"
+        in err
+    )
+    assert load_rig(tmp_path / "rig.toml").m == 3
+
+
 def test_bad_input_ends_with_status_2_and_says_where(run, space, tmp_path):
     space.write_text(SPACE.replace("lower = 1.0", "lower = 7.0"))
     code, out, err = run(space)

@@ -3,6 +3,7 @@
 import importlib
 import os
 import signal
+from dataclasses import replace
 
 import pytest
 
@@ -60,3 +61,24 @@ def test_a_second_host_is_refused_and_the_first_goes_on(run, reachable, monkeypa
     assert f"{url} is in use by process {os.getpid()} " in err
     assert {module.sample.state for module in reachable.world.modules} == {State.IDLE}
     first.release()
+
+
+def test_the_end_of_a_run_says_what_was_desired_and_what_came_of_it(run, simulated_time):
+    status, out, _ = run("run", PATH, "--force", 0, 0, 50, "--seconds", 1)
+    assert status == 0
+    rows = dict(line.split("  ", 1) for line in out.splitlines()[1:] if "  " in line)
+    assert "50 NEAREST; NEAREST: what is desired is infeasible" in " ".join(out.split())
+    assert rows["desired in the last cycle"].strip() == "( 0.00,  0.00, 50.00) N"
+    assert rows["commanded in the last cycle"].strip() == "(-0.08, -0.02,  4.22) N"
+    assert rows["measured in the last cycle"].strip() == "(-0.08, -0.02,  4.22) N"
+
+
+def test_what_the_rig_requires_is_told_and_measured(run, simulated_time, tmp_path):
+    heavy = replace(
+        tl.load_rig(PATH), platform=tl.Platform(0.1), required=tl.Requirement(box=[0.1] * 3, gravity=True)
+    )
+    tl.save_rig(heavy, tmp_path / "heavy.toml")
+    status, out, err = run("run", tmp_path / "heavy.toml", "--seconds", 1)
+    assert status == 0
+    assert "the cables also hold what bartels2026-validation requires: its weight of 0.1 kg\n" in err
+    assert "0.98" in next(line for line in out.splitlines() if line.startswith("measured in the last cycle"))

@@ -1,5 +1,6 @@
 """`tensionlab scenario`, as somebody would use it who has just found it."""
 
+import importlib
 import json
 from dataclasses import replace
 
@@ -81,6 +82,29 @@ def test_a_part_is_played_but_not_checked(run, tmp_path):
     assert told["run"]["cycles"] == 120
     assert told["directions"]["unexplained"] == 0
     assert picture.read_text().startswith("<?xml")
+
+
+def test_what_was_not_rendered_as_desired_is_told(run, monkeypatch):
+    play = importlib.import_module("tensionlab.scenarios.play").play
+
+    def late(*words):
+        played = play(*words)
+        played.statistics.missed = 5
+        return played
+
+    monkeypatch.setattr(importlib.import_module("tensionlab.cli.scenario"), "play", late)
+    status, out, err = run("scenario", "bow", "--seconds", 0.2)
+    assert status == 0, err
+    assert " NEAREST; NEAREST: what is desired is infeasible, and the nearest to it is rendered." in out
+    assert "5 of 45 deadlines missed: forces came late" in out
+
+
+def test_expected_values_are_not_spoken_of_where_there_are_none(run, tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text((FOLDER / "bow.toml").read_text())
+    (tmp_path / "own.rig.toml").write_text((FOLDER / "bow.rig.toml").read_text())
+    assert "Expected values" not in run("scenario", file, "--seconds", 0.2)[1]
+    assert "Expected values are only compared when" in run("scenario", "bow", "--seconds", 0.2)[1]
 
 
 def test_it_says_no_where_it_feels_otherwise(run, tmp_path, monkeypatch):

@@ -53,6 +53,12 @@ def test_a_wrong_name_is_told_which_one_is_close_and_how_to_list_them(empty):
     assert len(str(refused.value)) < 300
 
 
+def test_a_file_whose_suffix_was_left_out_is_told_by_its_path(empty):
+    shutil.copy(tl.datasets.folder() / "rigs" / "tetra-4.toml", empty / "mine.toml")
+    with pytest.raises(RigError, match=r"^no rig that comes .* is called 'mine'; for the file give mine\.toml$"):
+        tl.load_rig("mine")
+
+
 @pytest.mark.parametrize("path", ["cogiro.toml", "rigs/cogiro", "datasets/rigs/cogiro.toml"])
 def test_a_path_at_which_there_is_nothing_is_told_the_name(empty, path):
     with pytest.raises(RigError, match=r"no such file; the rig that comes with tensionlab is called 'cogiro'"):

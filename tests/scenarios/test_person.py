@@ -1,6 +1,7 @@
 """Somebody whom the cables hold: Newton's law, and the springs of an arm."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,18 @@ def test_a_steady_force_moves_it_by_force_over_stiffness(rig):
         person(time)
     assert person.pose.position - rig.home == pytest.approx(force / 200.0, abs=1e-6)
     assert person.record.force[-1] == pytest.approx(force, abs=1e-9)
+
+
+def test_the_cables_hold_what_the_rig_requires_of_what_weighs_on_the_hand(rig):
+    load = tl.Requirement(wrench=[0.2, 0.0, 0.0], gravity=True)
+    heavy = replace(rig, platform=tl.Platform(0.1), required=load)
+    person = still(heavy)
+    person.begin()
+    for time in np.arange(0.001, 1.0, 0.001):
+        person.apply_tensions(tensions_of(heavy, person, load.middle(heavy)))
+        person(time)
+    assert person.pose.position == pytest.approx(rig.home, abs=1e-9)
+    assert person.record.force[-1] == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 def test_a_push_begins_with_force_over_mass(rig):

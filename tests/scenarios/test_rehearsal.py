@@ -98,6 +98,18 @@ def test_what_the_motors_cannot_is_said_with_how_much_they_can(table, tmp_path):
     assert needs(table(rig="floor-3"))["table"].passed is False
 
 
+def test_what_the_rig_holds_anyway_is_no_part_of_what_is_felt(table, tmp_path):
+    """A platform of 0.3 kg leaves 2.94 N less for what pulls up, and what is missing is said without it."""
+    light = rig_of(modules=tuple(dataclasses.replace(each, upper=3.0) for each in rig_of().modules))
+    heavy = dataclasses.replace(light, platform=tl.Platform(0.3), required=tl.Requirement(gravity=True))
+    W = light.structure_matrix([0.0, 1.19, 0.0])
+    most = tl.allocate(W, [0.0, 100.0, 0.0], light.limits, nearest="direction").wrench[1]
+    assert needs(table(rig=saved(light, tmp_path)))["table"].passed is True
+    text = needs(table(rig=saved(heavy, tmp_path)))["table"].text
+    along = float(text.split(" s, ")[1].split(" N are")[0])
+    assert along == pytest.approx(most - 0.3 * 9.81, abs=0.15)
+
+
 @pytest.mark.parametrize(("brake", "passed"), [(100.0, True), (12.0, None), (None, False)])
 def test_brakes_are_weighed_where_the_hand_is_stopped(table, tmp_path, brake, passed):
     hold = "end = 1.5\nhold = { force = 40.0, plane = { point = [0.0, 1.195, 0.0], normal = [0.0, 1.0, 0.0] } }"

@@ -178,3 +178,13 @@ def test_a_late_loop_locks_sooner():
 def test_a_target_that_cannot_be_is_refused(make, said):
     with pytest.raises(ScenarioError, match=said):
         make()
+
+
+def test_a_rig_that_is_wrong_is_named_with_the_scenario_that_names_it(tmp_path):
+    file = tmp_path / "own.toml"
+    text = (FOLDER / "bow.toml").read_text()
+    file.write_text('rig = "nowhere"\n' + text)
+    with pytest.raises(RigError, match=r'own\.toml: key "rig": no rig is called'):
+        load_scenario(file)
+    with pytest.raises(RigError, match=r"^no rig is called 'elsewhere'"):
+        load_scenario(file, "elsewhere")

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -127,6 +128,7 @@ def reach_modules(rig: Rig, modules: str | None, motion: Motion | None) -> Reach
 
     The motion is that of the platform which simulated modules hold; None for the rig's home.
     """
+    print_required(rig)
     if modules is None:
         print_simulated()
         world = World(rig, motion)
@@ -142,6 +144,13 @@ def show_run() -> None:
     from tensionlab.view.beside import open_page
 
     typer.echo(f"{open_page()} shows the run", err=True)
+
+
+def print_required(rig: Rig) -> None:
+    """Print what the cables hold beside what is desired, if the rig requires something."""
+    if rig.required.middle(rig).any():
+        constant = replace(rig.required, box=None, wrenches=None, ball=0.0)
+        typer.echo(f"the cables also hold what {rig.name} requires: {constant.describe(rig)}", err=True)
 
 
 def print_simulated() -> None:

@@ -109,7 +109,7 @@ class CycleTable:
     upper_now: Floats = column(
         "state.upper_now", "N", "upper limit: the rig's, or less where it is warm", "module"
     )
-    desired: Floats = column(desired_wrench, "N or N m", "desired wrench", "component")
+    desired: Floats = column(desired_wrench, "N or N m", "desired wrench, with what the rig requires", "component")
     solver_wrench: Floats = column(
         "solver_wrench", "N or N m", "desired wrench minus what impedances and lost modules pull", "component"
     )

@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,8 +71,9 @@ Tracker = Callable[[float], Pose]
 class Runner:
     """Runner of a demand on the modules of a rig.
 
-    Each cycle reads the modules, finds the pose, calls the demand, allocates, checks, sends and logs. Whatever
-    ends a run (its time, the demand, an error, a signal), all modules are stopped.
+    Each cycle reads the modules, finds the pose, calls the demand, allocates, checks, sends and logs. What the rig
+    requires, such as the weight of its platform, is rendered besides. Whatever ends a run (its time, the demand,
+    an error, a signal), all modules are stopped.
 
     Parameters
     ----------
@@ -295,18 +297,20 @@ class Runner:
         demand = require_demand(self._demand(state), self.rig, f"demand of cycle {state.cycle}")
         if demand.stop:
             return False
+        taut = demand.wrench is None
+        demand = self._with_required(demand, state)
         limits = self._derating.limits
         free = state.active
         if demand.impedances:
             free = free & [name not in demand.impedances for name in self._names]
         if demand.wrench is None:
             wrench = state.structure @ np.where(free, limits.lower, 0.0)
-            allocation, fallback_used = self._taut(state.structure, wrench, free, limits)
         else:
             wrench = np.asarray(demand.wrench)
             if demand.impedances or not state.active.all():
                 wrench = wrench - state.structure @ self._pulls(demand, state)
-            allocation, fallback_used = self._allocator(state.structure, wrench, free, limits)
+        allocator = self._taut if taut else self._allocator
+        allocation, fallback_used = allocator(state.structure, wrench, free, limits)
         guard.require_within(allocation.tensions, limits, free, self._names)
         chosen = np.where(free, allocation.tensions, self._before)
         self._before = guard.limit_slew(self._before, chosen, min(self.modules.slews) / self.settings.rate)
@@ -373,6 +377,13 @@ class Runner:
             upper_now=self._derating.limits.upper,
             **seen._asdict(),
         )
+
+    def _with_required(self, demand: Demand, state: RigState) -> Demand:
+        """Return a demand with what the rig requires besides, such as the weight of its platform."""
+        required = self.rig.required.middle(self.rig, state.pose.rotation)
+        if not required.any():
+            return demand
+        return replace(demand, wrench=required if demand.wrench is None else demand.wrench + required)
 
     def _pulls(self, demand: Demand, state: RigState) -> Floats:
         """Return the tensions of modules with an impedance, and of lost ones that have not released yet."""

@@ -35,6 +35,7 @@ class Cycle:
     state : RigState
         At its begin.
     demand : Demand
+        Its wrench with what the rig requires.
     solver_wrench : (n,) array
         What of the desired wrench the solver is to render: all but what modules with an impedance, and lost ones
         that have not released yet, pull.
@@ -127,12 +128,18 @@ class Statistics:
             counts.append(f"{self.fallback_used} by newton, as fallback of the solver")
         return ", ".join(counts) or "none"
 
+    @property
+    def explained(self) -> str:
+        """The answers, and what to know of those that are infeasible."""
+        why = "; NEAREST: what is desired is infeasible, and the nearest to it is rendered"
+        return self.answers + why * bool(self.statuses[Status.NEAREST])
+
     def rows(self) -> list[tuple[str, str]]:
         """Return what to know of a run as lines of two texts."""
         words = "{} median, {} p99, {} max"
         times = [words.format(*map(display.duration, each)) for each in self.percentiles().values()]
         rows = [
-            ("answers", self.answers),
+            ("answers", self.explained),
             ("start jitter", times[0]),
             ("compute time of a cycle", times[1]),
             ("deadlines missed", str(self.missed)),

@@ -1,7 +1,7 @@
 """What a run renders, in lockstep with simulated modules; `test_faults.py` has what can go wrong."""
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
+from tensionlab.model.module import GRAVITY_M_S2
 from tensionlab.solvers.base import Answer, Status
 
 
@@ -39,6 +40,23 @@ def test_the_modules_pull_with_the_force_that_is_asked_for(rig, solver):
     assert runner.statistics.cycles == 50
     assert runner.statistics.statuses == {Status.EXACT: 50}
     assert {module.sample.state for module in world.modules} == {State.IDLE}
+
+
+@pytest.fixture
+def heavy(rig):
+    """A rig whose cables hold a platform of 0.1 kg, beside a push of 0.2 N along x."""
+    load = tl.Requirement(wrench=[0.2, 0.0, 0.0], box=[0.1, 0.1, 0.1], gravity=True)
+    return replace(rig, platform=tl.Platform(0.1), required=load)
+
+
+@pytest.mark.parametrize("force", [None, (0.5, 0.3, -0.5)])
+def test_what_the_rig_requires_is_held_beside_what_is_desired(heavy, force):
+    demand = Demand(None if force is None else np.array(force))
+    last = run(World(heavy), heavy, lambda state: demand).latest
+    held = np.array([0.2, 0.0, 0.0]) + 0.1 * GRAVITY_M_S2 * heavy.upward
+    expected = held if force is None else held + force
+    np.testing.assert_allclose(last.demand.wrench, expected)
+    np.testing.assert_allclose(last.state.structure @ last.state.tensions, expected, atol=2e-4)
 
 
 def test_the_force_follows_a_hand_that_moves(rig):
