@@ -141,13 +141,11 @@ def _draw_left(figure: Figure, left: SubFigure, played: ScenarioResult, height: 
 
 
 def moment_of(played: ScenarioResult, time: float) -> Moment:
-    """Return where everything was, from the measured lengths and directions of the cables."""
+    """Return where everything was."""
     run, rig = played.run, played.run.rig
     cycle = int(np.argmin(np.abs(run.time - time)))
     held = run.position[cycle]
-    anchors = held + (run.structure[cycle] * run.lengths[cycle]).T
-    fixed = np.array([module.frame not in rig.frames for module in rig.modules])
-    anchors[fixed] = rig.anchors[fixed]
+    anchors = run.anchors[cycle]
     pairs = zip(rig.modules, anchors, strict=True)
     bodies = {module.frame: anchor - module.anchor for module, anchor in pairs if module.frame in rig.frames}
     return Moment(held, anchors, bodies)

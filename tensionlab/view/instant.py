@@ -74,8 +74,8 @@ class Instant:
     measured: Floats
 
     @classmethod
-    def of(cls, rig: Rig, cycle: Mapping[str, NDArray[Any]], anchors: Floats) -> Instant:
-        """Return the instant of a cycle, by the names of `CycleTable`, with anchors (m, d) in the world."""
+    def of(cls, rig: Rig, cycle: Mapping[str, NDArray[Any]]) -> Instant:
+        """Return the instant of a cycle, by the names of `CycleTable`."""
         structure, set_points, tensions = (cycle[name] for name in ("structure", "commanded", "measured"))
         desired = cycle["desired"]
         # What impedances and lost modules pull is not the solver's to render.
@@ -83,7 +83,7 @@ class Instant:
         return cls(
             time=float(cycle["time"]),
             hand=cycle["position"],
-            anchors=anchors,
+            anchors=cycle["anchors"],
             ends=cycle["position"] + rig.attachments @ cycle["rotation"].T,
             tensions=tensions,
             set_points=set_points,

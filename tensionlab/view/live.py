@@ -134,7 +134,7 @@ class LivePage:
         if self._info is None or report is None or report.cycle is None:
             return
         rig = self._info.rig
-        instant = Instant.of(rig, report.cycle, report.anchors)
+        instant = Instant.of(rig, report.cycle)
         if self._drawing is None:
             self._drawing = RunDrawing(self.server.viser, rig, instant)
         self._drawing.show(draw(rig, instant, fresh=fresh))
@@ -155,7 +155,7 @@ class LivePage:
         self._events.content = live_words.events(report)
         if report.cycle is None:
             return
-        instant = Instant.of(info.rig, report.cycle, report.anchors)
+        instant = Instant.of(info.rig, report.cycle)
         for part, text in (
             (self._forces, live_words.forces(info.rig, instant)),
             (self._modules, live_words.modules(info, report, instant, fresh=fresh)),

@@ -169,7 +169,7 @@ def _state(info: RunInfo, report: RunReport, index: int, *, slack: bool) -> str:
     cycle: Mapping[str, Floats] = report.cycle or {}
     state, limit = State(int(cycle["states"][index])), Limit(int(cycle["limiters"][index]))
     faults = [each.name or "" for each in Fault(int(cycle["faults"][index]))]
-    brake = int(report.brakes[index])
+    brake = int(cycle["brake_states"][index])
     words = [state.name.lower()]
     if np.isfinite(report.currents[index]):
         words.append(f"{short(float(report.currents[index]))} A")

@@ -50,7 +50,7 @@ def report(monkeypatch):
 
 
 def said(report):
-    return plain(live_words.modules(INFO, report, Instant.of(INFO.rig, report.cycle, report.anchors)))
+    return plain(live_words.modules(INFO, report, Instant.of(INFO.rig, report.cycle)))
 
 
 def test_a_run_is_live_while_it_is_and_says_who_is_lost(report):
@@ -100,7 +100,7 @@ def test_how_a_run_ended(report):
 
 
 def test_three_forces_and_their_error_are_told(report):
-    instant = Instant.of(INFO.rig, report.cycle, report.anchors)
+    instant = Instant.of(INFO.rig, report.cycle)
     text = plain(live_words.forces(INFO.rig, instant))
     assert text.startswith("■ desired 2.29 N (1, 2, 0.5) ■ commanded ")
     error = instant.measured - instant.desired
@@ -123,13 +123,13 @@ def test_what_is_wrong_with_a_module_is_marked(report):
     cycle["limiters"] = np.array([Limit.THERMAL, Limit.NONE, Limit.NONE, Limit.NONE])
     cycle["ages"] = np.array([0.08, 0.01, np.inf, 0.01])
     cycle["measured"] = np.array([2.0, 0.0, 0.1, 1.0])
-    brakes = np.array([BrakeState.CLOSED, -1, -1, -1])
-    found = replace(report, cycle=cycle, brakes=brakes, bad_frames=np.array([0, 0, 0, 3]))
+    cycle["brake_states"] = np.array([BrakeState.CLOSED, -1, -1, -1])
+    found = replace(report, cycle=cycle, bad_frames=np.array([0, 0, 0, 3]))
     text = said(found)
     assert "brake closed, commanded off · limited by thermal · link 80 ms" in text
     assert "link silent · slack" in text
     assert "3 damaged frames" in text
-    html = live_words.modules(INFO, found, Instant.of(INFO.rig, cycle, report.anchors))
+    html = live_words.modules(INFO, found, Instant.of(INFO.rig, cycle))
     for words in ("link 80 ms", "link silent", "slack", "fault: encoder"):
         assert f'<span style="color:{RED}">{words}</span>' in html
     assert f'<span style="color:{RED}">link 10 ms' not in html

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from tensionlab.allocation import Status
 from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers
 from tensionlab.demand import Impedance
-from tensionlab.hardware.protocol.codes import Fault, Limit, State
+from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.statistics import Cycle
+from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 
 IMPEDANCE = tuple(each.name for each in fields(Impedance))
@@ -48,6 +49,11 @@ def impedance_rows(cycle: Cycle, rig: Rig) -> list[tuple[float, ...]]:
     """Return the impedance of each module in the demand; NaN where it has none."""
     springs = [cycle.demand.impedances.get(module.name) for module in rig.modules]
     return [(math.nan,) * len(IMPEDANCE) if spring is None else astuple(spring) for spring in springs]
+
+
+def anchors_in_world(cycle: Cycle, rig: Rig) -> Floats:
+    """Return the anchors in the world: those on bodies are where the bodies are."""
+    return place_anchors(rig.modules, rig.anchors, cycle.state.pose.frames)
 
 
 def brakes_on(cycle: Cycle, rig: Rig) -> list[bool]:
@@ -92,6 +98,7 @@ class CycleTable:
     twist: Floats = column("state.twist", "m/s or rad/s", "twist that fits the cables' speeds best", "component")
     structure: Floats = column("state.structure", "1 or m", "structure matrix", "component", "module")
     lengths: Floats = column("state.lengths", "m", "length of the cable", "module")
+    anchors: Floats = column(anchors_in_world, "m", "anchor in the world", "module", "axis")
     speeds: Floats = column("state.speeds", "m/s", "speed of paying out", "module")
     measured: Floats = column("state.tensions", "N", "tension that the module reports", "module")
     ages: Floats = column("state.ages", "s", "time since the latest telemetry", "module")
@@ -100,6 +107,9 @@ class CycleTable:
     faults: Integers = column("state.faults", "1", f"faults of the module, bits: {codes(Fault)}", "module")
     limiters: Integers = column(
         "state.limiters", "1", f"what limits the module's tension: {codes(Limit)}", "module"
+    )
+    brake_states: Integers = column(
+        "state.brakes", "1", f"state of the module's brake: {codes(BrakeState)}; -1: not yet known", "module"
     )
     last_sequence: Integers = column(
         "state.last_sequence", "1", "sequence number of the last set-point followed; -1: none yet", "module"
@@ -166,8 +176,22 @@ OLD_NAMES = {
     "compute_time": "work",
 }
 """Columns that had another name in logs of the first edition."""
-LATER_COLUMNS = frozenset({"upper_now"})
-"""Columns that the first logs do not have; NaN there."""
+
+
+def anchors_by_cables(found: dict[str, NDArray[Any]], rig: Rig) -> Floats:
+    """Return the anchors in the world, (K, m, d): those on bodies by directions and measured lengths of cables."""
+    ends = found["position"][:, None] + rig.attachments @ np.swapaxes(found["rotation"], 1, 2)
+    directions = np.swapaxes(found["structure"][:, : rig.dimension], 1, 2)
+    on_body = [[module.frame in rig.frames] for module in rig.modules]
+    return np.asarray(np.where(on_body, ends + found["lengths"][..., None] * directions, rig.anchors))
+
+
+LATER_COLUMNS: dict[str, Callable[[dict[str, NDArray[Any]], Rig], Any]] = {
+    "upper_now": lambda found, rig: np.nan,
+    "anchors": anchors_by_cables,
+    "brake_states": lambda found, rig: -1,
+}
+"""Columns that the first logs do not have, and what stands for them there, by the columns before them."""
 
 
 def _values(name: str) -> Callable[[Cycle, Rig], Any]:
@@ -227,12 +251,12 @@ def decode(rows: list[bytes], rig: Rig) -> dict[str, NDArray[Any]]:
     """
     parsed = [json.loads(row) for row in rows]
     length = sizes(rig)
-    found = {}
+    found: dict[str, NDArray[Any]] = {}
     for name, kept in COLUMNS.items():
         shape = (len(rows), *(length[dim] for dim in kept.dims))
         present = all(name in row for row in parsed)
         if name in LATER_COLUMNS and not present:
-            found[name] = np.full(shape, np.nan)
+            found[name] = np.broadcast_to(LATER_COLUMNS[name](found, rig), shape).astype(TYPES[name])
             continue
         key = name if present else OLD_NAMES.get(name, name)
         values = np.array([row[key] for row in parsed], dtype=TYPES[name])

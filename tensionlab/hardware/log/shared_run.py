@@ -29,7 +29,6 @@ from tensionlab.hardware.log.reader import RunEvent
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.runner.statistics import Cycle, Statistics
 from tensionlab.model.files import rig_from_toml, rig_to_toml
-from tensionlab.model.pose import place_anchors
 from tensionlab.model.rig import Rig
 
 RUN, SETUP = "run", "setup"
@@ -114,7 +113,6 @@ class SharedRun:
             "bad_frames": [client.bad_frames for client in self._clients],
             "currents": [None if each is None else each.message.current for each in heard],
             "supplies": [None if each is None else each.message.supply for each in heard],
-            "brakes": [-1 if each is None else int(each.message.brake) for each in heard],
             "start_delays": latest(statistics.start_delays),
             "compute_times": latest(statistics.compute_times),
             "cycles": statistics.cycles,
@@ -127,11 +125,7 @@ class SharedRun:
             "emergency": statistics.emergency,
             "events": [asdict(event) for event in list(self._run.events)],
         }
-        newest = b"null"
-        if cycle is not None:
-            anchors = place_anchors(self._rig.modules, self._rig.anchors, cycle.state.pose.frames)
-            row["anchors"] = np.asarray(anchors).tolist()
-            newest = encode(cycle, self._rig)
+        newest = b"null" if cycle is None else encode(cycle, self._rig)
         return b'{"cycle":' + newest + b"," + json.dumps(row).encode()[1:]
 
     def end(self) -> None:
@@ -160,10 +154,8 @@ class RunReport:
         Whether its modules have been commanded to stop, and `ended` says why.
     cycle : mapping of str to array, or None
         The newest one, by the names of `CycleTable`; None before the first.
-    anchors : (m, d) array
-        Of that cycle, in the world, in m; empty before the first.
-    brakes, bad_frames, currents, supplies : (m,) arrays
-        Of the modules: `codes.BrakeState`, or -1 before the first telemetry; damaged frames; in A and V.
+    bad_frames, currents, supplies : (m,) arrays
+        Of the modules: damaged frames; in A and V.
     start_delays, compute_times : (k,) arrays
         Of the latest cycles, in s, the newest last.
     cycles, missed, fallback_used, answers, lost, unconfirmed, ended, emergency
@@ -175,8 +167,6 @@ class RunReport:
     number: int
     over: bool
     cycle: Mapping[str, NDArray[Any]] | None
-    anchors: Floats
-    brakes: Integers
     bad_frames: Integers
     currents: Floats
     supplies: Floats
@@ -199,10 +189,9 @@ class RunReport:
         if said["cycle"] is not None:
             found = decode([json.dumps(said["cycle"]).encode()], rig)
             said["cycle"] = {name: values[0] for name, values in found.items()}
-        for name in ("anchors", "currents", "supplies", "start_delays", "compute_times"):
-            said[name] = np.array(said.get(name, []), np.float64)
-        for name in ("brakes", "bad_frames"):
-            said[name] = np.array(said[name], np.int64)
+        for name in ("currents", "supplies", "start_delays", "compute_times"):
+            said[name] = np.array(said[name], np.float64)
+        said["bad_frames"] = np.array(said["bad_frames"], np.int64)
         said["events"] = tuple(RunEvent(**each) for each in said["events"])
         return cls(**said)
 

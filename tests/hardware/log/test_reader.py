@@ -11,11 +11,20 @@ import pytest
 import tensionlab as tl
 from tensionlab.demand import Pose
 from tensionlab.errors import LogError, TensionlabError
-from tensionlab.hardware.log.columns import COLUMNS, TYPES, decode, encode, schema
+from tensionlab.hardware.log.columns import (
+    COLUMNS,
+    LATER_COLUMNS,
+    TYPES,
+    anchors_by_cables,
+    decode,
+    encode,
+    schema,
+)
 from tensionlab.hardware.log.mcap_file import McapWriter, read_records
 from tensionlab.hardware.log.reader import read_run, report
 from tensionlab.hardware.log.writer import EVENT_SCHEMA, setup_of
 from tensionlab.hardware.runner.settings import RunSettings
+from tensionlab.model.pose import place_anchors
 from tensionlab.solvers.base import Status
 from tests.support import runs
 from tests.support.examples import many
@@ -65,10 +74,25 @@ def test_what_was_written_is_read_to_the_last_bit(seven):
 def test_a_log_from_before_a_column_was_added_has_none_of_it():
     rig = runs.seven()
     rows = [json.loads(encode(cycle, rig)) for cycle in runs.cycles(rig, 3)]
-    old = [json.dumps({name: row[name] for name in row if name != "upper_now"}).encode() for row in rows]
+    old = [json.dumps({name: row[name] for name in row.keys() - LATER_COLUMNS}).encode() for row in rows]
     found = decode(old, rig)
     assert np.isnan(found["upper_now"]).all()
     assert found["upper_now"].shape == (3, 7)
+    assert found["brake_states"].tolist() == [[-1] * 7] * 3
+    np.testing.assert_array_equal(found["anchors"], [rig.anchors] * 3)
+
+
+def test_without_its_column_anchors_on_bodies_are_found_by_their_cables():
+    rig = tl.load_rig("body-mounted")
+    frames = {name: tl.Frame([0.1, 0.9, 0.2]) for name in rig.frames}
+    placed = place_anchors(rig.modules, rig.anchors, frames)
+    known = {
+        "position": rig.home[None],
+        "rotation": np.eye(3)[None],
+        "structure": rig.structure_matrix(rig.home, frames=frames)[None],
+        "lengths": rig.lengths(rig.home, frames=frames)[None],
+    }
+    np.testing.assert_allclose(anchors_by_cables(known, rig), [placed])
 
 
 def test_a_log_of_the_first_edition_is_read_with_the_names_of_today():

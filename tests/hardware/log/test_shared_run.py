@@ -78,8 +78,8 @@ def test_the_newest_cycle_is_told_with_all_its_columns_and_what_is_not_logged(wa
     assert info.links == dict.fromkeys((module.name for module in runner.rig.modules), "sim:")
     for name in COLUMNS:
         np.testing.assert_array_equal(report.cycle[name], VALUES[name](latest, runner.rig), err_msg=name)
-    np.testing.assert_allclose(report.anchors, runner.rig.anchors)
-    assert report.brakes.tolist() == [BrakeState.OPEN] * 4
+    np.testing.assert_allclose(report.cycle["anchors"], runner.rig.anchors)
+    assert report.cycle["brake_states"].tolist() == [BrakeState.OPEN] * 4
     assert np.isfinite(report.currents).all()
     assert report.bad_frames.tolist() == [0] * 4
     assert report.start_delays.tolist() == list(runner.statistics.start_delays)[:30]
@@ -100,7 +100,7 @@ def test_anchors_on_bodies_are_where_the_tracker_has_them(watcher):
     _, runner = runner_of("body-mounted", demand, tracker=lambda time: Pose(rig.home, frames=frames))
     runner.run(0.2)
     rested = tl.model.pose.place_anchors(rig.modules, rig.anchors, frames)
-    np.testing.assert_allclose(heard[0].anchors, rested)
+    np.testing.assert_allclose(heard[0].cycle["anchors"], rested)
 
 
 def test_who_watched_is_told_the_end_unasked_and_who_comes_later_too(watcher, published):
