@@ -90,7 +90,7 @@ VERBS = {
     "view": ("view", "Design a rig in the browser, or watch a run there."),
     "rig": ("rig", "Show, check, import and export rigs."),
     "layout": ("layout", "Find out where to put the modules."),
-    "log": ("log", "Show, export, draw and replay logs of runs."),
+    "log": ("log", "Show, export, draw, play and replay logs of runs."),
     "problems": ("bench", "List, show and export the benchmark's problem sets."),
     "datasets": ("datasets", "List the rigs and other data sets that are known by name."),
 }

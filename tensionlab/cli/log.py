@@ -1,8 +1,9 @@
-"""``tensionlab log``: show, export, draw and replay the log of a run."""
+"""``tensionlab log``: show, export, draw, play and replay the log of a run."""
 
 from __future__ import annotations
 
 import dataclasses
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,8 @@ import typer
 
 from tensionlab import records
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.options import Json, Rows
+from tensionlab.cli.common.options import Browser, Json, PagePort, Rows
+from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.comparison import replay as replays
 from tensionlab.comparison.replay import COLUMNS
@@ -18,7 +20,7 @@ from tensionlab.display import count, duration
 from tensionlab.hardware.log import reader
 from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
 
-log = options.group("Show, export, draw and replay logs of runs.")
+log = options.group("Show, export, draw, play and replay logs of runs.")
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Log of a run (*.mcap).", show_default=False)]
 LEGEND = f"""\
 {STATUS_LEGEND}   fallback: unproven, so that newton's answer is counted
@@ -107,6 +109,34 @@ def replay(
         title = f"{run.rig.name}, {count(run.rig.m, 'module')}: {count(found.cycles, 'cycle')} of {path.name}"
         own = dataclasses.replace(found.rows[0], solver=f"the run: {found.rows[0].solver}")
         print_scores(title, [own, *found.rows[1:]], COLUMNS, found.missing, LEGEND, first_apart=True)
+
+
+@log.command()
+def view(
+    path: RunFile,
+    solver: Annotated[
+        str, typer.Option(metavar="NAME", help="Solver whose answers are shown beside; also chosen on the page.")
+    ] = "",
+    port: PagePort = 0,
+    browser: Browser = True,
+) -> None:
+    """Play a run in the browser.
+
+    The rig as it was at each time, with cables by tension, forces, brakes and modules; events to go to; and what
+    another solver would have commanded. Ctrl-C ends it.
+    """
+    from tensionlab.view.recorded import require_drawable
+    from tensionlab.view.replay import ReplayPage
+    from tensionlab.view.server import PageServer
+
+    run = _read(path)
+    require_drawable(run, path)
+    if solver:
+        options.check_solvers(run.rig, [solver], None)
+    page = ReplayPage(run, PageServer(port=port), solver)
+    with if_interrupted("the same command shows the run again"), closing(page):
+        open_page(page.server.url, path.name, browser=browser)
+        page.serve(lambda: False)
 
 
 def _read(path: Path) -> reader.Run:

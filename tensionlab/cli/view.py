@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-import webbrowser
 from contextlib import closing
 from typing import Annotated
 
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.output import if_interrupted
+from tensionlab.cli.common.options import Browser, PagePort
+from tensionlab.cli.common.output import if_interrupted, open_page
 from tensionlab.hardware.log.shared_run import RunWatcher, find_runs
 from tensionlab.model.files import load_rig
 from tensionlab.view.live import LivePage
@@ -25,8 +25,8 @@ def view(
     live: Annotated[
         bool, typer.Option("--live", help="Show the run in progress on this computer, and a button that stops it.")
     ] = False,
-    port: Annotated[int, typer.Option(help="Of the page; 0 takes a free one.", min=0, max=65535)] = 0,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser.")] = True,
+    port: PagePort = 0,
+    browser: Browser = True,
     host: Annotated[
         str,
         typer.Option(
@@ -43,7 +43,7 @@ def view(
         watcher, name = _watcher(rig)
         shown = LivePage(watcher, PageServer(host, port))
         with if_interrupted("the run goes on; the same command shows it again"), closing(shown):
-            _open(shown.server, f"the run of {name}", browser=browser)
+            open_page(shown.server.url, f"the run of {name}", browser=browser)
             shown.serve(lambda: False)
     if rig is None:
         raise typer.BadParameter("give a rig to design, or --live for a run in progress")
@@ -52,14 +52,8 @@ def view(
         if_interrupted("what was saved from the page is kept; the same command shows the file's rig again"),
         closing(page),
     ):
-        _open(page.server, page.loaded.name, browser=browser)
+        open_page(page.server.url, page.loaded.name, browser=browser)
         threading.Event().wait()
-
-
-def _open(server: PageServer, name: str, *, browser: bool) -> None:
-    typer.echo(f"{server.url} shows {name}; Ctrl-C ends it")
-    if browser:
-        webbrowser.open(server.url)
 
 
 def _watcher(name: str | None) -> tuple[RunWatcher, str]:

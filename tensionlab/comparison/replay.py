@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
@@ -90,9 +91,9 @@ def replay(
     own: dict[str, Selected] = {}
     for each in runs:  # a solver's own policy is its first
         own.setdefault(each.name, each)
-    kept = np.isfinite(run.desired).all(axis=1)
-    wrenches, structure = run.solver_wrench[kept], run.structure[kept]
-    rendering = (run.active & np.isnan(run.impedances[:, :, 0]))[kept]  # not those that were lost, nor springs
+    kept = np.asarray(np.isfinite(run.desired).all(axis=1))
+    wrenches = run.solver_wrench[kept]
+    rendering = _rendering(run, kept)
     consecutive = (np.diff(run.cycle[kept]) == 1) & (rendering[1:] == rendering[:-1]).all(axis=1)
     dimension = run.rig.dimension
 
@@ -111,10 +112,26 @@ def replay(
 
     arrays = {name: values[kept] for name, values in vars(run.allocation).items() if name != "failures"}
     rows = [row(run.setup.solver, run.setup.nearest, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
-    limits = np.where(rendering, run.setup.lower, 0.0), np.where(rendering, run.setup.upper, 0.0)
     for done, (name, policy, solver) in enumerate(own.values(), start=1):
-        found = Allocator(limits, solver, nearest=policy)(structure, wrenches)
+        found = answer_again(run, kept, solver, policy)
         rows.append(row(name, policy, found, 0))
         if progress:
             progress(done / len(own))
     return Replay(int(kept.sum()), tuple(rows), missing)
+
+
+def answer_again(
+    run: Run, cycles: NDArray[np.bool_] | int, solver: str | Solver, nearest: Nearest | None = None
+) -> Allocation:
+    """Return what a solver answers to the wrenches that the run's had in some cycles, with its limits.
+
+    Modules that were lost or rendered an impedance have tension 0. Errors as those of `tensionlab.Allocator`.
+    """
+    rendering = _rendering(run, cycles)
+    limits = np.where(rendering, run.setup.lower, 0.0), np.where(rendering, run.setup.upper, 0.0)
+    return Allocator(limits, solver, nearest=nearest)(run.structure[cycles], run.solver_wrench[cycles])
+
+
+def _rendering(run: Run, cycles: NDArray[np.bool_] | int) -> NDArray[np.bool_]:
+    """Return which modules (..., m) were neither lost nor springs in some cycles."""
+    return np.asarray(run.active[cycles] & np.isnan(run.impedances[cycles][..., 0]))

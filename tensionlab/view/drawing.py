@@ -259,10 +259,11 @@ def rotation_of(turn: Floats, dimension: int) -> Floats:
     return np.asarray(transforms.SO3(np.asarray(turn, np.float64)).as_matrix())
 
 
-def place_camera(server: viser.ViserServer, rig: Rig, *more: Floats) -> None:
+def place_camera(server: viser.ViserServer, rig: Rig, *more: Floats, covered: float = 0.0) -> None:
     """Have browsers look at the whole rig, with its vertical axis upright; at one in the plane from the front.
 
-    ``more`` are arrays (k, d) of points that are to be seen, too.
+    ``more`` are arrays (k, d) of points that are to be seen, too; ``covered`` is the share of the picture, from
+    below, in which nothing is seen.
     """
     low, high = (in_space(each) for each in bounds(rig, *more))
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
@@ -275,8 +276,11 @@ def place_camera(server: viser.ViserServer, rig: Rig, *more: Floats) -> None:
         away = 1.15 * aside[0] + 0.85 * aside[1] + 0.55 * up
     camera = server.initial_camera
     camera.fov = FIELD_OF_VIEW_RAD
-    distance = radius / np.sin(FIELD_OF_VIEW_RAD / 2)
-    camera.position, camera.look_at, camera.up = middle + distance * away / np.linalg.norm(away), middle, up
+    distance = radius / np.sin(FIELD_OF_VIEW_RAD / 2) / (1.0 - covered)
+    away = away / np.linalg.norm(away)
+    upwards = up - (up @ away) * away
+    middle = middle - covered * distance * np.tan(FIELD_OF_VIEW_RAD / 2) * upwards / np.linalg.norm(upwards)
+    camera.position, camera.look_at, camera.up = middle + distance * away, middle, up
 
 
 def add_floor(scene: Any, rig: Rig, *more: Floats) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, short
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, short
 from tensionlab.model.rig import Rig
 from tensionlab.view.scene import (
     Arrow,
@@ -28,9 +28,12 @@ from tensionlab.view.scene import (
 
 FORCES = {"desired": ORANGE, "commanded": BLUE, "measured": GREEN}
 """Colour of the arrow of each force."""
+BESIDE_COLOUR = PURPLE
+"""Of what another solver would have commanded."""
+ARROW_COLOURS = FORCES | {"beside": BESIDE_COLOUR}
 ENLARGED = 2.0
 """Forces are drawn larger than on the design page, where they share the picture with the set of available ones."""
-BESIDE = 0.012
+APART = 0.012
 """Share of the size of a rig by which arrows of forces are beside one another, so that equal ones are all seen."""
 SLACK_SHARE = 0.5
 """A cable with less than this share of its lower limit is slack."""
@@ -38,6 +41,15 @@ STEPS = 2000
 """Of what is drawn along the longest edge of a rig: about those of a screen."""
 DASHES = 24
 """Of a cable that is slack, or whose module is lost."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """What another solver would have commanded: tensions (m,) in N, and their wrench (n,) in N and N·m."""
+
+    solver: str
+    tensions: Floats
+    wrench: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +65,15 @@ class Instant:
     anchors, ends : (m, d) arrays
         Ends of the cables, at the modules and at the platform, in m.
     tensions : (m,) array
-        As measured, in N; NaN before the first telemetry.
+        As measured, in N; before the first telemetry, as sent.
     set_points : (m,) array
         As sent, in N; NaN where none was.
     active : (m,) array of bool
         Modules that take part.
     desired, commanded, measured : (n,) arrays
         Wrenches in N and N·m; `desired` is NaN where none is.
+    beside : Beside or None
+        Of another solver, if one is asked.
     """
 
     time: float
@@ -72,30 +86,34 @@ class Instant:
     desired: Floats
     commanded: Floats
     measured: Floats
+    beside: Beside | None = None
 
     @classmethod
     def of(cls, rig: Rig, cycle: Mapping[str, NDArray[Any]]) -> Instant:
         """Return the instant of a cycle, by the names of `CycleTable`."""
         structure, set_points, tensions = (cycle[name] for name in ("structure", "commanded", "measured"))
         desired = cycle["desired"]
-        # What impedances and lost modules pull is not the solver's to render.
-        others = np.nan_to_num(desired - cycle["solver_wrench"])
         return cls(
             time=float(cycle["time"]),
             hand=cycle["position"],
             anchors=cycle["anchors"],
             ends=cycle["position"] + rig.attachments @ cycle["rotation"].T,
-            tensions=tensions,
+            tensions=np.where(np.isfinite(tensions), tensions, set_points),
             set_points=set_points,
             active=cycle["active"],
             desired=desired,
-            commanded=structure @ np.nan_to_num(set_points) + others,
+            commanded=structure @ np.nan_to_num(set_points) + not_the_solvers(cycle),
             measured=structure @ np.nan_to_num(tensions),
         )
 
     def slack(self, rig: Rig) -> NDArray[np.bool_]:
         """Return which cables (m,) of modules that take part are slack."""
         return np.asarray(self.active & (self.tensions < SLACK_SHARE * rig.limits.lower))
+
+
+def not_the_solvers(cycle: Mapping[str, NDArray[Any]]) -> Floats:
+    """Return what of the desired wrench (n,) is not the solver's: impedances and lost modules pull it."""
+    return np.asarray(np.nan_to_num(cycle["desired"] - cycle["solver_wrench"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +130,7 @@ class InstantScene:
     labels : tuple of Label
         Name and tension of each module, or that it is slack or lost.
     arrows : dict of str to Arrow
-        Of `FORCES`; those that are known.
+        Of `FORCES`, those that are known; "beside", what another solver would have commanded.
     """
 
     cables: Lines
@@ -175,7 +193,10 @@ def _cables(ends: Floats, anchors: Floats, colours: Colours, dashed: NDArray[np.
 def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
     """Return the arrows of the forces from the hand, to scale, beside one another."""
     scale, d = ENLARGED * force_scale(rig), rig.dimension
-    forces = {name: in_space(getattr(instant, name)[:d]) for name in FORCES}
+    wrenches: dict[str, Floats] = {name: getattr(instant, name) for name in FORCES}
+    if instant.beside is not None:
+        wrenches["beside"] = instant.beside.wrench
+    forces = {name: in_space(wrench[:d]) for name, wrench in wrenches.items()}
     known = {name: force for name, force in forces.items() if np.isfinite(force).all() and force.any()}
     if not known:
         return {}
@@ -184,10 +205,10 @@ def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
     aside = np.cross(along, up)
     if float(np.linalg.norm(aside)) < 0.1 * float(np.linalg.norm(along)):
         aside = np.cross(along, np.roll(up, 1))
-    aside *= BESIDE * size(rig) / float(np.linalg.norm(aside))
+    aside *= APART * size(rig) / float(np.linalg.norm(aside))
     found = {}
-    for name, steps in zip(FORCES, (0.0, 1.0, -1.0), strict=True):
+    for (name, colour), steps in zip(ARROW_COLOURS.items(), (0.0, 1.0, -1.0, 2.0), strict=True):
         if name in known:
             start = _stepped(rig, hand + steps * aside)
-            found[name] = Arrow(start, start + _stepped(rig, scale * known[name]), FORCES[name])
+            found[name] = Arrow(start, start + _stepped(rig, scale * known[name]), colour)
     return found

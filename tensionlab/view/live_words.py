@@ -13,7 +13,7 @@ from tensionlab.hardware.log.shared_run import Condition, RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.model.rig import Rig
-from tensionlab.view.instant import ENLARGED, FORCES, Instant
+from tensionlab.view.instant import BESIDE_COLOUR, ENLARGED, FORCES, Instant
 from tensionlab.view.scene import force_scale, ramp
 from tensionlab.view.stop import StopOutcome
 from tensionlab.view.words import box, number, rows, vector
@@ -117,6 +117,9 @@ def forces(rig: Rig, instant: Instant) -> str:
         known = bool(np.isfinite(wrench).all())
         size, more = (_force(wrench[:d]), vector(wrench)) if known else ("–", "taut cables")
         lines.append((f'<span style="color:{colour}">■</span> {name}', size, more))
+    if instant.beside is not None:
+        name = f'<span style="color:{BESIDE_COLOUR}">■</span> {escape(instant.beside.solver)}'
+        lines.append((name, _force(instant.beside.wrench[:d]), vector(instant.beside.wrench)))
     if np.isfinite(instant.desired).all():
         error = np.round(instant.measured - instant.desired, DECIMALS)
         lines.append(("measured − desired", _force(error[:d]), vector(error)))
@@ -140,15 +143,13 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
     lines = []
     for i, module in enumerate(rig.modules):
         lost = not instant.active[i]
-        share = [100.0 * min(max(float(np.nan_to_num(each[i])) / most, 0.0), 1.0)
-                 for each in (instant.tensions, instant.set_points)]  # fmt: skip
-        mark = "" if np.isnan(instant.set_points[i]) else (
-            f'<div style="position:absolute;left:calc({share[1]:.1f}% - 1px);width:2px;height:14px;top:-2px;'
-            f'background:{BLUE}"></div>'
-        )  # fmt: skip
+        share = _share(instant.tensions[i], most)
+        mark = _mark(instant.set_points[i], most, BLUE)
+        if instant.beside is not None and not lost:
+            mark += _mark(instant.beside.tensions[i], most, BESIDE_COLOUR)
         bar = (
             '<div style="position:relative;height:10px;background:rgba(128,128,128,.2);border-radius:2px">'
-            f'<div style="width:{share[0]:.1f}%;height:100%;background:rgb({",".join(map(str, colours[i]))});'
+            f'<div style="width:{share:.1f}%;height:100%;background:rgb({",".join(map(str, colours[i]))});'
             f'border-radius:2px"></div>{mark}</div>'
         )
         value = "LOST" if lost else f"{short(float(instant.tensions[i]))} N"
@@ -162,6 +163,21 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
         )
     grid = "display:grid;grid-template-columns:minmax(4em,8em) 1fr auto;gap:2px 8px;align-items:center;"
     return f'<div style="{grid}{SMALL}">{"".join(lines)}</div>'
+
+
+def _share(tension: float, most: float) -> float:
+    """Return how far along its bar a tension is, in %."""
+    return 100.0 * min(max(float(np.nan_to_num(tension)) / most, 0.0), 1.0)
+
+
+def _mark(tension: float, most: float, colour: str) -> str:
+    """Return a mark across a bar at a tension; nothing for NaN."""
+    if np.isnan(tension):
+        return ""
+    return (
+        f'<div style="position:absolute;left:calc({_share(tension, most):.1f}% - 1px);width:2px;height:14px;'
+        f'top:-2px;background:{colour}"></div>'
+    )
 
 
 def _state(info: RunInfo, report: RunReport, index: int, *, slack: bool) -> str:

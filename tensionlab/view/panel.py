@@ -68,7 +68,7 @@ class Panel:
         gui.main_panel.set_width(PANEL_PIXELS)
         self._status, self._problem, self._tensions = (gui.add_html("") for _ in range(3))
         both = gui.add_button_group("", ("Undo", "Redo"))
-        _pressed(both, lambda: page.undo() if both.value == "Undo" else page.redo())
+        pressed(both, lambda: page.undo() if both.value == "Undo" else page.redo())
         _triggered(gui.add_command("Undo", hotkey="Z", modifier="cmd/ctrl"), page.undo)
         _triggered(gui.add_command("Redo", hotkey="Y", modifier="cmd/ctrl"), page.redo)
         tabs = gui.add_tab_group()
@@ -92,7 +92,7 @@ class Panel:
 
     def _edits(self, field: Any, change: Callable[[Any], Edit]) -> Any:
         """Have what is entered in a field become an edit; what is entered there in a row is undone at once."""
-        return _entered(field, lambda: self._page.edit(change(field.value), field, field))
+        return entered(field, lambda: self._page.edit(change(field.value), field, field))
 
     def _vector(self, label: str, size: int, step: float, change: Callable[[Floats], Edit]) -> Any:
         """Add a field for a vector in the plane or in space, or for a number."""
@@ -147,9 +147,9 @@ class Panel:
             self._frame = self._edits(gui.add_text("body frame", ""), lambda name: here(edits.set_frame, name))
             self._place = self._vector("body at m", d, STEP_M, lambda at: here(_move_own_frame, at))
             remove = gui.add_button("Remove this module", color="gray")
-            _pressed(remove, lambda: self._page.edit(here(edits.remove_module)))
+            pressed(remove, lambda: self._page.edit(here(edits.remove_module)))
         add = gui.add_button("Add a module")
-        _pressed(add, lambda: self._page.edit(edits.add_module))
+        pressed(add, lambda: self._page.edit(edits.add_module))
         self._grid = self._edits(
             gui.add_number("snap to grid m", 0.0, min=0.0, step=STEP_M), lambda step: edits.choose(grid_m=step)
         )
@@ -173,8 +173,8 @@ class Panel:
             gui.add_text("space", "", hint="Name of a space, or its file: the walls for modules"), _with_space
         )
         self._walls = gui.add_html(words.space(None, self._rig))
-        _pressed(gui.add_button("Search for a layout"), page.search)
-        _pressed(gui.add_button("Stop", color="gray"), page.stop_search)
+        pressed(gui.add_button("Search for a layout"), page.search)
+        pressed(gui.add_button("Stop", color="gray"), page.stop_search)
         self._progress = gui.add_progress_bar(0.0)
         self._searched = gui.add_html("")
 
@@ -183,11 +183,11 @@ class Panel:
         self._rig_name = self._edits(
             gui.add_text("rig", self._rig.name), lambda new: lambda s: edits.name_rig(s, new)
         )
-        _pressed(gui.add_button("Make the hand's place home", color="gray"), lambda: page.edit(edits.set_home))
+        pressed(gui.add_button("Make the hand's place home", color="gray"), lambda: page.edit(edits.set_home))
         where = gui.add_text("file", path)
-        _pressed(gui.add_button("Save"), lambda: page.save(where.value))
-        _pressed(gui.add_button("Download as MuJoCo model", color="gray"), page.download_model)
-        _pressed(gui.add_button("Show as Python", color="gray"), page.show_python)
+        pressed(gui.add_button("Save"), lambda: page.save(where.value))
+        pressed(gui.add_button("Download as MuJoCo model", color="gray"), page.download_model)
+        pressed(gui.add_button("Show as Python", color="gray"), page.show_python)
         self._dark_field = self._edits(gui.add_checkbox("dark", False), lambda dark: edits.choose(dark=dark))
 
     def _here(self, change: Callable[..., State], *values: Any) -> Edit:
@@ -304,7 +304,7 @@ def _set(field: Any, values: Floats) -> None:
     field.value = tuple(rounded.tolist()) if len(rounded) > 1 else float(rounded[0])
 
 
-def _entered(field: Any, act: Callable[[], None]) -> Any:
+def entered(field: Any, act: Callable[[], None]) -> Any:
     """Call something when somebody has entered something in a browser; not when it is shown there."""
 
     async def changed(event: Any) -> None:
@@ -315,7 +315,9 @@ def _entered(field: Any, act: Callable[[], None]) -> Any:
     return field
 
 
-def _pressed(button: Any, act: Callable[[], None]) -> None:
+def pressed(button: Any, act: Callable[[], None]) -> None:
+    """Call something when a button is pressed in a browser."""
+
     async def pressed(event: Any) -> None:
         act()
 

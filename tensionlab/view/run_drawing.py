@@ -18,7 +18,7 @@ from tensionlab.view.drawing import (
     set_arrow,
     set_lines,
 )
-from tensionlab.view.instant import FORCES, Instant, InstantScene
+from tensionlab.view.instant import ARROW_COLOURS, Instant, InstantScene
 from tensionlab.view.scene import rgb, size
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ class RunDrawing:
     Browsers look at the rig and at where modules and hand are at an instant: bodies are elsewhere by then.
     """
 
-    def __init__(self, server: viser.ViserServer, rig: Rig, instant: Instant) -> None:
+    def __init__(self, server: viser.ViserServer, rig: Rig, instant: Instant, *, covered: float = 0.0) -> None:
         seen = np.concatenate([instant.anchors, instant.hand[None]])
         scene, reach, nothing = server.scene, size(rig), np.zeros((1, 2, 3))
-        place_camera(server, rig, seen)
+        place_camera(server, rig, seen, covered=covered)
         scene.world_axes.visible = False
         self._floor = add_floor(scene, rig, seen)
         self._cables, self._platform = (
@@ -48,7 +48,7 @@ class RunDrawing:
                 f"/arrows/{name}", nothing, rgb(colour), shaft_radius=0.004 * reach, head_radius=0.010 * reach,
                 head_length=0.03 * reach, visible=False,
             )
-            for name, colour in FORCES.items()
+            for name, colour in ARROW_COLOURS.items()
         }  # fmt: skip
         self._hand = scene.add_icosphere(
             "/hand", HAND_SHARE * reach, color=tuple(rgb(RED)), cast_shadow=False, visible=False

@@ -87,6 +87,14 @@ def test_a_picture_is_drawn(run, file, tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 10_000
 
 
+def test_a_run_without_a_cycle_is_refused_before_a_page_is_served(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("tensionlab.view.server.PageServer", lambda **how: pytest.fail("it was served"))
+    runs.logged(tmp_path / "empty.mcap", runs.four(), 0)
+    code, out, err = run("log", "view", tmp_path / "empty.mcap")
+    assert (code, out) == (2, "")
+    assert "empty.mcap: the run ended before its first cycle; there is nothing to show" in " ".join(err.split())
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -96,6 +104,9 @@ def test_a_picture_is_drawn(run, file, tmp_path):
         (("replay", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
         (("replay", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
         (("replay", "{file}", "--solver", ""), "no solver is named"),
+        (("view", "none.mcap"), "none.mcap: cannot be read"),
+        (("view", "{file}", "--solver", "newtn"), "did you mean 'newton'?"),
+        (("view", "{file}", "--solver", "polygon"), "polygon does not serve this rig"),
     ],
 )
 def test_bad_input_is_refused(run, file, words, message):

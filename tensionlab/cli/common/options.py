@@ -211,6 +211,8 @@ Log = Annotated[
         help="Log every cycle to this file, a new one; see `tensionlab log`.",
     ),
 ]
+PagePort = Annotated[int, typer.Option("--port", help="Of the page; 0 takes a free one.", min=0, max=65535)]
+Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open a browser.")]
 View = Annotated[
     bool, typer.Option("--view", help="Show the run in the browser, with a button that stops its modules.")
 ]

@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 import sys
+import webbrowser
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -43,6 +44,13 @@ def if_interrupted(*words: str) -> Iterator[None]:
         yield
     except KeyboardInterrupt as error:
         raise KeyboardInterrupt("; ".join([*map(str, error.args), *words])) from None
+
+
+def open_page(url: str, shown: str, *, browser: bool) -> None:
+    """Print where a page is, and open a browser there."""
+    typer.echo(f"{url} shows {shown}; Ctrl-C ends it")
+    if browser:
+        webbrowser.open(url)
 
 
 def wait_for_enter(text: str) -> None:
