@@ -21,6 +21,8 @@ from tensionlab.view.words import box, number, rows, vector
 SHOWN_EVENTS = 20
 SILENT_S = 3.0
 """A page that hears nothing from its server for so long says so itself."""
+SHOWN_DECIMALS = 3
+"""Of components in N: a text that changes its length from cycle to cycle cannot be read."""
 DECIMALS = 4
 """Of errors in N: modules measure no finer."""
 LATE_PERIODS = 3.0
@@ -111,15 +113,18 @@ def renewed_heading(html: str, beat: int) -> str:
 
 def forces(rig: Rig, instant: Instant) -> str:
     """Return desired, commanded and measured wrench, as HTML."""
-    d, lines = rig.dimension, []
-    for name, colour in FORCES.items():
-        wrench: Floats = getattr(instant, name)
-        known = bool(np.isfinite(wrench).all())
-        size, more = (_force(wrench[:d]), vector(wrench)) if known else ("–", "taut cables")
-        lines.append((f'<span style="color:{colour}">■</span> {name}', size, more))
+    d = rig.dimension
+    wrenches: list[tuple[str, str, Floats]] = [
+        (name, colour, getattr(instant, name)) for name, colour in FORCES.items()
+    ]
     if instant.beside is not None:
-        name = f'<span style="color:{BESIDE_COLOUR}">■</span> {escape(instant.beside.solver)}'
-        lines.append((name, _force(instant.beside.wrench[:d]), vector(instant.beside.wrench)))
+        wrenches.append((escape(instant.beside.solver), BESIDE_COLOUR, instant.beside.wrench))
+    lines = []
+    for name, colour, wrench in wrenches:
+        known = bool(np.isfinite(wrench).all())
+        size = _force(wrench[:d]) if known else "–"
+        more = vector(np.round(wrench, SHOWN_DECIMALS)) if known else "taut cables"
+        lines.append((f'<span style="color:{colour}">■</span> {name}', size, more))
     if np.isfinite(instant.desired).all():
         error = np.round(instant.measured - instant.desired, DECIMALS)
         lines.append(("measured − desired", _force(error[:d]), vector(error)))

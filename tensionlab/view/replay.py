@@ -18,7 +18,7 @@ from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.log.shared_run import POLL_S
 from tensionlab.view import live_words, playback, replay_words, words
 from tensionlab.view.instant import Instant, draw
-from tensionlab.view.panel import entered, pressed, solver_names
+from tensionlab.view.panel import PANEL_PIXELS, entered, pressed, solver_names
 from tensionlab.view.playback import ALL, SPEEDS, Change, Playback, cycle_at
 from tensionlab.view.recorded import answer_at, info_of, instant_at, report_at
 from tensionlab.view.run_drawing import RunDrawing
@@ -97,6 +97,7 @@ class ReplayPage:
     def _add_panel(self) -> None:
         gui = self.server.viser.gui
         gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_PIXELS)
         self._theme()
         self._heading, self._forces = (gui.add_html("") for _ in range(2))
         tabs = gui.add_tab_group()
