@@ -1,11 +1,13 @@
 // The exact solver and its verification, together, for Python: block by block, so that verification finds the
 // numbers where the solver left them, in the cache.
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
 #include "solvers/newton_batch.hpp"
+#include "solvers/sweep_batch.hpp"
 #include "verification/certificates_batch.hpp"
 
 namespace tensionlab {
@@ -25,30 +27,48 @@ struct Settings {
   }
 };
 
-// Whether all numbers of rows [begin, end), `width` a row, are below the limit in magnitude.
-bool rows_within(const Rows& rows, std::size_t width, std::size_t begin, std::size_t end, double limit) {
-  const auto check = check_for_this_processor();
-  const bool joined = rows.stride == static_cast<std::ptrdiff_t>(width);
-  bool inside = true;
-  if (joined) check(rows[begin], (end - begin) * width, limit, inside);
-  for (std::size_t row = begin; row < end && inside && !joined; ++row) check(rows[row], width, limit, inside);
-  return inside;
-}
+// The exact solver with its verification, block after block: a sweep, and what is sure for those that it leaves. One
+// for each thread.
+class Allocation {
+ public:
+  Allocation(const Batch& batch, const Settings& settings, const SweepAnswer& answer, std::atomic<bool>& flawed)
+      : batch_(batch), settings_(settings), answer_(answer), flawed_(flawed) {}
 
-// Solves and verifies rows [begin, end); false if an entry of a structure matrix or a wrench is not a number, or
-// too large.
-bool allocate_rows(const Batch& batch, const Settings& settings, std::size_t begin, std::size_t end,
-                   const NewtonAnswer& answer, const Findings& findings) {
-  const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
-  if (!rows_within(batch.structure, n * m, begin, end, settings.largest) ||
-      !rows_within(batch.wrench, n, begin, end, settings.largest)) {
-    return false;
+  // Rows [begin, end), a block at most; false if an entry of a structure matrix or a wrench is not a number, or
+  // too large.
+  bool solve(std::size_t begin, std::size_t end) {
+    SweepRest rest{left_, unsure_};
+    sweep_for_this_processor()(batch_, {settings_.largest, settings_.tolerance}, begin, end, answer_, rest);
+    std::copy_n(unsure_, rest.unsures, left_ + rest.aparts);
+    const Selection left{0, rest.aparts + rest.unsures, left_};
+    if (left.count == 0) return true;
+    if (rest.strange && !all_within(left)) return false;
+    newton_for_this_processor()(batch_, settings_.policy, settings_.rank_tolerance, settings_.tolerance, left,
+                                rest.aparts, {answer_.tensions, answer_.separation, answer_.iterations});
+    verify_for_this_processor()(batch_, settings_.verification(), left,
+                                {answer_.tensions, answer_.separation, answer_.rendered, answer_.residual,
+                                 answer_.scale, answer_.status, &flawed_});
+    return true;
   }
-  newton_for_this_processor()(batch, settings.policy, settings.rank_tolerance, settings.tolerance, begin, end,
-                              answer);
-  verify_for_this_processor()(batch, settings.verification(), begin, end, findings);
-  return true;
-}
+
+ private:
+  // Whether all numbers of structure matrices and wrenches are below the limit in magnitude.
+  bool all_within(const Selection& rows) const {
+    const auto n = static_cast<std::size_t>(batch_.n), m = static_cast<std::size_t>(batch_.m);
+    const auto inside = [&](double number) { return std::abs(number) < settings_.largest; };
+    for (std::size_t j = 0; j < rows.count; ++j) {
+      const double *structure = batch_.structure[rows[j]], *wrench = batch_.wrench[rows[j]];
+      if (!std::all_of(structure, structure + n * m, inside) || !std::all_of(wrench, wrench + n, inside)) return false;
+    }
+    return true;
+  }
+
+  const Batch& batch_;
+  const Settings& settings_;
+  const SweepAnswer& answer_;
+  std::atomic<bool>& flawed_;
+  std::size_t left_[kBlock], unsure_[kBlock];  // rows
+};
 
 // None if an entry is not a number, or too large.
 nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<2>& lower, const In<2>& upper,
@@ -59,27 +79,27 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
   const Settings settings{static_cast<Policy>(policy), largest, tolerance, rank_tolerance};
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
   std::atomic<bool> flawed{false}, strange{false};
-  const Findings findings{allocate<double>(batch.size * m),
-                          allocate<double>(batch.size * n),
-                          allocate<double>(batch.size * n),
-                          allocate<double>(batch.size),
-                          allocate<double>(batch.size),
-                          allocate<std::int8_t>(batch.size),
-                          &flawed};
-  const NewtonAnswer answer{findings.tensions, findings.separation, allocate<std::int64_t>(batch.size)};
+  const SweepAnswer answer{allocate<double>(batch.size * m),
+                           allocate<double>(batch.size * n),
+                           allocate<double>(batch.size * n),
+                           allocate<double>(batch.size),
+                           allocate<double>(batch.size),
+                           allocate<std::int8_t>(batch.size),
+                           allocate<std::int64_t>(batch.size)};
   {
     nb::gil_scoped_release unlocked;
     share_out(batch.size, [&](std::size_t begin, std::size_t end) {
+      Allocation rows(batch, settings, answer, flawed);
       for (std::size_t row = begin; row < end && !strange; row += kBlock) {
-        if (!allocate_rows(batch, settings, row, std::min(row + kBlock, end), answer, findings)) strange = true;
+        if (!rows.solve(row, std::min(row + kBlock, end))) strange = true;
       }
     });
   }
   nb::tuple found =
-      nb::make_tuple(table_of(findings.tensions, batch.size, m), table_of(findings.rendered, batch.size, n),
-                     vector_of(findings.residual, batch.size), vector_of(findings.status, batch.size),
-                     vector_of(findings.scale, batch.size), vector_of(answer.iterations, batch.size),
-                     table_of(findings.separation, batch.size, n));
+      nb::make_tuple(table_of(answer.tensions, batch.size, m), table_of(answer.rendered, batch.size, n),
+                     vector_of(answer.residual, batch.size), vector_of(answer.status, batch.size),
+                     vector_of(answer.scale, batch.size), vector_of(answer.iterations, batch.size),
+                     table_of(answer.separation, batch.size, n));
   if (strange) return nb::none();
   return std::move(found);
 }
@@ -124,10 +144,8 @@ class Single {
     std::int8_t status;
     std::atomic<bool> flawed{false};
     double* out = numbers.data();
-    const Findings findings{out, out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1, &status, &flawed};
-    if (!allocate_rows(batch, settings_, 0, 1, {findings.tensions, findings.separation, &iterations}, findings)) {
-      return nb::none();
-    }
+    const SweepAnswer answer{out, out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1, &status, &iterations};
+    if (!Allocation(batch, settings_, answer, flawed).solve(0, 1)) return nb::none();
     return nb::make_tuple(static_cast<int>(status), iterations);
   }
 

@@ -178,7 +178,7 @@ nb::tuple newton_tensions(const In<3>& structure, const In<2>& wrench, const In<
     nb::gil_scoped_release unlocked;
     const auto solve = newton_for_this_processor();
     share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      solve(batch, static_cast<Policy>(policy), rank_tolerance, tolerance, begin, end, answer);
+      solve(batch, static_cast<Policy>(policy), rank_tolerance, tolerance, {begin, end - begin}, 0, answer);
     });
   }
   return nb::make_tuple(table_of(answer.tensions, batch.size, m), vector_of(answer.iterations, batch.size),

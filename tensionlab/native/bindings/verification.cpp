@@ -30,7 +30,7 @@ nb::tuple verify_answers(const In<3>& structure, const In<2>& wrench, const In<2
     nb::gil_scoped_release unlocked;
     const auto verify = verify_for_this_processor();
     share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      verify(batch, {static_cast<Rule>(rule), tolerance, rank_tolerance}, begin, end, findings);
+      verify(batch, {static_cast<Rule>(rule), tolerance, rank_tolerance}, {begin, end - begin}, findings);
     });
   }
   return nb::make_tuple(table_of(findings.rendered, batch.size, n), vector_of(findings.residual, batch.size),

@@ -120,7 +120,7 @@ class LockSets {
     const Batch batch{
         count, walls_.motors.n,      m_, {structure_, 0}, {wanted_, 0}, lower, {upper_.data(), walls_.motors.m},
         lower, walls_.motors.weights};
-    newton_for_this_processor()(batch, Policy::force, rank_tolerance_, 0.0, 0, count,
+    newton_for_this_processor()(batch, Policy::force, rank_tolerance_, 0.0, {0, count}, 0,
                                 {tensions_.data(), separation_.data(), iterations_.data()});
     for (std::size_t row = 0; row < count; ++row) {
       const double left = missing(tensions_.data() + row * m);

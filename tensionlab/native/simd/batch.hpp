@@ -31,6 +31,18 @@ struct Batch {
   const double* weights;
 };
 
+// Some rows of a batch: one after another from `first` on, or those of a list.
+struct Selection {
+  std::size_t first, count;
+  const std::size_t* list = nullptr;
+#if defined(__GNUC__) || defined(__clang__)
+  __attribute__((always_inline))
+#endif
+  std::size_t operator[](std::size_t j) const {
+    return list == nullptr ? first + j : list[j];
+  }
+};
+
 // TENSIONLAB_NUM_THREADS, or as many as the machine has.
 inline unsigned thread_count() {
   if (const char* text = std::getenv("TENSIONLAB_NUM_THREADS")) {

@@ -132,16 +132,20 @@ inline Lanes<Real, L> gather(const F& f) {
 }
 
 #if defined(__AVX__)
+// Four vectors of four numbers, rows and columns exchanged.
+inline void exchange_four(__m256d (&v)[4]) {
+  const __m256d ab = _mm256_unpacklo_pd(v[0], v[1]), ab_odd = _mm256_unpackhi_pd(v[0], v[1]);
+  const __m256d cd = _mm256_unpacklo_pd(v[2], v[3]), cd_odd = _mm256_unpackhi_pd(v[2], v[3]);
+  v[0] = _mm256_permute2f128_pd(ab, cd, 0x20);
+  v[1] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x20);
+  v[2] = _mm256_permute2f128_pd(ab, cd, 0x31);
+  v[3] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x31);
+}
+
 // Numbers i to i + 3 of four rows, each a vector.
 inline void transpose_four(const double* const* row, int i, __m256d (&out)[4]) {
-  const __m256d a = _mm256_loadu_pd(row[0] + i), b = _mm256_loadu_pd(row[1] + i);
-  const __m256d c = _mm256_loadu_pd(row[2] + i), d = _mm256_loadu_pd(row[3] + i);
-  const __m256d ab = _mm256_unpacklo_pd(a, b), ab_odd = _mm256_unpackhi_pd(a, b);
-  const __m256d cd = _mm256_unpacklo_pd(c, d), cd_odd = _mm256_unpackhi_pd(c, d);
-  out[0] = _mm256_permute2f128_pd(ab, cd, 0x20);
-  out[1] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x20);
-  out[2] = _mm256_permute2f128_pd(ab, cd, 0x31);
-  out[3] = _mm256_permute2f128_pd(ab_odd, cd_odd, 0x31);
+  for (int k = 0; k < 4; ++k) out[k] = _mm256_loadu_pd(row[k] + i);
+  exchange_four(out);
 }
 #endif
 
@@ -170,6 +174,27 @@ inline void transpose(const Real* const (&row)[L], int count, const Out& out) {
   }
 #endif
   for (; i < count; ++i) out(i, gather<Real, L>([&](int l) { return row[l][i]; }));
+}
+
+// Number i of every lane's row = values[i], for `count` numbers a row.
+template <class Real, int L>
+inline void store_rows(const Lanes<Real, L>* values, int count, Real* const (&row)[L]) {
+  int i = 0;
+#if defined(__AVX__)
+  if constexpr ((L == 4 || L == 8) && sizeof(Real) == 8) {
+    for (; i + 4 <= count; i += 4) {
+      for (int half = 0; half < L; half += 4) {
+        __m256d four[4];
+        for (int k = 0; k < 4; ++k) four[k] = _mm256_loadu_pd(reinterpret_cast<const double*>(values + i + k) + half);
+        exchange_four(four);
+        for (int k = 0; k < 4; ++k) _mm256_storeu_pd(row[half + k] + i, four[k]);
+      }
+    }
+  }
+#endif
+  for (; i < count; ++i) {
+    for (int l = 0; l < L; ++l) row[l][i] = read<Real>(values[i], l);
+  }
 }
 
 template <class Real, int L>

@@ -15,7 +15,9 @@ struct NewtonAnswer {
   std::int64_t* iterations;
 };
 
-TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, double tolerance, std::size_t begin,
-                  std::size_t end, const NewtonAnswer&)
+// Of the first `apart` rows a direction that separates is known, in the answer's separation; the direction policy
+// makes nothing of it.
+TENSIONLAB_KERNEL(newton, const Batch&, Policy, double rank_tolerance, double tolerance, const Selection& rows,
+                  std::size_t apart, const NewtonAnswer&)
 
 }  // namespace tensionlab

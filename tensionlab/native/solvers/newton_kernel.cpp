@@ -27,19 +27,29 @@ class NewtonBatch {
     }
   }
 
-  void solve(std::size_t begin, std::size_t end) {
-    Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_, policy_ != Policy::direction);
+  void solve(const Selection& rows, std::size_t apart = 0) {
     Face face(batch_.m);
-    for (; begin < end; begin += kChunk) {
-      refill<kLanes>(block, batch_, begin, std::min(begin + kChunk, end), [&](int l, std::size_t row) {
-        answer_.iterations[row] = block.store(l, tensions(row), separation(row));
-        if (policy_ == Policy::direction && block.astray(l)) give_up(row);
-        if (!block.aside(l)) return;
-        aside_[waiting_++] = row;
-        if (waiting_ == kLanes) seek(face);
-      });
-      if (waiting_ > 0) seek(face);
-      if (doubts_ > 0) make_sure();
+    std::size_t begin = 0;
+    if (policy_ == Policy::direction) apart = 0;
+    while (begin < apart) {
+      for (const std::size_t end = std::min(begin + kChunk, apart); begin < end; ++begin) {
+        set_aside(rows[begin], face);
+      }
+      seek_the_others(face);
+    }
+    if (begin == rows.count) return;
+    Block block(batch_.m, roots_, policy_, rank_tolerance_, tolerance_, policy_ != Policy::direction);
+    for (; begin < rows.count; begin += kChunk) {
+      refill<kLanes>(
+          block, begin, std::min(begin + kChunk, rows.count),
+          [&](int l, std::size_t j) { block.load(l, problem(rows[j])); },
+          [&](int l, std::size_t j) {
+            const std::size_t row = rows[j];
+            answer_.iterations[row] = block.store(l, tensions(row), separation(row));
+            if (policy_ == Policy::direction && block.astray(l)) give_up(row);
+            if (block.aside(l)) set_aside(row, face);
+          });
+      seek_the_others(face);
     }
   }
 
@@ -47,6 +57,17 @@ class NewtonBatch {
   using Block = Newton<double, kLanes, N, kMaxCables>;
   using Face = NearestFace<double, kLanes, N, kMaxCables>;
   static constexpr std::size_t kChunk = 512;
+
+  // A row whose wrench is separated waits until the lanes are full.
+  void set_aside(std::size_t row, Face& face) {
+    aside_[waiting_++] = row;
+    if (waiting_ == kLanes) seek(face);
+  }
+
+  void seek_the_others(Face& face) {
+    if (waiting_ > 0) seek(face);
+    if (doubts_ > 0) make_sure();
+  }
 
   // The nearest faces for the rows that wait; where they are fewer than the lanes, the last one many times.
   void seek(Face& face) {
@@ -109,7 +130,7 @@ class NewtonBatch {
                     {source.reference, m},
                     batch_.weights};
     NewtonBatch(one, Policy::force, rank_tolerance_, tolerance_, {tensions_of_force, proof, &iterations})
-        .solve(0, 1);
+        .solve({0, 1});
     answer_.iterations[row] += iterations;
     if (error_of(source, tensions_of_force) <= most) std::copy_n(tensions_of_force, m, tensions(row));
   }
@@ -166,16 +187,16 @@ class NewtonBatch {
 };
 
 template <int N>
-void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, std::size_t begin,
-                    std::size_t end, const NewtonAnswer& answer) {
-  NewtonBatch<N>(batch, policy, rank_tolerance, tolerance, answer).solve(begin, end);
+void newton_of_size(const Batch& batch, Policy policy, double rank_tolerance, double tolerance,
+                    const Selection& rows, std::size_t apart, const NewtonAnswer& answer) {
+  NewtonBatch<N>(batch, policy, rank_tolerance, tolerance, answer).solve(rows, apart);
 }
 
-void newton(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, std::size_t begin,
-            std::size_t end, const NewtonAnswer& answer) {
+void newton(const Batch& batch, Policy policy, double rank_tolerance, double tolerance, const Selection& rows,
+            std::size_t apart, const NewtonAnswer& answer) {
   static constexpr decltype(&newton) kSolve[] = {newton_of_size<1>, newton_of_size<2>, newton_of_size<3>,
                                                  newton_of_size<4>, newton_of_size<5>, newton_of_size<6>};
-  kSolve[batch.n - 1](batch, policy, rank_tolerance, tolerance, begin, end, answer);
+  kSolve[batch.n - 1](batch, policy, rank_tolerance, tolerance, rows, apart, answer);
 }
 
 }  // namespace TENSIONLAB_BUILD

@@ -24,8 +24,7 @@ struct Findings {
   std::atomic<bool>* flawed;
 };
 
-TENSIONLAB_KERNEL(verify, const Batch&, const VerificationSettings&, std::size_t begin, std::size_t end,
-                  const Findings&)
+TENSIONLAB_KERNEL(verify, const Batch&, const VerificationSettings&, const Selection& rows, const Findings&)
 
 // Sets inside to false if a number is not below the limit in magnitude.
 TENSIONLAB_KERNEL(check, const double* numbers, std::size_t count, double limit, bool& inside)

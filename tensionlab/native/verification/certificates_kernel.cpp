@@ -5,13 +5,14 @@ namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
 template <int N>
-void verify_of_size(const Batch& batch, const VerificationSettings& settings, std::size_t begin, std::size_t end,
+void verify_of_size(const Batch& batch, const VerificationSettings& settings, const Selection& rows,
                     const Findings& findings) {
   const Verifier<TENSIONLAB_LANES, N, kMaxCables> verifier(batch.m, batch.weights, settings.rule,
                                                            settings.tolerance, settings.rank_tolerance);
   const auto n = static_cast<std::size_t>(N), m = static_cast<std::size_t>(batch.m);
   bool flawed = false;
-  for (std::size_t row = begin; row < end; ++row) {
+  for (std::size_t j = 0; j < rows.count; ++j) {
+    const std::size_t row = rows[j];
     const auto finding =
         verifier.verify({batch.structure[row], batch.wrench[row], batch.lower[row], batch.upper[row]},
                         findings.tensions + row * m, findings.rendered + row * n, findings.separation + row * n);
@@ -23,11 +24,10 @@ void verify_of_size(const Batch& batch, const VerificationSettings& settings, st
   if (flawed) *findings.flawed = true;
 }
 
-void verify(const Batch& batch, const VerificationSettings& settings, std::size_t begin, std::size_t end,
-            const Findings& findings) {
+void verify(const Batch& batch, const VerificationSettings& settings, const Selection& rows, const Findings& findings) {
   static constexpr decltype(&verify) kVerify[] = {verify_of_size<1>, verify_of_size<2>, verify_of_size<3>,
                                                   verify_of_size<4>, verify_of_size<5>, verify_of_size<6>};
-  kVerify[batch.n - 1](batch, settings, begin, end, findings);
+  kVerify[batch.n - 1](batch, settings, rows, findings);
 }
 
 void check(const double* numbers, std::size_t count, double limit, bool& inside) {

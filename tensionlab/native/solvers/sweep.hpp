@@ -1,0 +1,283 @@
+// The exact solver's first attempt: a few Newton steps for many problems side by side, and no line search.
+//
+//   minimise |t - t0|^2 / 2   subject to   W t = w,  a <= t <= b
+//
+// Any multiplier y fixes tensions t = clip(t0 + W'y, a, b), and where these render w they are the optimum, whatever
+// led to y. So steps may be bold, and only their end is judged. The first step goes without limits; the others keep
+// the pivots above a floor that falls, because too few cables may be free at first. What has not come to its end by
+// then, such as what cannot be rendered, is left to the solver that is sure (solvers/newton.hpp).
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "simd/factor.hpp"
+#include "simd/lanes.hpp"
+#include "solvers/sweep_batch.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+template <int L, int N, int M>
+class Sweep {
+ public:
+  Sweep(const Batch& batch, const SweepSettings& settings, const SweepAnswer& answer, SweepRest& rest)
+      : batch_(batch),
+        m_(batch.m),
+        settings_(settings),
+        answer_(answer),
+        rest_(rest),
+        shared_(batch.lower.stride == 0 && batch.upper.stride == 0 && batch.reference.stride == 0) {
+    if (shared_) limits_[0].load(batch, rows_at(0, 1));
+  }
+
+  // Answers the rows of [begin, end) that it can; the others go to the rest.
+  void solve(std::size_t begin, std::size_t end) {
+    while (begin < end) {
+      int groups = 0;
+      for (; begin < end && groups < kGroups; begin += L) load(groups++, begin, end);
+      for (const double floor : kFloors) {
+        for (int g = 0; g < groups; ++g) step(g, floor);
+      }
+      for (int g = 0; g < groups; ++g) judge(group_[g], limits(g));
+    }
+  }
+
+ private:
+  using V = Lanes<double, L>;
+
+  static constexpr int kGroups = 4;  // the processor works on one while it waits for another
+  // Least pivots of each step with limits, against the diagonal of W W'; and of the step without.
+  static constexpr double kFloors[] = {0.5, 0.2, 0.02, 1e-10}, kTight = 1e-10;
+  static constexpr std::int64_t kEvaluations = 6;
+  // Error of a rendered wrench, against structure and tensions.
+  static constexpr double kConverged = 4 * std::numeric_limits<double>::epsilon();
+
+  struct Rows {
+    std::size_t row[L];
+  };
+
+  struct Limits {
+    V lower[M], upper[M], reference[M], furthest;  // largest square of a reference
+
+    void load(const Batch& batch, const Rows& rows) {
+      furthest = V{};
+      for (int i = 0; i < batch.m; ++i) {
+        lower[i] = gather<double, L>([&](int l) { return batch.lower[rows.row[l]][i]; });
+        upper[i] = gather<double, L>([&](int l) { return batch.upper[rows.row[l]][i]; });
+        reference[i] = gather<double, L>([&](int l) { return batch.reference[rows.row[l]][i]; });
+        furthest = larger(furthest, V(reference[i] * reference[i]));
+      }
+    }
+  };
+
+  // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all magnitudes.
+  struct Group {
+    V structure[N * M], wrench[N], dual[N], diagonal[N], gain, size;
+    std::size_t first;
+    int count;
+  };
+
+  // L rows from one on; those beyond the end are the last one again.
+  static Rows rows_at(std::size_t first, std::size_t end) {
+    Rows rows;
+    for (std::size_t l = 0; l < L; ++l) rows.row[l] = std::min(first + l, end - 1);
+    return rows;
+  }
+
+  const Limits& limits(int g) const { return limits_[shared_ ? 0 : g]; }
+
+  // Reads the problems of a group, and takes the step without limits.
+  void load(int g, std::size_t first, std::size_t end) {
+    Group& group = group_[g];
+    group.first = first;
+    group.count = static_cast<int>(std::min<std::size_t>(L, end - first));
+    const Rows rows = rows_at(first, end);
+    if (!shared_) limits_[g].load(batch_, rows);
+    const V* reference = limits(g).reference;
+    V size = V{}, matrix[N][N], residual[N];
+    const double* row[L];
+    for (int l = 0; l < L; ++l) row[l] = batch_.structure[rows.row[l]];
+    transpose<double, L>(row, N * m_, [&](int j, const V& entry) {
+      group.structure[j] = entry;
+      size += magnitude(entry);
+    });
+    for (int l = 0; l < L; ++l) row[l] = batch_.wrench[rows.row[l]];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      const V wrench = gather<double, L>([&](int l) { return row[l][k]; });
+      group.wrench[k] = residual[k] = wrench;
+      size += magnitude(wrench);
+      TENSIONLAB_UNROLL
+      for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
+    }
+    group.size = size;
+    for (int i = 0; i < m_; ++i) {
+      V column[N];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        column[k] = group.structure[k * m_ + i];
+        residual[k] -= column[k] * reference[i];
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) matrix[k][j] += column[k] * column[j];
+      }
+    }
+    group.gain = V{};
+    V least[N], product;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      group.gain = larger(group.gain, matrix[k][k]);
+      group.diagonal[k] = matrix[k][k] > V{} ? matrix[k][k] : V{} + 1;
+      least[k] = kTight * group.diagonal[k];
+    }
+    solve_with_pivots(matrix, residual, least, group.dual, product);
+  }
+
+  // A Newton step from where the limits let the tensions be.
+  void step(int g, double floor) {
+    Group& group = group_[g];
+    const Limits& limit = limits(g);
+    V dual[N], matrix[N][N], residual[N];
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      dual[k] = group.dual[k];
+      residual[k] = group.wrench[k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
+    }
+    for (int i = 0; i < m_; ++i) {
+      V column[N], wanted = limit.reference[i];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        column[k] = group.structure[k * m_ + i];
+        wanted += column[k] * dual[k];
+      }
+      const V tension = smaller(larger(wanted, limit.lower[i]), limit.upper[i]);
+      const auto free = tension == wanted;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        residual[k] -= column[k] * tension;
+        const V part = free ? column[k] : V{};
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
+      }
+    }
+    V least[N], path[N], product;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) least[k] = floor * group.diagonal[k];
+    solve_with_pivots(matrix, residual, least, path, product);
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) group.dual[k] = dual[k] + path[k];
+  }
+
+  // Writes the answers that are proved exact: their wrench is recomputed from the tensions as they are written.
+  void judge(const Group& group, const Limits& limit) {
+    V tensions[M], rendered[N], change = limit.furthest;
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) rendered[k] = V{};
+    for (int i = 0; i < m_; ++i) {
+      V column[N], wanted = limit.reference[i];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        column[k] = group.structure[k * m_ + i];
+        wanted += column[k] * group.dual[k];
+      }
+      tensions[i] = smaller(larger(wanted, limit.lower[i]), limit.upper[i]);
+      const V off = tensions[i] - limit.reference[i];
+      change += off * off;
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) rendered[k] += column[k] * tensions[i];
+    }
+    V largest = V{}, error = V{}, weighted = V{}, desired = V{};
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      const V missing = group.wrench[k] - rendered[k], square = missing * missing;
+      largest = larger(largest, square);
+      error += square;
+      weighted += batch_.weights[k] * square;
+      desired += group.wrench[k] * group.wrench[k];
+    }
+    const auto proved = (largest <= kConverged * kConverged * group.gain * change) &
+                        (error <= settings_.tolerance * settings_.tolerance * larger(V(V{} + 1), desired)) &
+                        (group.size < V{} + settings_.largest);
+    const V residual = square_root<double, L>(weighted);
+    double unused[M > N ? M : N], *to_tensions[L], *to_rendered[L];
+    int taken = 0;
+    for (int l = 0; l < L; ++l) {
+      const std::size_t row = group.first + static_cast<std::size_t>(l);
+      const bool take = l < group.count && holds(proved, l);
+      taken += take;
+      to_tensions[l] = take ? answer_.tensions + row * static_cast<std::size_t>(m_) : unused;
+      to_rendered[l] = take ? answer_.rendered + row * N : unused;
+    }
+    store_rows<double, L>(tensions, m_, to_tensions);
+    store_rows<double, L>(rendered, N, to_rendered);
+    if (taken == L) {
+      store(residual, answer_.residual + group.first);
+      finish(group.first, L);
+      return;
+    }
+    rest_.strange = rest_.strange || any(!(group.size < V{} + settings_.largest));
+    V direction[N];
+    const V outside = how_far_outside(group, limit, direction);
+    for (int l = 0; l < group.count; ++l) {
+      const std::size_t row = group.first + static_cast<std::size_t>(l);
+      if (holds(proved, l)) {
+        answer_.residual[row] = read<double>(residual, l);
+        finish(row, 1);
+      } else if (read<double>(outside, l) > 0) {
+        for (int k = 0; k < N; ++k) answer_.separation[row * N + k] = read<double>(direction[k], l);
+        answer_.iterations[row] = kEvaluations;
+        rest_.apart[rest_.aparts++] = row;
+      } else {
+        rest_.unsure[rest_.unsures++] = row;
+      }
+    }
+  }
+
+  // d'w - h(d) for the multiplier d, less what rounding may make of it: above nought, d separates w from all that can
+  // be rendered.
+  V how_far_outside(const Group& group, const Limits& limit, V (&d)[N]) const {
+    V sum = V{}, size = V{};
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      d[k] = group.dual[k];
+      sum += d[k] * group.wrench[k];
+      size += magnitude(V(d[k] * group.wrench[k]));
+    }
+    for (int i = 0; i < m_; ++i) {
+      V pull = V{}, parts = V{};
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        const V part = group.structure[k * m_ + i] * d[k];
+        pull += part;
+        parts += magnitude(part);
+      }
+      sum -= larger(V(pull * limit.lower[i]), V(pull * limit.upper[i]));
+      size += parts * larger(magnitude(limit.lower[i]), magnitude(limit.upper[i]));
+    }
+    return sum - (N + m_ + 3) * std::numeric_limits<double>::epsilon() * size;
+  }
+
+  // What all exact answers have.
+  void finish(std::size_t first, std::size_t count) const {
+    std::fill_n(answer_.separation + first * N, count * N, 0.0);
+    std::fill_n(answer_.scale + first, count, 1.0);
+    std::fill_n(answer_.status + first, count, std::int8_t{0});
+    std::fill_n(answer_.iterations + first, count, kEvaluations);
+  }
+
+  const Batch& batch_;
+  int m_;
+  SweepSettings settings_;
+  SweepAnswer answer_;
+  SweepRest& rest_;
+  bool shared_;  // all rows have the same limits and references
+  Limits limits_[kGroups];
+  Group group_[kGroups];
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab
