@@ -10,15 +10,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tensionlab.allocation import Allocation, allocate
 from tensionlab.arrays import Floats, Integers
 from tensionlab.benchmarking.optimum import at_limits, distance_bound, largest_limit
 from tensionlab.benchmarking.rigs import near_singular, structures
 from tensionlab.solvers.base import POLICIES, TOLERANCE, Nearest, Problem, Status
-from tensionlab.solvers.least_squares import Newton
 from tensionlab.solvers.programs import times
-from tensionlab.verification import verify
 
-SHAPES = ((3, 3), (3, 4), (3, 5), (3, 8), (3, 12), (6, 6), (6, 7), (6, 8), (6, 12))
+SHAPES = (
+    *((1, 1), (1, 2), (2, 3), (2, 8), (3, 3), (3, 4), (3, 5), (3, 8), (3, 12), (3, 32)),
+    *((4, 6), (5, 7), (6, 6), (6, 7), (6, 8), (6, 12), (6, 32)),
+)
 BATCH = 20_000
 RENDERED = 1e-12
 """A wrench within reach is rendered to this share of what the cables pull with, in wrench components."""
@@ -43,7 +45,7 @@ class Draw:
 
 
 def _ordinary(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
-    structure = structures(rng, n, m, count)
+    structure = structures(rng, 3 if n <= 3 else 6, m, count)[:, :n]
     lower, upper = np.full((count, m), 0.5), np.full((count, m), 6.0)
     return Draw(structure, lower, upper, rng.uniform(lower, upper))
 
@@ -62,9 +64,25 @@ def _parallel(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
     structure, lower, upper = draw.structure.copy(), draw.lower.copy(), draw.upper.copy()
     structure[::2, :, -1] = structure[::2, :, 0]
     structure[::3, :, -1] = -structure[::3, :, 0]
-    upper[::4, 1] = lower[::4, 1]
+    upper[::4, m // 2] = lower[::4, m // 2]
     lower[::5, 0], upper[::5, 0] = 0.0, 186.0
     return Draw(structure, lower, upper, rng.uniform(lower, upper))
+
+
+def _nearly_parallel(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
+    """Pairs of cables whose directions differ by 1e-5."""
+    draw = _ordinary(rng, n, m, count)
+    structure = draw.structure.copy()
+    pairs = m // 2
+    structure[:, :, :pairs] = structure[:, :, m - pairs :] + 1e-5 * rng.normal(size=(count, n, pairs))
+    return Draw(structure, draw.lower, draw.upper, draw.inside)
+
+
+def _integer(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
+    """Small whole numbers: many answers on corners and edges at once, many matrices that lack a rank."""
+    structure = rng.integers(-2, 3, (count, n, m)).astype(float)
+    lower, upper = np.full((count, m), 1.0), np.full((count, m), 4.0)
+    return Draw(structure, lower, upper, rng.integers(1, 5, (count, m)).astype(float))
 
 
 def _singular(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
@@ -77,7 +95,13 @@ def _singular(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
 
 def _near_singular(rng: np.random.Generator, n: int, m: int, count: int) -> Draw:
     """Structure matrices with a condition of 100 to 10,000."""
-    structure = near_singular(rng, n, m, 10.0 ** rng.uniform(2.0, 4.0, count))
+    condition = 10.0 ** rng.uniform(2.0, 4.0, count)
+    if n in (3, 6):
+        structure = near_singular(rng, n, m, condition)
+    else:
+        structure = _ordinary(rng, n, m, count).structure / np.linspace(1.0, condition, n)[:, :, None].swapaxes(
+            0, 1
+        )
     lower, upper = np.full((count, m), 0.5), np.full((count, m), 6.0)
     return Draw(structure, lower, upper, rng.uniform(lower, upper))
 
@@ -89,6 +113,8 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator, int, int, int], Draw], Cal
     "beyond": (_ordinary, lambda rng, count: rng.uniform(1.0, 4.0, count)),
     "far beyond": (_ordinary, lambda rng, count: 10.0 ** rng.uniform(1.0, 6.0, count)),
     "parallel, fixed, strong": (_parallel, lambda rng, count: rng.uniform(0.5, 2.0, count)),
+    "nearly parallel": (_nearly_parallel, lambda rng, count: rng.uniform(0.5, 2.0, count)),
+    "whole numbers": (_integer, lambda rng, count: rng.integers(1, 3, count).astype(float)),
     "singular": (_singular, lambda rng, count: rng.uniform(0.5, 2.0, count)),
     "nearly singular": (_near_singular, lambda rng, count: rng.uniform(0.5, 2.0, count)),
 }
@@ -175,9 +201,17 @@ def _problem(rng: np.random.Generator, draw: Draw, wrench: Floats, policy: Neare
     return Problem(draw.structure, wrench, draw.lower, draw.upper, reference, np.ones(wrench.shape[1]), policy)
 
 
+def _solve(problem: Problem) -> Allocation:
+    lower, upper = problem.lower, problem.upper
+    if (lower == lower[0]).all() and (upper == upper[0]).all():
+        lower, upper = lower[0], upper[0]  # one for all rows goes another way
+    limits, nearest = (lower, upper), problem.nearest
+    return allocate(problem.structure, problem.wrench, limits, reference=problem.reference, nearest=nearest)
+
+
 def _check(problem: Problem, within_reach: NDArray[np.bool_]) -> tuple[NDArray[np.int8], Floats, Integers]:
     """Which statuses, distances to the promised tensions and iterations; within_reach: by construction, (B,)."""
-    found = verify(problem, Newton().solve(problem))
+    found = _solve(problem)
     exact = found.status == Status.EXACT
     distance = distance_bound(problem, found.tensions, found.separation)
     # EXACT may be a hair out of reach: then it promises the wrench within tolerance, and the tensions that are
