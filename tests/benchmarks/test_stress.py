@@ -22,7 +22,7 @@ def test_the_exact_solver_is_never_wrong_and_never_without_proof():
         assert tally.worst < stress.WRONG
         assert 1 <= tally.quantile(0.5) <= tally.quantile(1.0) < 400
     assert all(tallies["within reach", policy].nearest == 0 for policy in POLICIES)
-    assert all(tallies["far beyond", policy].exact == 0 for policy in POLICIES)
+    assert all(tally.exact < 0.01 * tally.problems for (kind, _), tally in tallies.items() if kind == "far beyond")
     assert all(tallies["singular", policy].exact and tallies["singular", policy].nearest for policy in POLICIES)
 
 
