@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -422,10 +423,39 @@ def allocate(
     >>> tl.allocate(structure, forces, rig.limits, nearest="direction").scale.round(3)
     array([1.   , 0.244])
     """
-    return Allocator(limits, solver, reference, nearest, wrench_weights)(structure, wrench)
+    allocator = None
+    if solver == "newton" and wrench_weights is None:
+        allocator = _kept_allocator(limits, reference, nearest)
+    if allocator is None:
+        allocator = Allocator(limits, solver, reference, nearest, wrench_weights)
+    return allocator(structure, wrench)
+
+
+def _kept_allocator(limits: object, *options: object) -> Allocator | None:
+    """Return the allocator of an earlier call with the same limits, reference and policy.
+
+    To prepare one takes longer than to solve a problem. None where limits are no plain vectors, or the others no
+    words.
+    """
+    if isinstance(limits, tuple) and len(limits) == 2:
+        lower, upper = limits
+    else:
+        lower, upper = getattr(limits, "lower", None), getattr(limits, "upper", None)
+    if not (type(lower) is type(upper) is np.ndarray and lower.dtype == upper.dtype == np.float64):
+        return None
+    if not lower.ndim == upper.ndim == 1 or not all(isinstance(each, str | None) for each in options):
+        return None
+    return _allocator_of(lower.tobytes(), upper.tobytes(), *options)
+
+
+@lru_cache(maxsize=64)
+def _allocator_of(lower: bytes, upper: bytes, reference: Any, nearest: Any) -> Allocator:
+    """Return an allocator of the exact solver, with limits by their bytes."""
+    return Allocator((np.frombuffer(lower), np.frombuffer(upper)), "newton", reference, nearest)
 
 
 _STATUSES = tuple(np.int8(status) for status in sorted(Status))
+_COUNTS = tuple(np.int64(count) for count in range(64))
 
 
 def _solve_single(solve: SingleSolver, structure: Floats, wrench: object) -> Allocation | None:
@@ -435,18 +465,21 @@ def _solve_single(solve: SingleSolver, structure: Floats, wrench: object) -> All
     found = solve(structure, wrench, numbers)
     if found is None:
         return None
+    status, count = found
     allocation = object.__new__(Allocation)
-    # All at once: one by one, as the initialiser of a frozen class sets them, takes longer than solving.
-    vars(allocation).update(
-        tensions=numbers[:m],
-        wrench=numbers[m : m + n],
-        residual=numbers[-2],
-        status=_STATUSES[found[0]],
-        scale=numbers[-1],
-        iterations=np.int64(found[1]),
-        separation=numbers[m + n : -2],
-        failures={},
-    )
+    # All at once, and numbers that have been made before: one by one, as the initialiser of a frozen class sets
+    # them, takes longer than solving.
+    values = {
+        "tensions": numbers[:m],
+        "wrench": numbers[m : m + n],
+        "residual": numbers[-2],
+        "status": _STATUSES[status],
+        "scale": numbers[-1],
+        "iterations": _COUNTS[count] if count < len(_COUNTS) else np.int64(count),
+        "separation": numbers[m + n : -2],
+        "failures": {},
+    }
+    object.__setattr__(allocation, "__dict__", values)
     return allocation
 
 

@@ -132,6 +132,25 @@ def test_threads_may_share_an_allocator() -> None:
         sys.setswitchinterval(before)
 
 
+def test_one_call_after_another_takes_the_limits_as_they_are_now() -> None:
+    """Prepared allocators are kept, by the numbers and not by who holds them."""
+    W, w = np.array([[1.0, -1.0]]), np.array([3.0])
+    lower, upper = np.array([1.0, 1.0]), np.array([6.0, 6.0])
+    assert tl.allocate(W, w, (lower, upper)).tensions.tolist() == [4.0, 1.0]
+    lower[1] = 2.0
+    assert tl.allocate(W, w, (lower, upper)).tensions.tolist() == [5.0, 2.0]
+    assert tl.allocate(W, w, tl.TensionLimits(lower, upper), reference="middle").tensions.tolist() == [5.25, 2.25]
+    upper[0] = 4.0
+    assert tl.allocate(W, w, (lower, upper)).status == tl.Status.NEAREST
+    assert tl.allocate(W, w, (1.0, 6.0)).tensions.tolist() == [4.0, 1.0]
+    lower[0] = 5.0
+    for _ in range(2):  # what is refused is not kept
+        with pytest.raises(tl.ShapeError, match="lower"):
+            tl.allocate(W, w, (lower, upper))
+    with pytest.raises(TypeError, match="nearest is"):
+        tl.allocate(W, w, (np.ones(2), np.ones(2)), nearest=["force"])
+
+
 def test_an_allocator_does_not_follow_what_it_was_given() -> None:
     lower, reference = np.ones(3), np.full(3, 5.0)
     kept = tl.Allocator((lower, 10.0), reference=reference)
