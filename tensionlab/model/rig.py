@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +48,19 @@ class Cables(NamedTuple):
     lengths: Floats
     directions: Floats
     arms: Floats | None
+
+
+class RigPage(Protocol):
+    """Design page of a rig: what `Rig.view` returns."""
+
+    url: str
+
+    @property
+    def rig(self) -> Rig:
+        """The rig as it is designed now."""
+
+    def close(self) -> None:
+        """Close the page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +179,30 @@ class Rig:
     def plot(self) -> Figure:
         """Draw where the modules stand and how the cables run: `tensionlab.plots.plot_rig`."""
         return display.figure("rig", self)
+
+    def view(self) -> RigPage:
+        """Open the design page of the rig: inline in a notebook, in a browser elsewhere.
+
+        It is served by a thread, until it is closed or this process ends.
+
+        Returns
+        -------
+        page
+            With ``url``, ``rig``, the rig as it is designed now, and ``close()``.
+
+        Raises
+        ------
+        MissingDependency
+            If viser is not installed.
+
+        Examples
+        --------
+        >>> import tensionlab as tl
+        >>> page = tl.load_rig("bartels2026-validation").view()  # doctest: +SKIP
+        >>> designed = page.rig  # doctest: +SKIP
+        """
+        page: RigPage = importlib.import_module("tensionlab.view.rig_page").open_rig(self)
+        return page
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each module, by name, with its limits in N and coordinates in m.

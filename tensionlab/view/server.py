@@ -9,12 +9,13 @@ import secrets
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 from tensionlab.admission import (
     LOOPBACK,
@@ -34,13 +35,18 @@ if TYPE_CHECKING:
 
 COOKIE = "tensionlab-view"
 """Name of the cookie in which a browser keeps the token; followed by the port, since ports share cookies."""
+POLICY = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors"
+)
 HEADERS = {
-    "Content-Security-Policy": "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "frame-ancestors 'self'; base-uri 'none'; form-action 'none'",
+    "Content-Security-Policy": f"{POLICY} 'self'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }
-"""Of what a browser gets: it loads nothing from elsewhere, and no other site frames it."""
+"""Of what a browser gets: it loads nothing from elsewhere, and no other site frames it, but a notebook."""
+FRAME = "frame"
+"""What the secret is called in the address by which a notebook shows the page in a frame."""
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a browser leaves no traceback
 _starting = threading.Lock()
@@ -51,10 +57,12 @@ class Gate:
     """Who may open the page and connect to it: pages of this server, and who knows the token if there is one.
 
     Without a token, the host that was asked for must be this machine by its own name, so that no other page can
-    have its name lead here.
+    have its name lead here. Other pages may show it in a frame by an address that only this process knows, with
+    ``frame`` in it.
     """
 
     token: str | None = None
+    frame: str = field(default_factory=partial(secrets.token_urlsafe, 16))
 
     def refuse(self, target: str, header: Header) -> str | None:
         """Return why a request is refused; None if it is not. ``target`` is its path and query."""
@@ -103,8 +111,15 @@ class Gate:
         if forwarded := self.forward(request.path, header):
             response = connection.respond(HTTPStatus.SEE_OTHER, "")
             response.headers.update(forwarded)
-        response.headers.update(HEADERS)
+        response.headers.update(self.headers(request.path))
         return response
+
+    def headers(self, target: str) -> dict[str, str]:
+        """Return the headers of an answer to a request."""
+        given = parse_qs(urlsplit(target).query).get(FRAME, [""])[0]
+        if not same_token(given, self.frame):
+            return HEADERS
+        return HEADERS | {"Content-Security-Policy": f"{POLICY} *"}
 
 
 class PageServer:
@@ -116,6 +131,8 @@ class PageServer:
         What draws.
     url : str
         Where the page is, with the token if there is one.
+    frame_url : str
+        Where it is for a page that shows it in a frame.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -134,6 +151,7 @@ class PageServer:
         bound = self.viser.get_port()
         name = f"[{host}]" if ":" in host else socket.gethostname() if host in ("0.0.0.0", "::") else host
         self.url = f"http://{name}:{bound}/" + ("" if gate.token is None else f"?token={gate.token}")
+        self.frame_url = f"http://{name}:{bound}/?{FRAME}={gate.frame}"
 
     def close(self) -> None:
         """Close all connections, and listen no longer."""

@@ -48,6 +48,14 @@ def test_beyond_this_machine_the_token_is_needed():
     assert "token" in refused(gate, Host="lab:8080", Cookie="tensionlab-view-9090=secret")  # of another page
 
 
+def test_only_who_knows_the_address_for_frames_shows_the_page_in_one():
+    gate = Gate()
+    for target in ("/", "/?frame=", "/?frame=wrong", f"/?other={gate.frame}"):
+        assert "frame-ancestors 'self'" in gate.headers(target)["Content-Security-Policy"]
+    assert "frame-ancestors *" in gate.headers(f"/?frame={gate.frame}")["Content-Security-Policy"]
+    assert Gate().frame != gate.frame
+
+
 def test_the_token_leaves_the_address():
     headers = {"Host": "lab:8080"}
     answer = Gate("secret").forward("/?token=secret", lambda name: [headers[name]])
