@@ -208,6 +208,21 @@ def choose_locks(
     negligible: float,
     rank_tolerance: float,
 ) -> tuple[NDArray[bool_], NDArray[float64], NDArray[float64], NDArray[bool_]]: ...
+def certify_cells(
+    anchors: NDArray[float64],
+    arms: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    required: NDArray[float64],
+    radius: float,
+    slack: float,
+    angle: float,
+    length: float,
+    closure: bool,
+    centres: NDArray[float64],
+    half_edges: NDArray[float64],
+    with_shares: bool,
+) -> tuple[NDArray[int8], NDArray[float64] | None]: ...
 def closest_pair(
     segments: NDArray[float64], pairs: NDArray[int64], radius: NDArray[float64]
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...

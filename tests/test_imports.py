@@ -93,6 +93,7 @@ NATIVE = {
     "arrays.py",
     "verification.py",
     "benchmarking/speed.py",
+    "workspace/certification/problem.py",
     "workspace/interference.py",
     "workspace/margin.py",
     "workspace/structure_metrics.py",

@@ -2,6 +2,7 @@
 
 from tensionlab.plots.allocation import plot_allocation
 from tensionlab.plots.benchmark import plot_accuracy, plot_continuity, plot_pareto, plot_profile, plot_worst
+from tensionlab.plots.certified import plot_certified
 from tensionlab.plots.comparison import plot_comparison
 from tensionlab.plots.rig import plot_brake_maps, plot_rig
 from tensionlab.plots.run import plot_run
@@ -17,6 +18,7 @@ __all__ = [
     "plot_allocation",
     "plot_anchor_count",
     "plot_brake_maps",
+    "plot_certified",
     "plot_comparison",
     "plot_continuity",
     "plot_error_sphere",

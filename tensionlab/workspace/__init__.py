@@ -1,5 +1,7 @@
 """Workspace of a rig: metrics of structure matrices and tension limits, sweeps and layout search."""
 
+from tensionlab.workspace.certification.certify import certify
+from tensionlab.workspace.certification.result import Bounds, CertifiedWorkspace
 from tensionlab.workspace.interference import (
     Capsule,
     Clearance,
@@ -56,9 +58,11 @@ __all__ = [
     "MEASURES",
     "METRICS",
     "BodyDistance",
+    "Bounds",
     "CableDistance",
     "CapacityMargin",
     "Capsule",
+    "CertifiedWorkspace",
     "Clearance",
     "ConditionNumber",
     "Effort",
@@ -84,6 +88,7 @@ __all__ = [
     "cable_distance",
     "cable_pairs",
     "capacity_margin",
+    "certify",
     "condition_number",
     "cone",
     "effort",

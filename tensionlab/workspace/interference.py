@@ -86,7 +86,7 @@ def cable_distance(
     >>> f"{distance:.3f} m"
     '0.120 m'
     """
-    return _closest(_cables(rig, position, rotation, frames), cable_pairs(rig), np.zeros(rig.m))
+    return closest(_cables(rig, position, rotation, frames), cable_pairs(rig), np.zeros(rig.m))
 
 
 def cable_pairs(rig: Rig) -> Integers:
@@ -153,23 +153,11 @@ def body_distance(
     '0.18 m from top'
     """
     cables = _cables(rig, position, rotation, frames)
-    segments, radii = [], []
-    for index, body in enumerate(bodies):
-        start = pose.points(body.start, rig.dimension, f"start of body {index}")
-        end = start if body.end is None else pose.points(body.end, rig.dimension, f"end of body {index}")
-        if not (np.isfinite(body.radius) and body.radius >= 0):
-            raise InputError(f"radius of body {index} is {body.radius}; give a radius in m, 0 or more")
-        segments.append(np.stack(np.broadcast_arrays(start, end), axis=-2)[..., None, :, :])
-        radii.append(float(body.radius))
+    segments, radii = body_segments(bodies, rig.dimension)
     shapes = {"cables": cables.shape[:-3]} | {f"body {i}": s.shape[:-3] for i, s in enumerate(segments)}
     shape = common_axes(shapes)
     everything = [np.broadcast_to(s, (*shape, *s.shape[-3:])) for s in (cables, *segments)]
-    pairs = [(i, rig.m + j) for i in range(rig.m) for j in range(len(bodies))]
-    found = _closest(
-        np.concatenate(everything, axis=-3),
-        np.array(pairs, dtype=np.int64).reshape(-1, 2),
-        np.array([0.0] * rig.m + radii),
-    )
+    found = closest(np.concatenate(everything, axis=-3), body_pairs(rig, bodies), np.array([0.0] * rig.m + radii))
     return found._replace(pair=np.where(found.pair < 0, -1, found.pair - [0, rig.m]))
 
 
@@ -200,7 +188,7 @@ def segment_distance(start: ArrayLike, end: ArrayLike, start2: ArrayLike, end2: 
     common_axes({name: values.shape[:-1] for name, values in ends.items()})
     stacked = np.stack(np.broadcast_arrays(*ends.values()), axis=-2)
     segments = stacked.reshape(*stacked.shape[:-2], 2, 2, d)
-    return _closest(segments, np.array([[0, 1]]), np.zeros(2)).distance
+    return closest(segments, np.array([[0, 1]]), np.zeros(2)).distance
 
 
 def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: Frames | None) -> Floats:
@@ -211,7 +199,26 @@ def _cables(rig: Rig, position: ArrayLike, rotation: ArrayLike | None, frames: F
     return np.stack([anchors, anchors - vectors], axis=-2)
 
 
-def _closest(segments: Floats, pairs: Integers, radii: NDArray[np.float64]) -> Clearance:
+def body_pairs(rig: Rig, bodies: Sequence[Capsule]) -> Integers:
+    """Return the pairs of every cable with every body, (k, 2); bodies are numbered after the cables."""
+    pairs = [(i, rig.m + j) for i in range(rig.m) for j in range(len(bodies))]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def body_segments(bodies: Sequence[Capsule], dimension: int) -> tuple[list[Floats], list[float]]:
+    """Return the segment of each body, (..., 1, 2, d), and its radius, in m; see `body_distance` for errors."""
+    segments, radii = [], []
+    for index, body in enumerate(bodies):
+        start = pose.points(body.start, dimension, f"start of body {index}")
+        end = start if body.end is None else pose.points(body.end, dimension, f"end of body {index}")
+        if not (np.isfinite(body.radius) and body.radius >= 0):
+            raise InputError(f"radius of body {index} is {body.radius}; give a radius in m, 0 or more")
+        segments.append(np.stack(np.broadcast_arrays(start, end), axis=-2)[..., None, :, :])
+        radii.append(float(body.radius))
+    return segments, radii
+
+
+def closest(segments: Floats, pairs: Integers, radii: NDArray[np.float64]) -> Clearance:
     """Return the closest of some pairs of segments, (..., S, 2, d), less the radii of both."""
     *shape, count, _, d = segments.shape
     if count > _native.MAX_SEGMENTS:

@@ -17,6 +17,7 @@ NB_MODULE(_native, module) {
   module.attr("COMPILER") = TENSIONLAB_COMPILER;
   bind_allocate(module);
   bind_brakes(module);
+  bind_certification(module);
   bind_clearance(module);
   bind_firmware(module);
   bind_verification(module);

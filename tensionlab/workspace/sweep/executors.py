@@ -1,4 +1,4 @@
-"""Executors of a sweep's chunks: threads of this process or workers of a Dask cluster; and the progress bar."""
+"""Executors of tasks, such as a sweep's chunks: threads or workers of a Dask cluster; and the progress bar."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from datetime import timedelta
-from typing import Any
+from typing import Any, Protocol, TypeVar
 from urllib.parse import urlsplit
 
-from tensionlab.arrays import Floats
 from tensionlab.errors import SweepError, needs
 from tensionlab.files.reading import brief
 from tensionlab.operating_system import processors
-from tensionlab.workspace.sweep.plan import Task
 
 CHUNKS_PER_WORKER = 2
 """Under way at once, so that no worker waits and memory is bounded."""
@@ -30,13 +28,23 @@ BAR_DELAY_S = 2.0
 """Before a progress bar shows up."""
 
 
-def evaluate_on_threads(tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
+class Task(Protocol):
+    """Part of the work, with all that it takes to do it: small enough to send to another machine."""
+
+    def evaluate(self) -> Any:
+        """Do it, and return what was found."""
+
+
+AnyTask = TypeVar("AnyTask", bound=Task)
+
+
+def evaluate_on_threads(tasks: Iterable[AnyTask]) -> Iterator[tuple[AnyTask, Any]]:
     """Evaluate tasks on all processors, ``TENSIONLAB_NUM_THREADS`` of them if it is set; yields as they finish.
 
     Threads serve: kernels and NumPy's loops run without the interpreter's lock.
     """
     waiting = iter(tasks)
-    running: dict[Future[Floats], Task] = {}
+    running: dict[Future[Any], AnyTask] = {}
     with ThreadPoolExecutor(threads := thread_count()) as pool:
         try:
             while True:
@@ -57,7 +65,7 @@ def thread_count() -> int:
     return int(setting) if setting.isdecimal() and int(setting) else processors()
 
 
-def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[Task, Floats]]:
+def evaluate_on_cluster(address: str, tasks: Iterable[AnyTask]) -> Iterator[tuple[AnyTask, Any]]:
     """Evaluate tasks on an existing Dask cluster; yields as they finish.
 
     Where a worker dies, the scheduler gives its tasks to another. Workers need tensionlab installed, and no file
@@ -77,12 +85,12 @@ def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[T
         if not workers:
             raise SweepError(f"scheduler {address!r} has no workers; start some with: dask worker {address}")
         waiting = iter(tasks)
-        known: dict[str, Task] = {}
+        known: dict[str, AnyTask] = {}
 
         def submit(count: int) -> list[Any]:
             futures = []
             for task in itertools.islice(waiting, count):
-                futures.append(client.submit(Task.evaluate, task, pure=False))
+                futures.append(client.submit(_evaluate, task, pure=False))
                 known[futures[-1].key] = task
             return futures
 
@@ -95,6 +103,10 @@ def evaluate_on_cluster(address: str, tasks: Iterable[Task]) -> Iterator[tuple[T
             raise SweepError(
                 f"scheduler {address!r} gave up: {error}; with out, the same call goes on from here"
             ) from error
+
+
+def _evaluate(task: Task) -> Any:
+    return task.evaluate()
 
 
 def _require_listening(address: str) -> None:

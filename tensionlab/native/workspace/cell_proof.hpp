@@ -1,0 +1,352 @@
+// Whether all poses of a cell render every required wrench, or none does.
+//
+// The tensions render all required wrenches if in every direction v they pull at least as far as what is required:
+// h(v) >= s(v), where h(v) is the sum of the larger of lower v . w and upper v . w over all cables, and s(v) the most
+// that a required wrench is along v.
+//
+// Inside. Cut the directions into cones by the hyperplanes v . w = 0 of the cell's middle (workspace/facet_rays.hpp),
+// and take for each cable the limit that pulls most in a cone, the lower one where it may run anywhere. With these
+// tensions fixed, what they pull along v less s(v) is concave and homogeneous in v, whatever the pose: if it is not
+// negative on the rays of the cone, it is not in the cone, and h(v) is no less. On a ray the cables that it is across
+// may be at either limit, as in the cones around it; so the smaller of both counts.
+//
+// Outside. One direction for which s(v) > h(v) suffices.
+//
+// In both, directions may move with the pose such that the cables that they are across stay so to first order
+// (workspace/moving_direction.hpp): then the bounds are off by the square of the cell's size alone. Moved rays still
+// span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each ray to its
+// moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose as long as no
+// direction is taken to zero. None is while there is something to spare on all rays, since for some wrench of the set
+// that is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of |v . w|, which is
+// linear on cones, too. The first serves for the poses that the middle is one of.
+//
+// Every bound is affine in the pose, so that it also says which share of a cell is proved. Rounding: a bound is a sum
+// of some hundred terms, each within a few roundings of products that are at most `scale_`; 4096 units of that cover
+// it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "workspace/box_share.hpp"
+#include "workspace/facet_rays.hpp"
+#include "workspace/moving_direction.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+// value + slope . (dp, turn) + dp' C dp / 2, a bound for all poses of a cell; C row by row up to its diagonal.
+template <int N, int D>
+struct Bound {
+  double value, slope[N], curve[D * (D + 1) / 2];
+
+  template <class Pull>
+  void add(double factor, const Pull& pull, int j) {
+    value += factor * pull.value[j];
+    for (int i = 0; i < N; ++i) slope[i] += factor * pull.slope[i][j];
+    for (int i = 0; i < D * (D + 1) / 2; ++i) curve[i] += factor * pull.curve[i][j];
+  }
+};
+
+template <int N, int D>
+class CellProof {
+ public:
+  CellProof(const CertifiedRig& rig, std::size_t rotation, const double* centre, const double* half_edges,
+            FacetRays<N>& rays)
+      : rig_(rig),
+        required_(rig.required + rotation * static_cast<std::size_t>(rig.wrenches * N)),
+        columns_(rig, rotation, centre, half_edges),
+        rays_(rays) {
+    scale_ = 0;
+    for (int k = 0; k < rig.wrenches; ++k) scale_ = std::max(scale_, size(required_ + k * N));
+    scale_ += rig.radius + rig.slack;
+    std::uint32_t loose = 0;
+    for (int j = 0; j < rig.m; ++j) {
+      scale_ += rig.upper[j] * columns_.largest[j];
+      if (rig.lower[j] < rig.upper[j] && !columns_.anywhere(j)) loose |= 1u << j;
+    }
+    rounding_ = 4096 * std::numeric_limits<double>::epsilon() * scale_;
+    rays_.find(columns_.column, rig.m, loose);
+    for (const FacetRay<N>& ray : rays_.all()) spans_ = spans_ || (loose & ~ray.across) != 0;
+    if (spans_) look_outside();
+  }
+
+  // A lower bound of the share of the cell that is outside: 1 only if all of it is.
+  double outside() const {
+    if (!spans_) return 0;
+    Direction critical(columns_, critical_);
+    critical.straighten(spanning_);
+    critical.follow(spanning_, true);
+    double best = beyond(critical);
+    double leaning[N];
+    if (best < 1 && critical.lean(spanning_, leaning)) {
+      best = std::max(best, beyond(Direction(critical, leaning)));
+    }
+    if (best < 1 && violated_) best = std::max(best, beyond(Direction(columns_, between_)));
+    return best;
+  }
+
+  // The same of what is inside. Unless the share counts, it is 1 or 0.
+  double inside(bool share) const {
+    if (!spans_) return 0;
+    bool middle = true, far = false;
+    const auto all_rays = [&](bool may_move_far, CoveredShare<D>& missing) {
+      for (const FacetRay<N>& ray : rays_.all()) {
+        Direction direction(columns_, ray.v);
+        if (spare_everywhere(ray, direction, nullptr, middle)) continue;
+        far = direction.follow(ray.spanning, may_move_far) == Direction::Motion::far || far;
+        if (!spare_everywhere(ray, direction, share ? &missing : nullptr, middle) && !share) return false;
+      }
+      return true;
+    };
+    CoveredShare<D> missing(columns_.half);
+    if (!all_rays(true, missing)) return 0;
+    if (!far || middle) return 1 - missing.share();
+    CoveredShare<D> missing_nearby(columns_.half);
+    all_rays(false, missing_nearby);
+    return 1 - missing_nearby.share();
+  }
+
+ private:
+  using Direction = MovingDirection<N, D>;
+  static constexpr int M = kMaxCables;
+
+  const CertifiedRig& rig_;
+  const double* required_;
+  CellColumns<N, D> columns_;
+  FacetRays<N>& rays_;
+  bool spans_ = false;  // whether the columns span all wrenches
+  double scale_, rounding_;
+  double critical_[N];      // the ray on which least is to spare in the middle
+  std::uint32_t spanning_;  // the cables it is across
+  bool violated_ = false;   // whether something is missing on it
+  double between_[N];       // then, a direction that is across no cable if that is so far from all rays
+
+  static double dot(const double* a, const double* b) {
+    double sum = 0;
+    for (int k = 0; k < N; ++k) sum += a[k] * b[k];
+    return sum;
+  }
+  static double size(const double* a) { return std::sqrt(dot(a, a)); }
+
+  double pulled(const double* v, int j) const {
+    double sum = 0;
+    for (int k = 0; k < N; ++k) sum += v[k] * columns_.column[k][j];
+    return sum;
+  }
+
+  // s(side v), but for the radius, and the number of the wrench.
+  double required(const double* v, double side, int& which) const {
+    double most = -std::numeric_limits<double>::infinity();
+    for (int k = 0; k < rig_.wrenches; ++k) {
+      const double along = side * dot(v, required_ + k * N);
+      if (along > most) {
+        most = along;
+        which = k;
+      }
+    }
+    return most;
+  }
+
+  // Finds the directions along which the cell may be outside.
+  void look_outside() {
+    double least = std::numeric_limits<double>::infinity();
+    bool sound = false;
+    std::fill(between_, between_ + N, 0.0);
+    for (const FacetRay<N>& ray : rays_.all()) {
+      if (sound && !(ray.error < 1e-6)) continue;
+      double along[M];
+      for (int j = 0; j < rig_.m; ++j) along[j] = pulled(ray.v, j);
+      for (const double side : {1.0, -1.0}) {
+        const double room = to_spare(ray, along, side);
+        for (int k = 0; k < N && room < 0; ++k) between_[k] -= room * side * ray.v[k];
+        if (room < least || (!sound && ray.error < 1e-6)) {
+          least = room;
+          for (int k = 0; k < N; ++k) critical_[k] = side * ray.v[k];
+          spanning_ = ray.spanning;
+          sound = ray.error < 1e-6;
+        }
+      }
+    }
+    violated_ = least < 0;
+    if (!violated_) return;
+    if (rig_.closure) away_from_columns();
+    const double length = size(between_);
+    for (double& each : between_) each /= length > 0 ? length : 1;
+  }
+
+  // h - s on a ray in the middle; of closure the most that a cable pulls along it.
+  double to_spare(const FacetRay<N>& ray, const double* along, double side) const {
+    double most = -std::numeric_limits<double>::infinity(), sum = -rig_.radius;
+    for (int j = 0; j < rig_.m; ++j) {
+      const double x = side * along[j];
+      if (!(ray.across >> j & 1)) most = std::max(most, x);
+      sum += x > 0 ? rig_.upper[j] * x : rig_.lower[j] * x;
+    }
+    int which = 0;
+    return rig_.closure ? most : sum - required(ray.v, side, which);
+  }
+
+  // Away from the point of the columns' convex hull that is nearest to zero, along which they pull least: by the
+  // algorithm of Mitchell, Demyanov and Malozemov (1974), which takes weight from the worst column for the best.
+  void away_from_columns() {
+    constexpr int kSteps = 100;
+    double weight[M];
+    std::fill(between_, between_ + N, 0.0);
+    for (int j = 0; j < rig_.m; ++j) {
+      weight[j] = 1.0 / rig_.m;
+      for (int k = 0; k < N; ++k) between_[k] -= weight[j] * columns_.column[k][j];
+    }
+    for (int step = 0; step < kSteps; ++step) {
+      int best = 0, worst = -1;
+      double along[M];
+      for (int j = 0; j < rig_.m; ++j) {
+        along[j] = pulled(between_, j);
+        if (along[j] > along[best]) best = j;
+        if (weight[j] > 0 && (worst < 0 || along[j] < along[worst])) worst = j;
+      }
+      double square = 0;
+      for (int k = 0; k < N; ++k) {
+        const double apart = columns_.column[k][best] - columns_.column[k][worst];
+        square += apart * apart;
+      }
+      if (!(square > 0)) return;
+      const double moved = std::min(weight[worst], (along[best] - along[worst]) / square);
+      weight[best] += moved;
+      weight[worst] -= moved;
+      for (int k = 0; k < N; ++k) {
+        between_[k] -= moved * (columns_.column[k][best] - columns_.column[k][worst]);
+      }
+    }
+  }
+
+  // Whether the tensions of the cones around a ray are proved to render what is required all over the cell, in all
+  // turns; adds where they may not to what is missing, and notes whether that is the middle.
+  bool spare_everywhere(const FacetRay<N>& ray, const Direction& direction, CoveredShare<D>* missing,
+                        bool& middle) const {
+    bool everywhere = true;
+    for (const double side : {1.0, -1.0}) {
+      Bound<N, D> bound = to_spare(ray, direction, side);
+      bound.value += dip(bound) - turn_reach(bound);
+      if (bound.value > position_reach(bound)) continue;
+      everywhere = false;
+      if (missing == nullptr) continue;
+      middle = middle && bound.value > 0;
+      missing->add(bound.value, bound.slope);
+    }
+    return everywhere;
+  }
+
+  // A lower bound of what is to spare along a ray on one side, with the tensions of the cones around it.
+  Bound<N, D> to_spare(const FacetRay<N>& ray, const Direction& direction, double side) const {
+    const auto& pull = direction.pull;
+    Bound<N, D> bound{};
+    double lost = (3 * ray.error * scale_ + rounding_) * (1 + direction.longest);
+    for (int j = 0; j < rig_.m; ++j) {
+      const double low = rig_.lower[j], high = rig_.upper[j];
+      double tension;
+      if (ray.across >> j & 1) {
+        tension = (low + high) / 2;
+        lost += (high - low) / 2 * (std::abs(pull.value[j]) + direction.reach(j)) + high * pull.error[j];
+      } else {
+        const bool pulls = ((ray.positive >> j & 1) != 0) == (side > 0);
+        tension = pulls && !columns_.anywhere(j) ? high : low;
+        lost += tension * pull.error[j];
+      }
+      bound.add(tension * side, pull, j);
+    }
+    if (!rig_.closure) lost += subtract_required(direction, side, bound);
+    bound.value -= lost;
+    return bound;
+  }
+
+  // Takes s(side v) off a bound as far as it is affine, and returns what it may be more.
+  double subtract_required(const Direction& direction, double side, Bound<N, D>& bound) const {
+    int which = 0;
+    const double most = required(direction.v, side, which);
+    const double* const chosen = required_ + which * N;
+    bound.value -= most;
+    for (int i = 0; i < N; ++i) {
+      bound.slope[i] -= side * dot(direction.mu[i], chosen) + rig_.radius * dot(direction.mu[i], direction.v);
+    }
+    // Another wrench may become the one that counts; and |v + mu| <= 1 + v . mu + mu . mu / 2.
+    double more = 0;
+    for (int k = 0; direction.longest > 0 && k < rig_.wrenches; ++k) {
+      const double* const other = required_ + k * N;
+      double beyond = side * dot(direction.v, other) - most;
+      for (int i = 0; i < N; ++i) {
+        beyond += columns_.edge(i) * std::abs(dot(direction.mu[i], other) - dot(direction.mu[i], chosen));
+      }
+      more = std::max(more, beyond);
+    }
+    return more + rig_.radius * (1 + direction.longest * direction.longest / 2) +
+           (direction.torque() + direction.longest) * rig_.slack;
+  }
+
+  // A lower bound of the share in which a direction shows that a required wrench is not rendered.
+  double beyond(const Direction& direction) const {
+    return rig_.closure ? without_closure(direction) : beyond_reach(direction);
+  }
+
+  // The share in which an upper bound of what the cables pull along v is less than required, in one turn: that
+  // suffices, since what is required has to be rendered in all.
+  double beyond_reach(const Direction& direction) const {
+    const auto& pull = direction.pull;
+    const double length = direction.length();
+    Bound<N, D> bound{};
+    double excess = rounding_ * (length + direction.longest);
+    excess += (direction.torque() + direction.longest) * rig_.slack;
+    for (int j = 0; j < rig_.m; ++j) {
+      const double low = rig_.lower[j], high = rig_.upper[j], x = pull.value[j];
+      const double tension = x > 0 ? high : low;
+      excess += tension * pull.error[j];
+      // Where it crosses zero the other limit pulls more.
+      excess += (high - low) * std::max(0.0, direction.reach(j) + pull.error[j] - std::abs(x));
+      bound.add(tension, pull, j);
+    }
+    int which = 0;
+    bound.value += excess - required(direction.v, 1, which) - rig_.radius * length;
+    for (int i = 0; i < N; ++i) {
+      bound.slope[i] -= dot(direction.mu[i], required_ + which * N);
+      bound.slope[i] -= rig_.radius * dot(direction.mu[i], direction.v) / length;
+    }
+    bound.value += rise(bound) - turn_reach(bound);
+    if (bound.value + position_reach(bound) < 0) return 1;
+    return std::min(share_below<D>(bound.value, bound.slope, columns_.half).low, kNotAll);
+  }
+
+  // The share in which no cable pulls along v, so that no tensions balance each other, or all lie in a plane.
+  double without_closure(const Direction& direction) const {
+    CoveredShare<D> pulled(columns_.half);
+    for (int j = 0; j < rig_.m; ++j) {
+      Bound<N, D> bound{};
+      bound.add(-1, direction.pull, j);
+      bound.value -= direction.pull.error[j] + rounding_ * (direction.length() + direction.longest);
+      bound.value += dip(bound) - turn_reach(bound);
+      if (!(bound.value > position_reach(bound))) pulled.add(bound.value, bound.slope);
+    }
+    const double share = pulled.share();
+    return share > 0 ? std::min(1 - share, kNotAll) : 1;
+  }
+  static constexpr double kNotAll = 1 - 1e-8;
+
+  double dip(const Bound<N, D>& bound) const {
+    return columns_.dip([&](int i) { return bound.curve[i]; });
+  }
+  double rise(const Bound<N, D>& bound) const {
+    return -columns_.dip([&](int i) { return -bound.curve[i]; });
+  }
+  double position_reach(const Bound<N, D>& bound) const {
+    double reach = 0;
+    for (int i = 0; i < D; ++i) reach += std::abs(bound.slope[i]) * columns_.half[i];
+    return reach;
+  }
+  double turn_reach(const Bound<N, D>& bound) const {
+    return columns_.reach([&](int i) { return bound.slope[i]; }) - position_reach(bound);
+  }
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab

@@ -1,0 +1,1 @@
+"""Proved workspaces: cells of positions that are inside or outside for sure."""

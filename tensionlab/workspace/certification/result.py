@@ -1,0 +1,213 @@
+"""Result of a proof about a region: `CertifiedWorkspace`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensionlab import display, records
+from tensionlab.arrays import Floats, Integers
+from tensionlab.display import Mark
+from tensionlab.model import pose
+from tensionlab.model.rig import Rig
+from tensionlab.workspace.certification.subdivision import Subdivision
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+MARKS = {
+    1: display.met_mark(True, ("inside", "")),
+    -1: display.met_mark(False, ("", "outside")),
+    0: Mark("○", display.GREY, "undecided"),
+}
+"""Of each verdict."""
+UNITS = {1: "m", 2: "m²", 3: "m³"}
+"""Of a volume, by how many axes of the region have an extent."""
+SUM_ROUNDING = 1e-12
+"""Of sums of volumes, as a share."""
+HEADINGS = ("<", "cells", "volume", "share of the region")
+
+
+class Bounds(NamedTuple):
+    """Two numbers between which a third lies for sure.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("kntu-planar")
+    >>> proved = tl.workspace.certify(rig, [[-0.9, 0.9], [-0.8, 0.8]], tl.Requirement(ball=5.0), 0.1)
+    >>> bool(proved.volume.lower <= proved.volume.upper)
+    True
+    """
+
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedWorkspace:
+    """What is proved of a region: in which cells every pose renders all that is required, and in which none does.
+
+    Cells are boxes of positions, each of which comes once; those that are undecided are of the finest size.
+
+    Attributes
+    ----------
+    rig : Rig
+        Whose poses were looked at.
+    anchors : (m, d) array
+        Anchors in the world, in m.
+    required : str
+        What is required, in words.
+    subdivision : Subdivision
+        The region, and how it is cut into cells.
+    level, place : (k,) and (k, d) arrays
+        Of each cell: how often the region's first cells were cut in two for it, and its place along each axis.
+    verdict : (k,) array
+        1 inside, -1 outside, 0 undecided.
+    shares : (k, 2) array
+        Lower bounds of the share of a cell that is inside, and that is outside.
+    evaluations : int
+        Cells that were looked at, each once for all rotations.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("kntu-planar")
+    >>> proved = tl.workspace.certify(rig, [[-1.1, 1.1], [-1.0, 1.0]], tl.Requirement(ball=5.0), 0.1)
+    >>> proved.at([[0.0, 0.0], [1.05, 0.0]])  # inside, outside
+    array([ 1, -1], dtype=int8)
+    """
+
+    rig: Rig
+    anchors: Floats
+    required: str
+    subdivision: Subdivision
+    level: NDArray[np.int8]
+    place: Integers
+    verdict: NDArray[np.int8]
+    shares: Floats
+    evaluations: int
+
+    def __repr__(self) -> str:
+        return f"<CertifiedWorkspace of {self._title}>"
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for verdict, mark in MARKS.items():
+            chosen = self.verdict == verdict
+            volume = float(self.cell_volumes[chosen].sum())
+            share = display.percent(volume / self.region_volume)
+            rows.append([mark, int(chosen.sum()), f"{volume:.4g} {self.unit}", share])
+        return display.table(self._title, HEADINGS, rows, [f"required: {self.required}"])
+
+    @property
+    def _title(self) -> str:
+        low, high = self.volume
+        cells = display.count(len(self.verdict), "cell")
+        return f"{self.rig.name}: {low:.4g} to {high:.4g} of {self.region_volume:.4g} {self.unit} inside, {cells}"
+
+    @property
+    def proved(self) -> bool:
+        """Whether the whole region is inside."""
+        return bool((self.verdict == 1).all())
+
+    @property
+    def unit(self) -> str:
+        """Unit of volumes: m³ in space, m² in the plane or a plane of it."""
+        return UNITS[int((self.subdivision.extent > 0).sum())]
+
+    @property
+    def region_volume(self) -> float:
+        """Volume of the region."""
+        return self.subdivision.volume
+
+    @property
+    def cell_volumes(self) -> Floats:
+        """Volume of each cell, (k,)."""
+        of_level = np.array([self.subdivision.cell_volume(level) for level in range(self.subdivision.levels + 1)])
+        return np.asarray(of_level[self.level])
+
+    @property
+    def volume(self) -> Bounds:
+        """Bounds of the volume in which every pose renders all that is required."""
+        inside, outside = (self.cell_volumes[:, None] * self.shares).sum(axis=0)
+        upper = min(self.region_volume, (self.region_volume - outside) + SUM_ROUNDING * self.region_volume)
+        return Bounds(float(inside) * (1 - SUM_ROUNDING), float(upper))
+
+    @property
+    def edges(self) -> Floats:
+        """Edges of each cell, (k, d), in m."""
+        return np.stack([self.subdivision.edges(level) for level in range(self.subdivision.levels + 1)])[
+            self.level
+        ]
+
+    @property
+    def centres(self) -> Floats:
+        """Centre of each cell, (k, d), in m."""
+        return self.subdivision.low + (self.place + 0.5) * self.edges
+
+    def at(self, position: ArrayLike) -> NDArray[np.int8]:
+        """Return what is proved at positions (..., d): 1 inside, -1 outside, 0 undecided or not in the region.
+
+        Parameters
+        ----------
+        position : (..., d) array
+            Of the reference point, in m.
+
+        Raises
+        ------
+        ShapeError
+            If the positions do not fit the rig.
+        """
+        given = pose.points(position, self.rig.dimension, "position")
+        points = given.reshape(-1, self.rig.dimension)
+        low, high = self.subdivision.low, self.subdivision.low + self.subdivision.extent
+        found = np.zeros(len(points), np.int8)
+        within = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+        for level in np.unique(self.level):
+            own = np.flatnonzero(self.level == level)
+            size = np.where(self.subdivision.extent > 0, self.subdivision.roots * 2 ** int(level), 1)
+            keys = np.ravel_multi_index(tuple(self.place[own].T), tuple(size))
+            order = np.argsort(keys)
+            wanted = np.ravel_multi_index(
+                tuple(self.subdivision.place_of(int(level), points[within]).T), tuple(size)
+            )
+            where = np.searchsorted(keys, wanted, sorter=order).clip(max=len(own) - 1)
+            there = keys[order[where]] == wanted
+            found[within[there]] = self.verdict[own[order[where[there]]]]
+        return found.reshape(given.shape[:-1])[()]
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return a row for each cell: its verdict, the shares inside and outside for sure, its centre and edges.
+
+        MissingDependency if xarray is not installed.
+        """
+        axes = list("xyz"[: self.rig.dimension])
+        data: xarray.Dataset = records.import_xarray().Dataset(
+            {
+                "verdict": ("cell", self.verdict, {"long_name": "1 inside, -1 outside, 0 undecided"}),
+                "share_inside": ("cell", self.shares[:, 0], {"long_name": "share inside, at least"}),
+                "share_outside": ("cell", self.shares[:, 1], {"long_name": "share outside, at least"}),
+                "centre": (("cell", "axis"), self.centres, {"units": "m", "long_name": "centre of the cell"}),
+                "edge": (("cell", "axis"), self.edges, {"units": "m", "long_name": "edges of the cell"}),
+            },
+            coords={"axis": axes},
+            attrs={
+                "title": f"tensionlab certified workspace: {self.rig.name}",
+                "required": self.required,
+                "volume_lower": self.volume.lower,
+                "volume_upper": self.volume.upper,
+                "region_volume": self.region_volume,
+                "volume_unit": self.unit,
+                "evaluations": self.evaluations,
+            },
+        )
+        return data
+
+    def plot(self) -> Figure:
+        """Draw slices through the cells: `tensionlab.plots.plot_certified`."""
+        return display.figure("certified", self)

@@ -1,0 +1,318 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import InputError, RigError, ShapeError
+from tensionlab.workspace.certification.problem import cell_problem
+from tensionlab.workspace.margin import required_margin
+from tests.support.certified_cells import Cell
+from tests.support.examples import many
+from tests.support.reference_metrics import renders
+
+certify = tl.workspace.certify
+BALL = ([0.0, 0.0, 0.0], 1.0)
+TETRAHEDRON = [(-0.6, 0.6), (0.0, 2.3), (-0.6, 0.6)]
+"""Around the anchors of the published rig."""
+
+
+def rig_of(kind, anchors, attachments=None, lower=0.0, upper=1.0):
+    arms = np.zeros_like(anchors) if attachments is None else attachments
+    given = {} if attachments is None else {"attachment": None}
+    modules = tuple(
+        tl.Module(str(i), anchor, lower, upper, **(given and {"attachment": arm}))
+        for i, (anchor, arm) in enumerate(zip(np.asarray(anchors, float), np.asarray(arms, float), strict=True))
+    )
+    return tl.Rig("test", kind, modules, home=np.mean(anchors, axis=0))
+
+
+SQUARE = rig_of("planar-point", [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def positions_in(proved, verdict, count, rng):
+    """Random positions in the cells of one verdict, a fifth of them corners."""
+    chosen = np.flatnonzero(proved.verdict == verdict)
+    volume = proved.cell_volumes[chosen]
+    cell = rng.choice(chosen, count, p=volume / volume.sum())
+    where = rng.uniform(-0.5, 0.5, (count, proved.rig.dimension))
+    where[: count // 5] = np.sign(where[: count // 5]) / 2
+    return proved.centres[cell] + where * proved.edges[cell]
+
+
+def gap(proved):
+    return (proved.volume.upper - proved.volume.lower) / proved.volume.upper
+
+
+def test_wrench_closure_of_a_square_is_the_square():
+    proved = certify(SQUARE, [(-0.3, 1.2), (-0.1, 1.4)], "wrench-closure", 0.005)
+    assert proved.volume.lower <= 1.0 <= proved.volume.upper
+    assert gap(proved) < 0.01
+    assert proved.region_volume == pytest.approx(1.5 * 1.5)
+
+
+def area_of_two_cables(ratio):
+    """Area of the unit square in which two cables from its upper corners hold a weight, 1 / ratio of their limits.
+
+    At the height z under the corners, and x from the left one, its tension is weight (1 - x) sqrt(x² + z²) / z: so
+    z is at least x (1 - x) / sqrt(ratio² - (1 - x)²), or as much with 1 - x for x where that is more.
+    """
+
+    def primitive(s):  # of s (1 - s) / sqrt(ratio² - s²)
+        root = np.sqrt(ratio**2 - s**2)
+        return -root - ratio**2 / 2 * np.arcsin(s / ratio) + s / 2 * root
+
+    return 1 - 2 * (primitive(1.0) - primitive(0.5))
+
+
+@pytest.mark.parametrize("ratio", [1.05, 1.5])
+def test_area_in_which_two_cables_hold_a_weight(ratio):
+    rig = rig_of("planar-point", [[0.0, 1.0], [1.0, 1.0]], upper=ratio)
+    region = [(0.0, 1.0), (0.0, 1.0)]
+    coarse, fine = (certify(rig, region, [0.0, 1.0], step) for step in (0.04, 0.005))
+    for proved in (coarse, fine):
+        assert proved.volume.lower <= area_of_two_cables(ratio) <= proved.volume.upper
+    assert gap(fine) < 1e-3
+
+
+def test_bounds_come_together_as_the_square_of_the_resolution():
+    rig = tl.load_rig("bartels2026-validation")
+    gaps = [gap(certify(rig, TETRAHEDRON, BALL, step)) for step in (0.04, 0.02, 0.01)]
+    assert gaps[1] < gaps[0] / 3
+    assert gaps[2] < gaps[1] / 3
+    assert gaps[2] < 0.01
+
+
+@pytest.mark.parametrize(("force", "volume"), [(1.0, 0.0967), (0.5, 0.1552)])
+def test_published_rig(force, volume):
+    rig = tl.load_rig("bartels2026-validation")
+    proved = certify(rig, TETRAHEDRON, ([0.0, 0.0, 0.0], force), 0.01)
+    assert gap(proved) < 0.01
+    sobol = np.random.default_rng(0).uniform(*np.array(TETRAHEDRON).T, (many(2_000_000), 3))
+    share = np.mean(tl.workspace.capacity_margin(rig.structure_matrix(sobol), rig.limits) >= force)
+    noise = 5 * np.sqrt(share / len(sobol))
+    low, high = (each / proved.region_volume for each in proved.volume)
+    assert low - noise < share < high + noise
+    assert proved.volume.lower == pytest.approx(volume, rel=0.01)
+
+
+CASES = {
+    "published rig": ("bartels2026-validation", TETRAHEDRON, BALL, 0.04),
+    "planar platform": ("kntu-planar", [(-1.3, 1.3), (-1.3, 1.3)], tl.Requirement(ball=5.0), 0.05),
+    "platform": ("ipanema-2", [(-4, 4), (-3, 3), (1, 5)], tl.Requirement(gravity=True, ball=5.0), 0.4),
+    "suspended": ("cogiro", [(-7, 7), (-5, 5), (0, 5)], tl.Requirement(gravity=True), 0.6),
+    "eight corners": ("cube-8", [(-0.8, 0.8)] * 3, BALL, 0.1),
+}
+
+
+@pytest.fixture(scope="module", params=CASES, ids=str)
+def case(request):
+    name, region, required, resolution = CASES[request.param]
+    rig = tl.load_rig(name)
+    required = required if isinstance(required, tl.Requirement) else tl.Requirement(wrench=BALL[0], ball=BALL[1])
+    return rig, required, certify(rig, region, required, resolution)
+
+
+@pytest.mark.parametrize("verdict", [1, -1])
+def test_no_pose_contradicts_the_verdict_of_its_cell(case, verdict):
+    rig, required, proved = case
+    positions = positions_in(proved, verdict, many(50_000), np.random.default_rng(1))
+    margin = required_margin(rig, rig.structure_matrix(positions), required)
+    assert (margin * verdict > 0).all()
+
+
+def test_linear_programs_agree_with_the_verdicts(case):
+    rig, required, proved = case
+    rng = np.random.default_rng(2)
+    unit = np.where(np.arange(rig.n) < rig.dimension, 1.0, required.length_for(rig))
+    for verdict in (1, -1):
+        for W in rig.structure_matrix(positions_in(proved, verdict, many(100), rng)):
+            normals, offsets = tl.workspace.half_spaces(W / unit[:, None], rig.limits)
+            worst = normals[(offsets - normals @ (required.at(rig)[0] / unit)).argmin()]
+            away = rng.normal(size=rig.n) if verdict == 1 else worst
+            wrench = required.at(rig)[0] + required.ball * unit * away / np.linalg.norm(away)
+            assert renders(W, rig.limits.lower, rig.limits.upper, wrench) == (verdict == 1)
+
+
+def test_shares_of_undecided_cells_hold(case):
+    rig, required, proved = case
+    rng = np.random.default_rng(3)
+    open_cells = np.flatnonzero(proved.verdict == 0)
+    cells = rng.choice(open_cells, min(many(400), len(open_cells)), replace=False)
+    count = 400
+    where = rng.uniform(-0.5, 0.5, (len(cells), count, rig.dimension))
+    positions = proved.centres[cells][:, None] + where * proved.edges[cells][:, None]
+    share = (required_margin(rig, rig.structure_matrix(positions), required) >= 0).mean(axis=1)
+    noise = 6 * np.sqrt(np.maximum(share * (1 - share), 1 / count) / count)
+    assert (proved.shares[cells, 0] < share + noise).all()
+    assert (1 - proved.shares[cells, 1] > share - noise).all()
+    assert proved.shares[cells].sum(axis=1).mean() > 0.3
+
+
+def test_wrench_closure_of_a_published_robot():
+    rig = tl.load_rig("ipanema-2")
+    proved = certify(rig, [(-4, 4), (-3, 3), (2, 4)], "wrench-closure", 0.2)
+    for verdict in (1, -1):
+        positions = positions_in(proved, verdict, many(20_000), np.random.default_rng(4))
+        assert (tl.workspace.wrench_closure(rig.structure_matrix(positions)) == (verdict == 1)).all()
+    # The published counts on a grid lie between what is proved of its points.
+    x, y = np.meshgrid(np.linspace(-4, 4, 81), np.linspace(-3, 3, 61))
+    for z, count in ((2.0, 3591), (3.0, 3575), (4.0, 3575)):
+        found = proved.at(np.stack([x, y, np.full_like(x, z)], axis=-1))
+        assert (found == 1).sum() <= count <= (found >= 0).sum()
+        assert (found == 0).sum() < 0.25 * found.size
+
+
+@pytest.mark.parametrize("kind", ["planar-point", "point", "planar", "platform"])
+def test_numpy_agrees_on_random_cells(kind):
+    rng = np.random.default_rng(8)
+    d, n = {"planar-point": (2, 2), "point": (3, 3), "planar": (2, 3), "platform": (3, 6)}[kind]
+    seen = set()
+    for _ in range(many(150, 30)):
+        m = int(rng.integers(n + 1, n + 3))
+        arms = None if n == d else rng.uniform(-0.3, 0.3, (m, d))
+        rig = rig_of(kind, rng.uniform(-1, 1, (m, d)), arms, rng.uniform(0, 0.2), rng.uniform(1, 5))
+        wrench = rig.structure_matrix(np.zeros(d)) @ rng.uniform(rig.limits.lower, rig.limits.upper)
+        required = tl.Requirement(wrench=wrench, ball=rng.uniform(0, 0.2))
+        problem = cell_problem(rig, required, None, 0.0, None, None)
+        centre, half = rng.uniform(-0.1, 0.1, d), rng.uniform(0.002, 0.06, d)
+        if np.linalg.norm(problem.anchors[0] - problem.arms[0] - centre, axis=1).min() < 0.1:
+            continue
+        verdict = int(problem.prove(centre[None], half, True).verdict[0])
+        cell = Cell(problem, centre, half)
+        inside, outside = cell.inside(), cell.outside()
+        assert abs(inside) < 1e-5 or (verdict == 1) == (inside > 0)
+        assert outside < 1e-5 or verdict == -1
+        seen.add(verdict)
+    assert seen == {1, -1, 0}
+
+
+def planar_platform_with_a_hole():
+    """A rig whose capacity margin about a weight has a minimum, and rises by only 1.6 µN within 1 mm of it."""
+    anchors = [[-0.9, -1.05], [0.76, 0.36], [-0.31, -0.39], [0.09, 0.89], [-0.9, -0.03]]
+    arms = [[0.24, 0.16], [0.22, 0.19], [-0.09, -0.2], [-0.12, 0.14], [0.05, 0.19]]
+    return rig_of("planar", np.array(anchors), np.array(arms), 0.5, 6.0), np.array([-0.0382276, -0.3745667])
+
+
+def test_a_hole_that_no_grid_would_see_is_found():
+    rig, place = planar_platform_with_a_hole()
+    least = float(required_margin(rig, rig.structure_matrix(place), tl.Requirement([0.0, 3.0, 0.0], length=0.2)))
+    region = np.stack([place - 0.03, place + 0.03], axis=1)
+    grid = tl.workspace.box(*region, step=0.002)
+
+    def required(more):
+        return tl.Requirement(wrench=[0.0, 3.0, 0.0], ball=least + more, length=0.2)
+
+    swept = required_margin(rig, rig.structure_matrix(grid.arrays()[0] + 0.0007), required(1e-7))
+    assert (swept > 0).all()  # 961 positions of a grid, all of which are feasible
+    found = certify(rig, region, required(1e-7), 1e-5)
+    assert not found.proved
+    hole = found.centres[found.verdict != 1]
+    assert np.abs(hole - place).max() < 0.001
+    assert (found.verdict == -1).any()
+    assert 0 < found.region_volume - found.volume.lower < 1e-6
+    assert certify(rig, region, required(-1e-7), 1e-5).proved
+
+
+def test_all_rotations_count():
+    rig = tl.load_rig("kntu-planar")
+    region, required = [(-1.1, 1.1), (-1.0, 1.0)], tl.Requirement(ball=3.0)
+    both = certify(rig, region, required, 0.05, rotations=[-0.2, 0.3])
+    each = [certify(rig, region, required, 0.05, rotations=angle) for angle in (-0.2, 0.3)]
+    at = np.random.default_rng(6).uniform(*np.array(region).T, (2000, 2))
+    found, one, other = (proved.at(at) for proved in (both, *each))
+    assert (found[(one == -1) | (other == -1)] <= 0).all()
+    assert (found[(one == 1) & (other == 1)] >= 0).all()
+    assert both.volume.lower <= min(proved.volume.upper for proved in each)
+
+
+@pytest.mark.parametrize(
+    ("name", "region", "required", "resolution"),
+    [
+        ("kntu-planar", [(-1.1, 1.1), (-1.0, 1.0)], tl.Requirement(ball=3.0), 0.05),
+        ("ipanema-2", [(-4, 4), (-3, 3), (1, 5)], tl.Requirement(gravity=True, ball=2.0), 0.4),
+    ],
+    ids=["planar", "platform"],
+)
+def test_an_angle_stands_for_all_rotations_within_it(name, region, required, resolution):
+    rig, rng = tl.load_rig(name), np.random.default_rng(7)
+    angle = 0.03
+    still, turning = (certify(rig, region, required, resolution, angle=a) for a in (0.0, angle))
+    assert turning.volume.upper <= still.volume.upper + 1e-9
+    assert turning.volume.lower > 0.5 * still.volume.lower
+    positions = positions_in(turning, 1, many(20_000), rng)
+    if rig.dimension == 2:
+        turns = rng.choice([-angle, 0.0, angle], len(positions))
+    else:
+        axis = rng.normal(size=(len(positions), 3))
+        axis *= angle / np.linalg.norm(axis, axis=1, keepdims=True)
+        turns = tl.model.kinematics.exponential(axis)
+    margin = required_margin(rig, rig.structure_matrix(positions, turns), required, turns)
+    assert (margin > 0).all()
+
+
+def test_cells_around_an_anchor_are_bounded_too():
+    rig = rig_of("planar-point", [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]])
+    proved = certify(rig, [(0.3, 0.7), (0.3, 0.7)], "wrench-closure", 0.05)
+    assert proved.proved  # whichever way the fifth cable runs
+    within = certify(rig, [(0.3, 0.7), (0.3, 0.7)], ([0.0, 0.0], 0.5), 0.01)
+    assert within.volume.lower > 0.1
+
+
+def test_parallel_cables_and_symmetric_poses():
+    anchors = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    doubled = rig_of("point", np.vstack([anchors, anchors]))
+    assert certify(doubled, [(-0.2, 0.2)] * 3, ([0.0, 0.0, 0.0], 2.0), 0.1).proved
+
+
+def test_a_plane_of_space_has_an_area():
+    rig = tl.load_rig("bartels2026-validation")
+    proved = certify(rig, [(-0.4, 0.4), (0.3, 0.3), (-0.4, 0.4)], BALL, 0.01)
+    assert proved.unit == "m²"
+    assert gap(proved) < 0.01
+    x, z = np.meshgrid(np.linspace(-0.4, 0.4, 201), np.linspace(-0.4, 0.4, 201))
+    margin = tl.workspace.capacity_margin(rig.structure_matrix(np.stack([x, 0 * x + 0.3, z], axis=-1)), rig.limits)
+    assert proved.volume.lower / 0.64 - 0.005 < (margin >= 1.0).mean() < proved.volume.upper / 0.64 + 0.005
+
+
+def test_the_rig_itself_says_what_is_required():
+    rig = replace(tl.load_rig("kntu-planar"), required=tl.Requirement(ball=5.0))
+    region = [(-0.5, 0.5), (-0.5, 0.5)]
+    own, given = certify(rig, region, None, 0.1), certify(rig, region, rig.required, 0.1)
+    np.testing.assert_array_equal(own.verdict, given.verdict)
+    assert own.required == rig.required.describe(rig)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"region": [(0.0, 1.0)]}, InputError, "region has shape"),
+        ({"region": [(0.0, 1.0), (1.0, 0.0)]}, InputError, "along y; give the lower end first"),
+        ({"resolution": 0.0}, InputError, "resolution is 0.0"),
+        ({"resolution": [0.1, 0.1, 0.1]}, InputError, "one for each axis"),
+        ({"resolution": 1e-12}, InputError, "along an axis"),
+        ({"required": [1.0, 2.0, 3.0]}, RigError, "needs 2"),
+        ({"required": "everything"}, InputError, "wrench-closure"),
+        ({"rotations": 0.1}, InputError, "cannot turn"),
+        ({"angle": 0.1}, InputError, "cannot turn"),
+        ({"region": [(0.0, np.nan), (0.0, 1.0)]}, ShapeError, "region"),
+        ({"bodies": [tl.workspace.Capsule([0.0, 0.0])]}, InputError, "clearance"),
+        ({"clearance": -1.0}, InputError, "clearance is -1.0"),
+    ],
+)
+def test_what_does_not_fit_is_refused(arguments, error, words):
+    given = {"region": [(0.0, 1.0), (0.0, 1.0)], "required": [0.0, 0.0], "resolution": 0.1} | arguments
+    with pytest.raises(error, match=words):
+        certify(SQUARE, **given)
+
+
+def test_too_large_an_angle_is_refused():
+    with pytest.raises(InputError, match="angle is 2"):
+        certify(tl.load_rig("kntu-planar"), [(-1, 1), (-1, 1)], None, 0.1, angle=2.0)
+
+
+def test_too_few_cables_are_refused():
+    rig = rig_of("planar-point", [[0.0, 1.0], [1.0, 1.0]])
+    one = tl.Rig("one", "planar-point", rig.modules[:1], home=[0.0, 0.0])
+    with pytest.raises(InputError, match="1 cables whose tension can change; give it 2"):
+        certify(one, [(0.0, 1.0), (0.0, 1.0)], [0.0, 1.0], 0.1)

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+import tensionlab as tl
+
+REGION = [(-0.5, 0.5), (-0.6, 0.6), (0.6, 1.4)]
+EVERYTHING = tl.Requirement(wrench=np.zeros(6))
+
+
+def distances(rig, positions, bodies=()):
+    found = tl.workspace.cable_distance(rig, positions).distance
+    return np.minimum(found, tl.workspace.body_distance(rig, bodies, positions).distance) if bodies else found
+
+
+@pytest.mark.parametrize(
+    "bodies", [(), (tl.workspace.Capsule([0.8, 0.6, 0.2], [0.8, 0.6, 1.2], 0.1),)], ids=["cables", "body"]
+)
+def test_cables_keep_their_distance_in_all_of_a_cell_or_nowhere(bodies):
+    rig = tl.load_rig("ipanema-1")
+    least = 0.05
+    far = tl.workspace.certify(rig, REGION, EVERYTHING, 0.05)
+    proved = tl.workspace.certify(rig, REGION, EVERYTHING, 0.05, clearance=least, bodies=bodies)
+    rng = np.random.default_rng(0)
+    positions = rng.uniform(*np.array(REGION).T, (20_000, 3))
+    verdict, wrenches, distance = proved.at(positions), far.at(positions), distances(rig, positions, bodies)
+    assert (distance[verdict == 1] >= least).all()
+    assert ((distance < least) | (wrenches == -1))[verdict == -1].all()
+    assert (wrenches[verdict == 1] >= 0).all()
+    assert (verdict == 1).any()
+    assert ((verdict == -1) & (wrenches == 1)).any() == bool(bodies)
+
+
+def test_cables_of_a_point_never_come_close_to_each_other():
+    rig = tl.load_rig("bartels2026-validation")
+    region, ball = [(-0.1, 0.1), (0.2, 0.4), (-0.1, 0.1)], ([0.0, 0.0, 0.0], 0.5)
+    plain = tl.workspace.certify(rig, region, ball, 0.02)
+    apart = tl.workspace.certify(rig, region, ball, 0.02, clearance=0.5)
+    np.testing.assert_array_equal(plain.verdict, apart.verdict)
+
+
+def test_a_clearance_holds_within_an_angle():
+    rig = tl.load_rig("ipanema-1")
+    angle, least = 0.05, 0.03
+    proved = tl.workspace.certify(rig, REGION, EVERYTHING, 0.05, clearance=least, angle=angle)
+    rng = np.random.default_rng(1)
+    positions = rng.uniform(*np.array(REGION).T, (5_000, 3))
+    axis = rng.normal(size=(len(positions), 3))
+    turns = tl.model.kinematics.exponential(angle * axis / np.linalg.norm(axis, axis=1, keepdims=True))
+    distance = tl.workspace.cable_distance(rig, positions, turns).distance
+    assert (distance[proved.at(positions) == 1] >= least).all()
+
+
+def test_what_is_required_says_the_distance():
+    rig = tl.load_rig("ipanema-1")
+    proved = tl.workspace.certify(rig, REGION, EVERYTHING, 0.4, clearance=0.1)
+    assert proved.required.endswith("cables 0.1 m apart")

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+import tensionlab as tl
+from tensionlab.errors import ShapeError
+
+REGION = [(-0.9, 0.9), (-0.8, 0.8)]
+
+
+@pytest.fixture(scope="module")
+def proved():
+    return tl.workspace.certify(tl.load_rig("kntu-planar"), REGION, tl.Requirement(ball=8.0), 0.05)
+
+
+def test_cells_tile_the_region(proved):
+    assert proved.cell_volumes.sum() == pytest.approx(proved.region_volume)
+    assert set(proved.verdict) == {1, -1, 0}
+    assert (proved.level[proved.verdict == 0] == proved.subdivision.levels).all()
+    inside = float(proved.cell_volumes[proved.verdict == 1].sum())
+    outside = float(proved.cell_volumes[proved.verdict == -1].sum())
+    assert inside <= proved.volume.lower <= proved.volume.upper <= proved.region_volume - outside + 1e-9
+
+
+def test_positions_have_the_verdict_of_their_cell(proved):
+    np.testing.assert_array_equal(proved.at(proved.centres), proved.verdict)
+    corners = proved.centres + 0.499 * proved.edges
+    np.testing.assert_array_equal(proved.at(corners), proved.verdict)
+    assert proved.at([5.0, 0.0]) == 0
+    assert proved.at(np.zeros((4, 3, 2))).shape == (4, 3)
+    with pytest.raises(ShapeError, match="position"):
+        proved.at([0.0, 0.0, 0.0])
+
+
+def test_it_shows_what_is_proved(proved):
+    low, high = proved.volume
+    assert repr(proved).startswith(f"<CertifiedWorkspace of kntu-planar: {low:.4g} to {high:.4g} of 2.88 m²")
+    html = proved._repr_html_()
+    for word in ("inside", "outside", "undecided", "a ball of 8 N", "m²"):
+        assert word in html
+
+
+def test_a_dataset_has_a_row_for_each_cell(proved):
+    data = proved.to_xarray()
+    assert data.sizes == {"cell": len(proved.verdict), "axis": 2}
+    assert data.attrs["volume_lower"] == proved.volume.lower
+    np.testing.assert_array_equal(data["verdict"], proved.verdict)
+    np.testing.assert_allclose(data["centre"], proved.centres)
+    assert data["edge"].attrs["units"] == "m"
+
+
+def test_a_region_is_proved_if_all_of_it_is_inside(proved):
+    assert not proved.proved
+    rig = tl.load_rig("kntu-planar")
+    assert tl.workspace.certify(rig, [(-0.2, 0.2), (-0.2, 0.2)], tl.Requirement(ball=8.0), 0.05).proved
