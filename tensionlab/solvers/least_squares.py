@@ -21,8 +21,8 @@ class Newton:
     whole step goes astray, end after finitely many. For an infeasible wrench, a multiplier soon separates the
     wrench from all that tensions inside the limits render. From it an active set finds the nearest face of what
     can be rendered; where that leaves a doubt, and along a direction, proximal steps solve the policy's own
-    problem to the same precision. The whole batch is one call to ``native/solvers/newton_kernel.cpp``; its headers
-    ``newton.hpp`` and ``nearest_face.hpp`` state the method. ``TENSIONLAB_NUM_THREADS`` sets the threads.
+    problem to the same precision. The headers ``newton.hpp`` and ``nearest_face.hpp`` in ``native/solvers`` state
+    the method; most of a batch needs no more than ``sweep.hpp``. ``TENSIONLAB_NUM_THREADS`` sets the threads.
 
     Sources: Qi and Sun (1993), "A nonsmooth version of Newton's method"; Kunisch and Rendl (2003), "An infeasible
     active set method for quadratic problems with simple bounds"; Stark and Parker (1995), "Bounded-variable

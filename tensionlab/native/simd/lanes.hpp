@@ -199,6 +199,15 @@ inline void store_rows(const Lanes<Real, L>* values, int count, Real* const (&ro
 
 template <class Real, int L>
 inline Lanes<Real, L> square_root(const Lanes<Real, L>& v) {
+#if defined(__SSE2__)
+  if constexpr (L == 2 && sizeof(Real) == 8) return _mm_sqrt_pd(v);
+#endif
+#if defined(__AVX__)
+  if constexpr (L == 4 && sizeof(Real) == 8) return _mm256_sqrt_pd(v);
+#endif
+#if defined(__AVX512F__)
+  if constexpr (L == 8 && sizeof(Real) == 8) return _mm512_maskz_sqrt_pd(0xff, v);
+#endif
   return gather<Real, L>([&](int l) { return std::sqrt(read<Real>(v, l)); });
 }
 

@@ -123,7 +123,8 @@ class DualAscent {
       least[k] = share > zero ? share : zero + Real(1);
       origin_[k] = dual_[k];
     }
-    solve_with_pivots(matrix, residual_, least, direction_, slope_);
+    Factor<V, N>(matrix, least).solve(residual_, direction_);
+    slope_ = inner(direction_, residual_);
   }
 
   // How far along p: until the slope p'r, which falls, is a small part of what it was. Newton steps inside a

@@ -196,7 +196,8 @@ class DualStep {
     V path[N], least_pivot[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) least_pivot[k] = looseness_ * problem_.diagonal[k];
-    solve_with_pivots(matrix, gradient, least_pivot, path, first_slope_);
+    Factor<V, N>(matrix, least_pivot).solve(gradient, path);
+    first_slope_ = inner(path, gradient);
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
       trial_[k] += taken ? path[k] : V((step - one) * path_[k]);

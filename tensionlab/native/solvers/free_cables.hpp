@@ -66,7 +66,9 @@ class FreeCables {
       gram[s][s] += spare_[s];
       least[s] = kPivot * (gram[s][s] + kPivot * gain * gain);
     }
-    dependent = solve_with_pivots(gram, along, least, change, product);
+    const Factor<V, N> factor(gram, least);
+    factor.solve(along, change);
+    dependent = factor.raised;
     V pace = open ? one : zero, place = zero - one;
     Stop stop{place, zero, zero};
     TENSIONLAB_UNROLL

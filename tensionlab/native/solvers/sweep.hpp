@@ -12,9 +12,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "simd/factor.hpp"
 #include "simd/lanes.hpp"
+#include "solvers/null_space.hpp"
 #include "solvers/sweep_batch.hpp"
 
 namespace tensionlab {
@@ -29,7 +31,8 @@ class Sweep {
         settings_(settings),
         answer_(answer),
         rest_(rest),
-        shared_(batch.lower.stride == 0 && batch.upper.stride == 0 && batch.reference.stride == 0) {
+        shared_(batch.lower.stride == 0 && batch.upper.stride == 0 && batch.reference.stride == 0),
+        guessed_(batch.m == N + 1 || batch.m == N + 2) {
     if (shared_) limits_[0].load(batch, rows_at(0, 1));
   }
 
@@ -38,10 +41,17 @@ class Sweep {
     while (begin < end) {
       int groups = 0;
       for (; begin < end && groups < kGroups; begin += L) load(groups++, begin, end);
-      for (const double floor : kFloors) {
-        for (int g = 0; g < groups; ++g) step(g, floor);
+      int open[kGroups], left = 0;
+      for (int g = 0; g < groups; ++g) {
+        if (!guessed_ || !judge(g, false)) open[left++] = g;
       }
-      for (int g = 0; g < groups; ++g) judge(group_[g], limits(g));
+      for (const double floor : kFloors) {
+        for (int j = 0; j < left; ++j) step(open[j], floor);
+      }
+      for (int j = 0; j < left; ++j) {
+        if (guessed_) settle(group_[open[j]]);
+        judge(open[j], true);
+      }
     }
   }
 
@@ -73,9 +83,11 @@ class Sweep {
     }
   };
 
-  // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all magnitudes.
+  // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all magnitudes;
+  // other: of the dual without limits and that of a guess, the one that is not in use; settled: whether the guess is
+  // right.
   struct Group {
-    V structure[N * M], wrench[N], dual[N], diagonal[N], gain, size;
+    V structure[N * M], wrench[N], dual[N], other[N], settled, diagonal[N], gain, size;
     std::size_t first;
     int count;
   };
@@ -125,14 +137,55 @@ class Sweep {
       }
     }
     group.gain = V{};
-    V least[N], product;
+    V least[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
       group.gain = larger(group.gain, matrix[k][k]);
       group.diagonal[k] = matrix[k][k] > V{} ? matrix[k][k] : V{} + 1;
       least[k] = kTight * group.diagonal[k];
     }
-    solve_with_pivots(matrix, residual, least, group.dual, product);
+    const Factor<V, N> factor(matrix, least);
+    factor.solve(residual, group.dual);
+    if (m_ == N + 1) guess<1>(g, factor);
+    if (m_ == N + 2) guess<2>(g, factor);
+  }
+
+  // A step to where the cables are at their limits that the null space suggests.
+  template <int K>
+  void guess(int g, const Factor<V, N>& gram) {
+    Group& group = group_[g];
+    const Limits& limit = limits(g);
+    V unlimited[M], matrix[N][N], residual[N], least[N];
+    for (int i = 0; i < m_; ++i) {
+      unlimited[i] = limit.reference[i];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) unlimited[i] += group.structure[k * m_ + i] * group.dual[k];
+    }
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) {
+      group.other[k] = group.dual[k];
+      residual[k] = group.wrench[k];
+      least[k] = kTight * group.diagonal[k];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
+    }
+    const NullSpace<L, N, M, K> null_space(group.structure, gram, unlimited, limit.lower, limit.upper);
+    for (int i = 0; i < m_; ++i) {
+      const V side = null_space.at(i);
+      const auto free = side == V{};
+      const V tension = free ? limit.reference[i] : side > V{} + 1 ? limit.upper[i] : limit.lower[i];
+      V column[N];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) column[k] = group.structure[k * m_ + i];
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) {
+        residual[k] -= column[k] * tension;
+        const V part = free ? column[k] : V{};
+        TENSIONLAB_UNROLL
+        for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
+      }
+    }
+    Factor<V, N>(matrix, least).solve(residual, group.dual);
   }
 
   // A Newton step from where the limits let the tensions be.
@@ -164,16 +217,25 @@ class Sweep {
         for (int j = 0; j <= k; ++j) matrix[k][j] += part * column[j];
       }
     }
-    V least[N], path[N], product;
+    V least[N], path[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) least[k] = floor * group.diagonal[k];
-    solve_with_pivots(matrix, residual, least, path, product);
+    Factor<V, N>(matrix, least).solve(residual, path);
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) group.dual[k] = dual[k] + path[k];
   }
 
-  // Writes the answers that are proved exact: their wrench is recomputed from the tensions as they are written.
-  void judge(const Group& group, const Limits& limit) {
+  // Back to the guess where that was right: an answer does not depend on who is beside it.
+  static void settle(Group& group) {
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) group.dual[k] = group.settled > V{} ? group.other[k] : group.dual[k];
+  }
+
+  // Writes the answers that are proved exact: their wrench is recomputed from the tensions as they are written. If
+  // this is not the last attempt and some are not, writes none, and has those begin again without limits; false then.
+  bool judge(int g, bool last) {
+    Group& group = group_[g];
+    const Limits& limit = limits(g);
     V tensions[M], rendered[N], change = limit.furthest;
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) rendered[k] = V{};
@@ -202,6 +264,12 @@ class Sweep {
     const auto proved = (largest <= kConverged * kConverged * group.gain * change) &
                         (error <= settings_.tolerance * settings_.tolerance * larger(V(V{} + 1), desired)) &
                         (group.size < V{} + settings_.largest);
+    if (!last && any(!proved)) {
+      group.settled = proved ? V{} + 1 : V{};
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) std::swap(group.dual[k], group.other[k]);
+      return false;
+    }
     const V residual = square_root<double, L>(weighted);
     double unused[M > N ? M : N], *to_tensions[L], *to_rendered[L];
     int taken = 0;
@@ -217,7 +285,7 @@ class Sweep {
     if (taken == L) {
       store(residual, answer_.residual + group.first);
       finish(group.first, L);
-      return;
+      return true;
     }
     rest_.strange = rest_.strange || any(!(group.size < V{} + settings_.largest));
     V direction[N];
@@ -235,6 +303,7 @@ class Sweep {
         rest_.unsure[rest_.unsures++] = row;
       }
     }
+    return true;
   }
 
   // d'w - h(d) for the multiplier d, less what rounding may make of it: above nought, d separates w from all that can
@@ -274,7 +343,8 @@ class Sweep {
   SweepSettings settings_;
   SweepAnswer answer_;
   SweepRest& rest_;
-  bool shared_;  // all rows have the same limits and references
+  bool shared_;   // all rows have the same limits and references
+  bool guessed_;  // the null space is small
   Limits limits_[kGroups];
   Group group_[kGroups];
 };

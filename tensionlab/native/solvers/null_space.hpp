@@ -1,0 +1,176 @@
+// Which cables are at their limits, found in the null space of W where that has one or two dimensions: for m = n + 1
+// or n + 2 cables.
+//
+// The tensions that render the wrench are u + Z s, with u those without limits and Z an orthonormal basis of the null
+// space, which is square to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s <= b: on a line
+// the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set (Goldfarb and
+// Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983). What is found
+// here is a guess: rounding, or a W that lacks a rank, may spoil it, and others judge.
+#pragma once
+
+#include "simd/factor.hpp"
+#include "simd/lanes.hpp"
+
+namespace tensionlab {
+inline namespace TENSIONLAB_BUILD {
+
+template <int L, int N, int M, int K>
+class NullSpace {
+ public:
+  using V = Lanes<double, L>;
+
+  // structure: row by row; m = N + K. gram: of W W'. unlimited: u.
+  NullSpace(const V* structure, const Factor<V, N>& gram, const V (&unlimited)[M], const V (&lower)[M],
+            const V (&upper)[M])
+      : unlimited_(unlimited), lower_(lower), upper_(upper) {
+    for (int k = 0; k < K; ++k) project(structure, gram, k);
+    if constexpr (K == 1) {
+      find_end();
+    } else {
+      find_corner();
+    }
+  }
+
+  // 1 where cable i is at its lower limit, 2 where it is at its upper one, else 0.
+  V at(int i) const {
+    V found = V{};
+    for (int k = 0; k < K; ++k) found = active_[k].cable == V{} + i ? active_[k].side : found;
+    return found;
+  }
+
+ private:
+  static constexpr int kCables = N + K;
+  static constexpr int kRounds = 5;
+  static constexpr double kTiny = 1e-30, kInside = 1e-12;
+
+  // n's >= c, of a cable at a side: 1 lower, 2 upper; no cable is -1.
+  struct Bound {
+    V n[2], c, cable, side;
+  };
+
+  // Direction k of the basis: what of an arbitrary vector W takes nothing of, square to those before.
+  void project(const V* structure, const Factor<V, N>& gram, int k) {
+    V image[N], dual[N];
+    TENSIONLAB_UNROLL
+    for (int j = 0; j < N; ++j) {
+      image[j] = V{};
+      for (int i = 0; i < kCables; ++i) image[j] += kProbe[k][i] * structure[j * kCables + i];
+    }
+    gram.solve(image, dual);
+    V square = V{}, along = V{};
+    for (int i = 0; i < kCables; ++i) {
+      V entry = V{} + kProbe[k][i];
+      TENSIONLAB_UNROLL
+      for (int j = 0; j < N; ++j) entry -= structure[j * kCables + i] * dual[j];
+      basis_[k][i] = entry;
+      if (k == 1) along += entry * basis_[0][i];
+    }
+    for (int i = 0; i < kCables; ++i) {
+      if (k == 1) basis_[k][i] -= along * basis_[0][i];
+      square += basis_[k][i] * basis_[k][i];
+    }
+    const V inverse = V{} + 1 / square_root<double, L>(larger(square, V(V{} + kTiny)));
+    for (int i = 0; i < kCables; ++i) basis_[k][i] *= inverse;
+  }
+
+  // The point of the interval nearest to nought.
+  void find_end() {
+    const V none = V{} - 1;
+    Bound low{{}, V{}, none, V{}}, high = low;
+    for (int i = 0; i < kCables; ++i) {
+      const V z = basis_[0][i], pace = V{} + 1 / (magnitude(z) < V{} + kTiny ? V{} + kTiny : z);
+      const V a = (lower_[i] - unlimited_[i]) * pace, b = (upper_[i] - unlimited_[i]) * pace;
+      const auto rising = z > V{};
+      const V first = rising ? a : b, last = rising ? b : a;
+      const auto higher = first > low.c, lower = last < high.c;
+      low.c = higher ? first : low.c;
+      low.cable = higher ? V{} + i : low.cable;
+      low.side = higher ? (rising ? V{} + 1 : V{} + 2) : low.side;
+      high.c = lower ? last : high.c;
+      high.cable = lower ? V{} + i : high.cable;
+      high.side = lower ? (rising ? V{} + 2 : V{} + 1) : high.side;
+    }
+    const auto below = high.c < V{};
+    active_[0].cable = below ? high.cable : low.cable;
+    active_[0].side = below ? high.side : low.side;
+  }
+
+  // The point of the polygon nearest to the origin.
+  void find_corner() {
+    for (Bound& each : active_) each = none();
+    V s[2] = {};
+    for (int round = 0; round < kRounds; ++round) {
+      Bound worst = none();
+      V most = V{} + kInside;
+      for (int i = 0; i < kCables; ++i) {
+        const V p = basis_[0][i], q = basis_[1][i], tension = unlimited_[i] + p * s[0] + q * s[1];
+        const V below = lower_[i] - tension, above = tension - upper_[i];
+        const auto under = below > above;
+        const V off = under ? below : above;
+        const auto worse = off > most;
+        most = worse ? off : most;
+        worst.n[0] = worse ? (under ? p : -p) : worst.n[0];
+        worst.n[1] = worse ? (under ? q : -q) : worst.n[1];
+        worst.c = worse ? (under ? lower_[i] - unlimited_[i] : unlimited_[i] - upper_[i]) : worst.c;
+        worst.cable = worse ? V{} + i : worst.cable;
+        worst.side = worse ? (under ? V{} + 1 : V{} + 2) : worst.side;
+      }
+      const auto open = worst.cable >= V{};
+      if (!any(open)) return;
+      add(worst, open, s);
+    }
+  }
+
+  // The nearest point with one bound more, in the open lanes: on it alone, or where it meets one of the others.
+  template <class Mask>
+  void add(const Bound& bound, const Mask& open, V (&s)[2]) {
+    const V pace = bound.c / (bound.n[0] * bound.n[0] + bound.n[1] * bound.n[1]);
+    const V foot[2] = {bound.n[0] * pace, bound.n[1] * pace};
+    V first[2], second[2];
+    const auto meets_first = meet(active_[0], bound, first);
+    meet(active_[1], bound, second);
+    const auto alone = keeps(active_[0], foot) & keeps(active_[1], foot);
+    const auto with_first = meets_first & keeps(active_[1], first);
+    for (int k = 0; k < 2; ++k) s[k] = open ? (alone ? foot[k] : with_first ? first[k] : second[k]) : s[k];
+    const Bound other = choose(with_first, active_[0], active_[1]);
+    active_[1] = choose(open, choose(alone, none(), other), active_[1]);
+    active_[0] = choose(open, bound, active_[0]);
+  }
+
+  // Where two bounds meet; and whether that is the point nearest to the origin that keeps both.
+  static auto meet(const Bound& a, const Bound& b, V (&s)[2]) {
+    const V inverse = V{} + 1 / (a.n[0] * b.n[1] - a.n[1] * b.n[0]);
+    s[0] = (a.c * b.n[1] - a.n[1] * b.c) * inverse;
+    s[1] = (a.n[0] * b.c - a.c * b.n[0]) * inverse;
+    const V price_a = (s[0] * b.n[1] - s[1] * b.n[0]) * inverse, price_b = (a.n[0] * s[1] - a.n[1] * s[0]) * inverse;
+    return (price_a >= V{}) & (price_b >= V{});
+  }
+
+  static auto keeps(const Bound& bound, const V (&s)[2]) {
+    return bound.n[0] * s[0] + bound.n[1] * s[1] >= bound.c - kInside;
+  }
+
+  // Of no cable: every point keeps it.
+  static Bound none() { return {{V{}, V{}}, V{} - 1, V{} - 1, V{}}; }
+
+  template <class Mask>
+  static Bound choose(const Mask& mask, const Bound& a, const Bound& b) {
+    return {{mask ? a.n[0] : b.n[0], mask ? a.n[1] : b.n[1]},
+            mask ? a.c : b.c,
+            mask ? a.cable : b.cable,
+            mask ? a.side : b.side};
+  }
+
+  // Arbitrary vectors, of which each direction of the basis should have a part.
+  static constexpr double kProbe[2][8] = {{1.0, -0.62, 0.81, 0.37, -0.93, 0.56, -0.44, 0.73},
+                                          {0.41, 0.88, -0.53, 0.97, 0.34, -0.79, 0.67, 0.59}};
+
+  const V (&unlimited_)[M];
+  const V (&lower_)[M];
+  const V (&upper_)[M];
+  V basis_[K][kCables];
+  Bound active_[K];
+};
+
+}  // namespace TENSIONLAB_BUILD
+}  // namespace tensionlab
