@@ -81,8 +81,8 @@ def test_an_allocation_in_one_line_and_in_a_table():
     both = tl.allocate(STRUCTURE, [[1.0], [20.0]], LIMITS)
     assert repr(both) == "<Allocation of 2 wrenches: 1 EXACT, 1 NEAREST; largest residual 14.5>"
     assert words(both._repr_html_())[1:] == [
-        ["● exact", "1", "50 %", "0", "3"],
-        ["○ certified infeasible", "1", "50 %", "14.5", "3"],
+        ["● exact", "1", "50 %", "0", "6"],
+        ["○ certified infeasible", "1", "50 %", "14.5", "7"],
     ]
     assert words(tl.allocate(np.ones((0, 1, 2)), [1.0], LIMITS)._repr_html_())[1:] == []
 
