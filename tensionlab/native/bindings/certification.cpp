@@ -23,11 +23,21 @@ nb::tuple cells(const In<3>& anchors, const In<3>& arms, const In<1>& lower, con
             "an array must be contiguous; copy it first");
     return rows.data;
   };
-  const CertifiedRig rig{static_cast<int>(n),        static_cast<int>(d),         static_cast<int>(m),
-                         static_cast<int>(rotations), static_cast<int>(wrenches), whole(anchors),
-                         whole(arms),                contiguous(lower),           contiguous(upper),
-                         whole(required),            radius,                      slack,
-                         angle,                      length,                      closure};
+  const CertifiedRig rig{static_cast<int>(n),
+                         static_cast<int>(d),
+                         static_cast<int>(m),
+                         static_cast<int>(rotations),
+                         static_cast<int>(wrenches),
+                         whole(anchors),
+                         whole(arms),
+                         contiguous(lower),
+                         contiguous(upper),
+                         whole(required),
+                         radius,
+                         slack,
+                         angle,
+                         length,
+                         closure};
   const CellVerdicts found{allocate<std::int8_t>(size), with_shares ? allocate<double>(2 * size) : nullptr};
   {
     nb::gil_scoped_release unlocked;

@@ -15,13 +15,13 @@ struct Share {
 
 // The share of the box |y_i| <= half_i in which value + slope . y < 0.
 //
-// With z_i = |slope_i| half_i it is the chance that a sum of variables, even from 0 to 2 z_i, is below s = sum z_i -
-// value: 1 / (D! prod 2 z_i) times the sum over all corners of the box, with alternating signs, of what s exceeds the
-// corner's own sum by, to the power of D (Lasserre 1983, for polytopes). An axis along which little changes would
-// divide rounding errors by little: it is left out, and s moved by all that it could add.
+// With z_i = |slope_i| half_i it is the chance that a sum of variables, even from 0 to 2 z_i, is below s = sum z_i
+// - value: 1 / (D! prod 2 z_i) times the sum over all corners of the box, with alternating signs, of what s
+// exceeds the corner's own sum by, to the power of D (Lasserre 1983, for polytopes). An axis along which little
+// changes would divide rounding errors by little: it is left out, and s moved by all that it could add.
 template <int D>
 Share share_below(double value, const double* slope, const double* half) {
-  constexpr double kLittle = 0x1p-10, kRounding = 1e-8;
+  constexpr double kLittle = 0x1p-10, kRounding = 1e-7;
   double length[D], most = 0, reach = 0;
   for (int i = 0; i < D; ++i) {
     length[i] = 2 * std::abs(slope[i]) * half[i];
@@ -68,6 +68,8 @@ class CoveredShare {
   // One that is nearly the same as another is covered by moving that one a little, if this costs less than both.
   void add(double value, const double* slope) {
     HalfSpace added{value, {}, share_below<D>(value, slope, half_).high};
+    if (!(added.share < 1)) all_ = true;  // also where the value is infinite or not a number
+    if (all_) return;
     std::copy(slope, slope + D, added.slope);
     double least = added.share;
     HalfSpace* best = nullptr;
@@ -86,12 +88,12 @@ class CoveredShare {
     } else if (count_ < kMost) {
       each_[count_++] = added;
     } else {
-      each_[0].share = 1;
+      all_ = true;
     }
   }
 
   double share() const {
-    double sum = 0;
+    double sum = all_ ? 1 : 0;
     for (int i = 0; i < count_; ++i) sum += each_[i].share;
     return std::min(1.0, sum);
   }
@@ -104,9 +106,10 @@ class CoveredShare {
   const double* half_;
   HalfSpace each_[kMost];
   int count_ = 0;
+  bool all_ = false;
 
-  // Lowers the value of one half-space until it holds the other within the box: until it is no more than a multiple
-  // of the other there.
+  // Lowers the value of one half-space until it holds the other within the box: until it is no more than a
+  // multiple of the other there.
   void cover(HalfSpace& one, const HalfSpace& other) const {
     double along = 0, square = 0, differs = 0;
     for (int i = 0; i < D; ++i) {

@@ -2,11 +2,12 @@
 // rotation; affine in both and quadratic in the position, with bounds of what is left.
 //
 // The column of a cable is w = [u; r x u], with u the unit vector from its attachment to its anchor and r the arm,
-// torques over the characteristic length. When the anchor moves by d as seen from the attachment, at the distance L
-// from it, and P = 1 - u u', u changes by P d / L - ((u . d) P d + |P d|² u / 2) / L², but for
-// (|d| / (L - |d|))³ / 2 at most: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3 over
-// |q|² and |q|³, in any direction. In large cells and near anchors that is more than u can change at all; there u
-// counts as constant, but for this change, 2 sin(asin(|d| / L) / 2), or as zero, but for 1, if that is less.
+// torques over the characteristic length. When the anchor moves by d as seen from the attachment, at the distance
+// L from it, and P = 1 - u u', u changes by P d / L - ((u . d) P d + |P d|² u / 2) / L², but for
+// (|d| / (L - |d|))³ / 2 at most: the second and the third derivative of q / |q| are at most 2 / sqrt(3) and 3
+// over |q|² and |q|³, in any direction. In large cells and near anchors that is more than u can change at all;
+// there u counts as constant, but for this change, 2 sin(asin(|d| / L) / 2), or as zero, but for 1, if that is
+// less.
 #pragma once
 
 #include <algorithm>
@@ -27,9 +28,11 @@ struct CellColumns {
   static constexpr int M = kMaxCables;
 
   static constexpr int kCurves = D * (D + 1) / 2;
+  static constexpr double kShortest = 0x1p-400, kLongest = 0x1p400;  // in between, squares keep their precision
 
   int m, moves;           // components of the pose that move: without an angle, those of the position
-  double half[D], angle;  // |dp_i| <= half_i, |turn| <= angle
+  double cell[D];         // half its edges
+  double half[D], angle;  // |dp_i| <= half_i, with what coordinates lose to rounding; |turn| <= angle
   double length;          // characteristic
   double u[D][M], arm[D][M];
   double column[N][M];  // w in the middle of the cell
@@ -42,7 +45,10 @@ struct CellColumns {
   double swing[M];      // how far r / length may be from its value in the middle
 
   CellColumns(const CertifiedRig& rig, std::size_t rotation, const double* centre, const double* half_edges)
-      : m(rig.m), moves(kTurns > 0 && rig.angle > 0 ? N : D), angle(moves > D ? rig.angle : 0), length(rig.length) {
+      : m(rig.m),
+        moves(kTurns > 0 && rig.angle > 0 ? N : D),
+        angle(moves > D ? rig.angle : 0),
+        length(rig.length) {
     const double* const anchor = rig.anchors + rotation * static_cast<std::size_t>(rig.m * D);
     const double* const lever = rig.arms + rotation * static_cast<std::size_t>(rig.m * D);
     double diagonal = 0;
@@ -51,7 +57,8 @@ struct CellColumns {
       for (int j = 0; j < m; ++j) {
         farthest = std::max(farthest, std::abs(anchor[j * D + k]) + std::abs(lever[j * D + k]));
       }
-      half[k] = half_edges[k] + 0x1p-48 * farthest;  // what differences of coordinates lose to rounding
+      cell[k] = half_edges[k];
+      half[k] = half_edges[k] + 0x1p-40 * farthest;
       diagonal += half[k] * half[k];
     }
     diagonal = std::sqrt(diagonal);
@@ -64,15 +71,16 @@ struct CellColumns {
         lever_square += r[k] * r[k];
       }
       const double L = std::sqrt(square), reach = std::sqrt(lever_square), moved = diagonal + angle * reach;
+      const bool runs = moved < L && L > kShortest && L < kLongest;  // for sure, out of the cell
       for (int k = 0; k < D; ++k) {
         u[k][j] = q[k] / L;
         arm[k][j] = r[k];
       }
       largest[j] = 1 + (kTurns > 0 ? reach / length : 0);
       const double turn = angle * reach, share = moved / (L - moved);
-      change[j] = moved < L ? 2 * std::sin(std::asin(moved / L) / 2) : 2;
+      change[j] = runs ? 2 * std::sin(std::asin(moved / L) / 2) : 2;
       bent[j] = share * share / std::sqrt(3.0);
-      if (moved < L && bent[j] < change[j]) {
+      if (runs && bent[j] < change[j]) {
         inverse[j] = 1 / L;
         rest[j] = share * share * share / 2 + angle * turn / (2 * L) +
                   (2 * diagonal + turn) * turn / (std::sqrt(3.0) * L * L);
@@ -102,8 +110,8 @@ struct CellColumns {
   // Whether a cable may run in any direction.
   bool anywhere(int j) const { return change[j] == 1; }
 
-  // How v . w varies over the cell: value + slope . (dp, turn) + dp' C dp / 2, but for `error`; C row by row up to its
-  // diagonal.
+  // How v . w varies over the cell: value + slope . (dp, turn) + dp' C dp / 2, but for `error`; C row by row up to
+  // its diagonal.
   struct Pull {
     double value[M], slope[kMoves][M], curve[kCurves][M], error[M];
   };

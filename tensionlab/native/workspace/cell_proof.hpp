@@ -1,28 +1,30 @@
 // Whether all poses of a cell render every required wrench, or none does.
 //
 // The tensions render all required wrenches if in every direction v they pull at least as far as what is required:
-// h(v) >= s(v), where h(v) is the sum of the larger of lower v . w and upper v . w over all cables, and s(v) the most
-// that a required wrench is along v.
+// h(v) >= s(v), where h(v) is the sum of the larger of lower v . w and upper v . w over all cables, and s(v) the
+// most that a required wrench is along v.
 //
-// Inside. Cut the directions into cones by the hyperplanes v . w = 0 of the cell's middle (workspace/facet_rays.hpp),
-// and take for each cable the limit that pulls most in a cone, the lower one where it may run anywhere. With these
-// tensions fixed, what they pull along v less s(v) is concave and homogeneous in v, whatever the pose: if it is not
-// negative on the rays of the cone, it is not in the cone, and h(v) is no less. On a ray the cables that it is across
-// may be at either limit, as in the cones around it; so the smaller of both counts.
+// Inside. Cut the directions into cones by the hyperplanes v . w = 0 of the cell's middle
+// (workspace/facet_rays.hpp), and take for each cable the limit that pulls most in a cone, the lower one where it
+// may run anywhere. With these tensions fixed, what they pull along v less s(v) is concave and homogeneous in v,
+// whatever the pose: if it is not negative on the rays of the cone, it is not in the cone, and h(v) is no less. On
+// a ray the cables that it is across may be at either limit, as in the cones around it; so the smaller of both
+// counts.
 //
 // Outside. One direction for which s(v) > h(v) suffices.
 //
 // In both, directions may move with the pose such that the cables that they are across stay so to first order
-// (workspace/moving_direction.hpp): then the bounds are off by the square of the cell's size alone. Moved rays still
-// span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each ray to its
-// moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose as long as no
-// direction is taken to zero. None is while there is something to spare on all rays, since for some wrench of the set
-// that is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of |v . w|, which is
-// linear on cones, too. The first serves for the poses that the middle is one of.
+// (workspace/moving_direction.hpp): then the bounds are off by the square of the cell's size alone. Moved rays
+// still span cones that cover all directions: the map that is linear on cones (cut into simplices) and takes each
+// ray to its moved one is the identity in the middle of the cell, and keeps its degree on the way to another pose
+// as long as no direction is taken to zero. None is while there is something to spare on all rays, since for some
+// wrench of the set that is linear on a cone; nor while no ray moves by as much as it is long, in the norm sum of
+// |v . w| over the cables that cut the cones, which is linear on them, too. The first serves for the poses that
+// the middle is one of.
 //
-// Every bound is affine in the pose, so that it also says which share of a cell is proved. Rounding: a bound is a sum
-// of some hundred terms, each within a few roundings of products that are at most `scale_`; 4096 units of that cover
-// it.
+// Every bound is affine in the pose, so that it also says which share of a cell is proved. Rounding: a bound is a
+// sum of some hundred terms, each within a few roundings of products that are at most `scale_`; 4096 units of that
+// cover it.
 #pragma once
 
 #include <algorithm>
@@ -62,14 +64,13 @@ class CellProof {
     scale_ = 0;
     for (int k = 0; k < rig.wrenches; ++k) scale_ = std::max(scale_, size(required_ + k * N));
     scale_ += rig.radius + rig.slack;
-    std::uint32_t loose = 0;
     for (int j = 0; j < rig.m; ++j) {
       scale_ += rig.upper[j] * columns_.largest[j];
-      if (rig.lower[j] < rig.upper[j] && !columns_.anywhere(j)) loose |= 1u << j;
+      if (rig.lower[j] < rig.upper[j] && !columns_.anywhere(j)) loose_ |= 1u << j;
     }
-    rounding_ = 4096 * std::numeric_limits<double>::epsilon() * scale_;
-    rays_.find(columns_.column, rig.m, loose);
-    for (const FacetRay<N>& ray : rays_.all()) spans_ = spans_ || (loose & ~ray.across) != 0;
+    rounding_ = 4096 * std::numeric_limits<double>::epsilon() * scale_ + kTiny;
+    rays_.find(columns_.column, rig.m, loose_);
+    for (const FacetRay<N>& ray : rays_.all()) spans_ = spans_ || (loose_ & ~ray.across) != 0;
     if (spans_) look_outside();
   }
 
@@ -78,7 +79,7 @@ class CellProof {
     if (!spans_) return 0;
     Direction critical(columns_, critical_);
     critical.straighten(spanning_);
-    critical.follow(spanning_, true);
+    critical.follow(spanning_, 0, true);
     double best = beyond(critical);
     double leaning[N];
     if (best < 1 && critical.lean(spanning_, leaning)) {
@@ -96,15 +97,16 @@ class CellProof {
       for (const FacetRay<N>& ray : rays_.all()) {
         Direction direction(columns_, ray.v);
         if (spare_everywhere(ray, direction, nullptr, middle)) continue;
-        far = direction.follow(ray.spanning, may_move_far) == Direction::Motion::far || far;
+        const std::uint32_t counted = ray.error < kSure ? loose_ : 0;
+        far = direction.follow(ray.spanning, counted, may_move_far) == Direction::Motion::far || far;
         if (!spare_everywhere(ray, direction, share ? &missing : nullptr, middle) && !share) return false;
       }
       return true;
     };
-    CoveredShare<D> missing(columns_.half);
+    CoveredShare<D> missing(columns_.cell);
     if (!all_rays(true, missing)) return 0;
     if (!far || middle) return 1 - missing.share();
-    CoveredShare<D> missing_nearby(columns_.half);
+    CoveredShare<D> missing_nearby(columns_.cell);
     all_rays(false, missing_nearby);
     return 1 - missing_nearby.share();
   }
@@ -112,12 +114,15 @@ class CellProof {
  private:
   using Direction = MovingDirection<N, D>;
   static constexpr int M = kMaxCables;
+  static constexpr double kSure = 0x1p-22;  // error of a ray, as MovingDirection counts on it
+  static constexpr double kTiny = 1e-290;   // below that, products lose digits
 
   const CertifiedRig& rig_;
   const double* required_;
   CellColumns<N, D> columns_;
   FacetRays<N>& rays_;
-  bool spans_ = false;  // whether the columns span all wrenches
+  std::uint32_t loose_ = 0;  // the cables that cut the cones
+  bool spans_ = false;       // whether the columns span all wrenches
   double scale_, rounding_;
   double critical_[N];      // the ray on which least is to spare in the middle
   std::uint32_t spanning_;  // the cables it is across
@@ -229,7 +234,7 @@ class CellProof {
     bool everywhere = true;
     for (const double side : {1.0, -1.0}) {
       Bound<N, D> bound = to_spare(ray, direction, side);
-      bound.value += dip(bound) - turn_reach(bound);
+      bound.value += dip(bound) - turn_reach(bound) - doubt(bound);
       if (bound.value > position_reach(bound)) continue;
       everywhere = false;
       if (missing == nullptr) continue;
@@ -312,19 +317,19 @@ class CellProof {
       bound.slope[i] -= dot(direction.mu[i], required_ + which * N);
       bound.slope[i] -= rig_.radius * dot(direction.mu[i], direction.v) / length;
     }
-    bound.value += rise(bound) - turn_reach(bound);
+    bound.value += rise(bound) - turn_reach(bound) + doubt(bound);
     if (bound.value + position_reach(bound) < 0) return 1;
-    return std::min(share_below<D>(bound.value, bound.slope, columns_.half).low, kNotAll);
+    return std::min(share_below<D>(bound.value, bound.slope, columns_.cell).low, kNotAll);
   }
 
   // The share in which no cable pulls along v, so that no tensions balance each other, or all lie in a plane.
   double without_closure(const Direction& direction) const {
-    CoveredShare<D> pulled(columns_.half);
+    CoveredShare<D> pulled(columns_.cell);
     for (int j = 0; j < rig_.m; ++j) {
       Bound<N, D> bound{};
       bound.add(-1, direction.pull, j);
       bound.value -= direction.pull.error[j] + rounding_ * (direction.length() + direction.longest);
-      bound.value += dip(bound) - turn_reach(bound);
+      bound.value += dip(bound) - turn_reach(bound) - doubt(bound);
       if (!(bound.value > position_reach(bound))) pulled.add(bound.value, bound.slope);
     }
     const double share = pulled.share();
@@ -340,11 +345,19 @@ class CellProof {
   }
   double position_reach(const Bound<N, D>& bound) const {
     double reach = 0;
-    for (int i = 0; i < D; ++i) reach += std::abs(bound.slope[i]) * columns_.half[i];
+    for (int i = 0; i < D; ++i) reach += std::abs(bound.slope[i]) * columns_.cell[i];
     return reach;
   }
+  // What a position that is off by rounding may change.
+  double doubt(const Bound<N, D>& bound) const {
+    double change = 0;
+    for (int i = 0; i < D; ++i) change += std::abs(bound.slope[i]) * (columns_.half[i] - columns_.cell[i]);
+    return change;
+  }
   double turn_reach(const Bound<N, D>& bound) const {
-    return columns_.reach([&](int i) { return bound.slope[i]; }) - position_reach(bound);
+    double square = 0;
+    for (int i = D; i < N; ++i) square += bound.slope[i] * bound.slope[i];
+    return columns_.angle * std::sqrt(square);
   }
 };
 

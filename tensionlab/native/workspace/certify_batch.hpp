@@ -10,8 +10,9 @@
 namespace tensionlab {
 
 // A rig, and what is required of it. Anchors and arms (rotations, m, d) in world axes, in m; limits (m); wrenches
-// (rotations, wrenches, n), torques over the length, and all within the radius of them. `slack` is how far the torque
-// of a weight may turn from what the wrenches hold. With `closure` it is wrench closure that counts, not limits.
+// (rotations, wrenches, n), torques over the length, and all within the radius of them. `slack` is how far the
+// torque of a weight may turn from what the wrenches hold. With `closure` it is wrench closure that counts, not
+// limits.
 struct CertifiedRig {
   int n, d, m, rotations, wrenches;
   const double *anchors, *arms, *lower, *upper, *required;

@@ -8,9 +8,9 @@
 namespace tensionlab {
 inline namespace TENSIONLAB_BUILD {
 
-// For `count` columns of N numbers, one a row, vectors in their span that have 1 along their own column and 0 along
-// the others: by Gram and Schmidt, each column twice, so that what is left of it is right however little it is. False
-// if one is within that share of its length from the span of those before it.
+// For `count` columns of N numbers, one a row, vectors in their span that have 1 along their own column and 0
+// along the others: by Gram and Schmidt, each column twice, so that what is left of it is right however little it
+// is. False if one is within that share of its length from the span of those before it.
 template <int N>
 bool dual_basis(const double (&column)[N][N], int count, double least_share, double (&basis)[N][N]) {
   double q[N][N], r[N][N];

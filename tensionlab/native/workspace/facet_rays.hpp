@@ -1,10 +1,10 @@
 // The directions v in which a zonotope's facets look, for the proof that a wrench set lies inside it.
 //
-// The hyperplanes v . w_j = 0 cut the space of directions into cones, and every cone is spanned by rays that lie on
-// n - 1 of them. What is concave and homogeneous in v on every cone, and not negative on the rays, is not negative
-// anywhere. For this no ray may be missing, and no two columns may be so nearly dependent that rounding decides where
-// a ray is. So the hyperplanes are those of columns that are moved a little, each in another direction; that costs as
-// little tightness, and nothing of the proof, as any set of hyperplanes would do.
+// The hyperplanes v . w_j = 0 cut the space of directions into cones, and every cone is spanned by rays that lie
+// on n - 1 of them. What is concave and homogeneous in v on every cone, and not negative on the rays, is not
+// negative anywhere. For this no ray may be missing, and no two columns may be so nearly dependent that rounding
+// decides where a ray is. So the hyperplanes are those of columns that are moved a little, each in another
+// direction; that costs as little tightness, and nothing of the proof, as any set of hyperplanes would do.
 #pragma once
 
 #include <algorithm>
@@ -22,11 +22,11 @@ inline namespace TENSIONLAB_BUILD {
 
 template <int N>
 struct FacetRay {
-  double v[N];            // of length 1
-  double error;           // how far it may be from the ray itself
-  std::uint32_t spanning; // the N - 1 columns it is across
-  std::uint32_t across;   // these, and those of which rounding leaves the side open
-  std::uint32_t positive; // the columns on whose side it is
+  double v[N];             // of length 1
+  double error;            // how far it may be from the ray itself
+  std::uint32_t spanning;  // the N - 1 columns it is across
+  std::uint32_t across;    // these, and those of which rounding leaves the side open
+  std::uint32_t positive;  // the columns on whose side it is
 };
 
 template <int N>
@@ -107,9 +107,9 @@ class FacetRays {
     }
   }
 
-  // How far v is from the ray: what is left of v along the chosen columns, over the least of their singular values.
-  // `volume` is the product of all; with the mean of the others' squares as an upper bound it bounds the least from
-  // below. Where that says little, the size of the dual vectors says more.
+  // How far v is from the ray: what is left of v along the chosen columns, over the least of their singular
+  // values. `volume` is the product of all; with the mean of the others' squares as an upper bound it bounds the
+  // least from below. Where that says little, the size of the dual vectors says more.
   void add(const double (&direction)[N], double volume, std::uint32_t chosen, double squares) {
     FacetRay<N> ray{};
     double length = 0;
@@ -140,7 +140,8 @@ class FacetRays {
     rays_.push_back(ray);
   }
 
-  // The root of the sum of squares of the vectors dual to some columns: at least 1 over their least singular value.
+  // The root of the sum of squares of the vectors dual to some columns: at least 1 over their least singular
+  // value.
   double dual_size(std::uint32_t chosen) const {
     double column[N][N], basis[N][N], sum = 0;
     int count = 0;

@@ -23,8 +23,8 @@ class MovingDirection {
 
   double v[N];
   typename Columns::Pull pull;
-  double mu[N][N];   // for each component of the pose
-  double longest;    // the most that mu can be
+  double mu[N][N];  // for each component of the pose
+  double longest;   // the most that mu can be
 
   MovingDirection(const Columns& columns, const double* direction) : columns_(columns) {
     std::copy(direction, direction + N, v);
@@ -40,22 +40,29 @@ class MovingDirection {
   }
 
   // Lets it stay across the cables that it is across, to first order. It does not move where it would have to turn
-  // by more than its length, or far and may not.
-  Motion follow(std::uint32_t spanning, bool may_move_far) {
+  // by more than its length, or far and may not. Cables without a bit in `counted` do not count for the norm.
+  Motion follow(std::uint32_t spanning, std::uint32_t counted, bool may_move_far) {
     double basis[N][N];
     int own[N], count;
     if (!dual_to(spanning, own, count, basis)) return Motion::none;
     clear();
-    double room = 0, moves = 0;
+    double room = 0, moves = 0, doubt = 0;
     for (int i = 0; i < columns_.moves; ++i) {
       for (int a = 0; a < count; ++a) {
         for (int k = 0; k < N; ++k) mu[i][k] -= pull.slope[i][own[a]] * basis[a][k];
       }
       longest += columns_.edge(i) * length_of(mu[i], 0);
-      for (int j = 0; j < columns_.m; ++j) moves += add(i, j);
+      for (int j = 0; j < columns_.m; ++j) {
+        const double moved = add(i, j);
+        if (counted >> j & 1) moves += moved;
+      }
     }
-    for (int j = 0; j < columns_.m; ++j) room += spanning >> j & 1 ? 0 : std::abs(pull.value[j]);
-    const bool far = !(moves < 0.9 * room);
+    for (int j = 0; j < columns_.m; ++j) {
+      if (!(counted >> j & 1)) continue;
+      room += spanning >> j & 1 ? 0 : std::abs(pull.value[j]);
+      doubt += kDoubt * columns_.largest[j];
+    }
+    const bool far = !(moves + doubt < 0.9 * room);
     if (!(longest < 1) || (far && !may_move_far)) {
       stop();
       return Motion::none;
@@ -100,6 +107,10 @@ class MovingDirection {
   double torque() const { return length_of(v, D); }
 
  private:
+  // More than rays' errors of 2^-22, and their hyperplanes', which are not quite those of the columns, make of the
+  // norm.
+  static constexpr double kDoubt = 0x1p-20;
+
   const Columns& columns_;
   typename Columns::Pull added_;  // by the motion
 
@@ -139,8 +150,7 @@ class MovingDirection {
       added_.curve[row * (row + 1) / 2 + column][j] += i == k ? 2 * both : both;
     }
     const double left = i < D ? columns_.bent[j] : columns_.change[j];
-    added_.error[j] +=
-        columns_.edge(i) * (std::sqrt(square) * left + length_of(mu[i], D) * columns_.swing[j]);
+    added_.error[j] += columns_.edge(i) * (std::sqrt(square) * left + length_of(mu[i], D) * columns_.swing[j]);
     return columns_.edge(i) * std::abs(along);
   }
 
