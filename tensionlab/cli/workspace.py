@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 
+from tensionlab.arrays import Floats
+from tensionlab.cli import workspace_proof
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.options import BodyFrames, Json
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
@@ -19,6 +21,7 @@ from tensionlab.display import count
 from tensionlab.files.writing import unwritable
 from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
+from tensionlab.workspace.certification.certify import SUFFIX as PROOF_SUFFIX
 from tensionlab.workspace.metrics import description, make
 from tensionlab.workspace.orientations import over_orientations, parse_rotations
 from tensionlab.workspace.poses import Grid, PoseList, read_poses
@@ -37,6 +40,14 @@ WITHOUT_STORE = "no values are kept; with --out DIR.zarr, the same command goes 
 """What Ctrl-C leaves to say."""
 STEPS = 40
 """Along the longest edge of the box, if no step is given."""
+STORE_SUFFIX = ".zarr"
+
+
+def _output(path: Path | None) -> Path | None:
+    """Check that a sweep, or a proof, can be written there."""
+    if path is not None and path.suffix.lower() == PROOF_SUFFIX:
+        return options.output_file(PROOF_SUFFIX)(path)
+    return options.output_folder(STORE_SUFFIX)(path)
 
 
 class View(StrEnum):
@@ -94,8 +105,9 @@ def workspace(
             "--out",
             "-o",
             metavar="DIR.zarr",
-            callback=options.output_folder(".zarr"),
-            help="Write all values to this folder. The same command continues a sweep that was killed.",
+            callback=_output,
+            help="Write all values to this folder; with --certify, what is proved to a file NAME.npz. The same "
+            "command continues what was killed.",
             show_default=False,
         ),
     ] = None,
@@ -115,6 +127,14 @@ def workspace(
             help="What to draw: slices of the box, its volume, or how large a share has at least a value."
         ),
     ] = View.slices,
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify",
+            help="Prove in which cells of the box a rig renders what is required, in all orientations, and in "
+            "which it does not; wrench closure if nothing is required. STEP is the longest edge of the finest.",
+        ),
+    ] = False,
     json: Json = False,
 ) -> None:
     """Evaluate where, and how well, rigs can pull.
@@ -125,6 +145,20 @@ def workspace(
     """
     loaded = [options.with_frames(load_rig(path), frames) for path in rigs]
     loaded = [with_requirement(rig, wrench, gravity, required) for rig in loaded]
+    if certify:
+        unfit = {"--poses": poses, "--metric": metrics, "--view": view != View.slices}
+        if given := [option for option, value in unfit.items() if value]:
+            raise typer.BadParameter(f"--certify proves what is required, in a box; leave {given[0]} out")
+        if len(loaded) > 1:
+            raise typer.BadParameter(f"--certify proves one rig at a time; there are {len(loaded)}")
+    if out is not None and (out.suffix.lower() == PROOF_SUFFIX) != certify:
+        suffix = PROOF_SUFFIX if certify else STORE_SUFFIX
+        raise typer.BadParameter(f"--out: {out}: the name must end in {suffix}")
+    if certify:
+        ends, steps = _region(loaded, box, step)
+        turns = None if rotations is None else _rotations(loaded[0], rotations)
+        workspace_proof.prove(loaded[0], ends, steps, turns, out=out, scheduler=scheduler, plot=plot, json=json)
+        return
     if poses is not None and (box or step or rotations):
         raise typer.BadParameter("--poses takes the place of --box, --step and --rotations; leave one out")
     if poses is not None and plot is not None:
@@ -201,7 +235,20 @@ def _print_orientations(
 
 
 def _box(rigs: list[Rig], box: str | None, step: str | None, rotations: str | None) -> Grid:
-    """Return the positions of the sweep."""
+    """Return the poses of the sweep."""
+    ends, steps = _region(rigs, box, step)
+    turns = None if rotations is None else _rotations(rigs[0], rotations)
+    return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0], rotations=turns)
+
+
+def _rotations(rig: Rig, text: str) -> Floats:
+    """Return the orientations at every position."""
+    up = rig.upward if rig.up else np.eye(rig.dimension)[-1]
+    return parse_rotations(text, rig.dimension, up)
+
+
+def _region(rigs: list[Rig], box: str | None, step: str | None) -> tuple[Floats, list[float]]:
+    """Return where the box starts and ends along each axis, and its steps: one, or one for each axis."""
     dimension = rigs[0].dimension
     if box is None:
         points = np.concatenate([[rig.home, *rig.anchors] for rig in rigs if rig.dimension == dimension])
@@ -218,9 +265,7 @@ def _box(rigs: list[Rig], box: str | None, step: str | None, rotations: str | No
         steps = [float(np.ptp(ends, axis=1).max()) / STEPS or 1.0]
     else:
         steps = options.parse_numbers("--step", step)
-    up = rigs[0].upward if rigs[0].up else np.eye(dimension)[-1]
-    turns = None if rotations is None else parse_rotations(rotations, dimension, up)
-    return box_of_poses(*ends, step=steps if len(steps) > 1 else steps[0], rotations=turns)
+    return ends, steps
 
 
 def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseList, out: Path | None) -> None:

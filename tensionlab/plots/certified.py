@@ -59,7 +59,7 @@ def plot_certified(proved: CertifiedWorkspace) -> Figure:
         panels: Any = figure.subplots(1, len(planes), squeeze=False)[0]
         for panel, plane in zip(panels, planes, strict=True):
             _draw_slice(panel, proved, *sorted(plane, key=lambda axis: "xyz"[axis] == rig.vertical))
-        bounds = f"{proved.volume.lower:.4g} to {proved.volume.upper:.4g} {proved.unit}"
+        bounds = f"{proved.volume.describe()} {proved.unit}"
         figure.suptitle(f"{rig.name}: {bounds} inside\nrequired: {proved.required}", fontsize="medium")
         add_legend(figure, 3 if len(planes) == 1 else len(LEGEND), LEGEND)
     return figure

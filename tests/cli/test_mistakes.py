@@ -90,6 +90,10 @@ MISTAKES = {
     "serve cube-8 --port 99999": "--port: it must be less than or equal to 65535",
     # Options that do not go together, or lack another.
     "run cube-8 --force 1 2 3 --program program.toml": "--force and --program are both given; give one of them",
+    "workspace cube-8 --certify --metric effort": "--certify proves what is required, in a box; leave --metric",
+    "workspace cube-8 tetra-4 --certify": "--certify proves one rig at a time; there are 2",
+    "workspace cube-8 --certify --out a.zarr": "--out: a.zarr: the name must end in .npz",
+    "workspace cube-8 --certify --step 1e-12": "the region has 1e+12 of that along an axis",
     "workspace cube-8 --poses poses.csv --step 1": "--poses takes the place of --box, --step and --rotations",
     "workspace cube-8 --rotations cone:10": "cannot turn; leave them out",
     "validate --out v --modules modules.toml": "--modules needs --sensor: what do they pull on?",

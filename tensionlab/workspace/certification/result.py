@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -46,6 +48,13 @@ class Bounds(NamedTuple):
 
     lower: float
     upper: float
+
+    def describe(self, digits: int = 4) -> str:
+        """Return both in so many significant digits, rounded away from each other, so that they stay bounds."""
+        low, high = (
+            _rounded(each, digits, way) for each, way in ((self.lower, math.floor), (self.upper, math.ceil))
+        )
+        return f"{low:.{digits}g} to {high:.{digits}g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,19 +105,16 @@ class CertifiedWorkspace:
         return f"<CertifiedWorkspace of {self._title}>"
 
     def _repr_html_(self) -> str:
-        rows = []
-        for verdict, mark in MARKS.items():
-            chosen = self.verdict == verdict
-            volume = float(self.cell_volumes[chosen].sum())
-            share = display.percent(volume / self.region_volume)
-            rows.append([mark, int(chosen.sum()), f"{volume:.4g} {self.unit}", share])
+        rows = [
+            [MARKS[verdict], cells, f"{volume:.4g} {self.unit}", display.percent(volume / self.region_volume)]
+            for verdict, (cells, volume) in self.tally().items()
+        ]
         return display.table(self._title, HEADINGS, rows, [f"required: {self.required}"])
 
     @property
     def _title(self) -> str:
-        low, high = self.volume
-        cells = display.count(len(self.verdict), "cell")
-        return f"{self.rig.name}: {low:.4g} to {high:.4g} of {self.region_volume:.4g} {self.unit} inside, {cells}"
+        cells, whole = display.count(len(self.verdict), "cell"), f"{self.region_volume:.4g} {self.unit}"
+        return f"{self.rig.name}: {self.volume.describe()} of {whole} inside, {cells}"
 
     @property
     def proved(self) -> bool:
@@ -137,6 +143,17 @@ class CertifiedWorkspace:
         inside, outside = (self.cell_volumes[:, None] * self.shares).sum(axis=0)
         upper = min(self.region_volume, (self.region_volume - outside) + SUM_ROUNDING * self.region_volume)
         return Bounds(float(inside) * (1 - SUM_ROUNDING), float(upper))
+
+    @property
+    def share(self) -> Bounds:
+        """The same as a share of the region."""
+        low, high = self.volume
+        return Bounds(low / self.region_volume * (1 - SUM_ROUNDING), min(1.0, high / self.region_volume))
+
+    def tally(self) -> dict[int, tuple[int, float]]:
+        """Return how many cells have each verdict, and their volume: of 1 inside, -1 outside and 0 undecided."""
+        chosen = {verdict: self.verdict == verdict for verdict in MARKS}
+        return {key: (int(each.sum()), float(self.cell_volumes[each].sum())) for key, each in chosen.items()}
 
     @property
     def edges(self) -> Floats:
@@ -211,3 +228,11 @@ class CertifiedWorkspace:
     def plot(self) -> Figure:
         """Draw slices through the cells: `tensionlab.plots.plot_certified`."""
         return display.figure("certified", self)
+
+
+def _rounded(value: float, digits: int, way: Callable[[float], int]) -> float:
+    """Return a number in so many significant digits, one way."""
+    if not value:
+        return value
+    places = digits - 1 - math.floor(math.log10(abs(value)))
+    return way(value * 10.0**places) / 10.0**places

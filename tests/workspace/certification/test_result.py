@@ -3,6 +3,7 @@ import pytest
 
 import tensionlab as tl
 from tensionlab.errors import ShapeError
+from tensionlab.workspace import Bounds
 
 REGION = [(-0.9, 0.9), (-0.8, 0.8)]
 
@@ -32,11 +33,17 @@ def test_positions_have_the_verdict_of_their_cell(proved):
 
 
 def test_it_shows_what_is_proved(proved):
-    low, high = proved.volume
-    assert repr(proved).startswith(f"<CertifiedWorkspace of kntu-planar: {low:.4g} to {high:.4g} of 2.88 m²")
+    bounds = proved.volume.describe()
+    assert repr(proved).startswith(f"<CertifiedWorkspace of kntu-planar: {bounds} of 2.88 m²")
     html = proved._repr_html_()
     for word in ("inside", "outside", "undecided", "a ball of 8 N", "m²"):
         assert word in html
+
+
+def test_bounds_stay_bounds_in_few_digits():
+    assert Bounds(0.123456, 0.123451).describe() == "0.1234 to 0.1235"
+    assert Bounds(1999.9, 2000.1).describe(2) == "1.9e+03 to 2.1e+03"
+    assert Bounds(0.0, 1.0).describe() == "0 to 1"
 
 
 def test_a_dataset_has_a_row_for_each_cell(proved):

@@ -64,6 +64,17 @@ def test_chunks_change_nothing(monkeypatch, rig, whole):
     assert told[-1] == pytest.approx(1.0)
 
 
+def test_a_cluster_proves_the_same(monkeypatch, rig, whole):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(search, "CHUNK_CELLS", 2_000)
+    where = {"protocol": "tcp://", "host": "127.0.0.1", "dashboard_address": ":0"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **where) as cluster:
+        found = tl.workspace.certify(rig, REGION, BALL, 0.02, scheduler=cluster.scheduler_address)
+    for one, other in zip(in_order(found), in_order(whole), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_the_file_of_another_proof_is_refused(tmp_path, rig):
     file = tmp_path / "proof.npz"
     tl.workspace.certify(rig, REGION, BALL, 0.1, out=file)
