@@ -12,22 +12,19 @@ from tests.support.examples import many
 from tests.support.reference_metrics import renders
 
 SIZES = {"planar-point": (2, 2), "point": (3, 3), "planar": (2, 3), "platform": (3, 6)}
-FLAWS = (
+FLAWS = [
     "none",
-    "doubled",
+    "doubled",  # cables two and three times in one place
     "tripled",
-    "flat",
-    "fixed",
-    "anchor within",
-    "small",
+    "flat",  # all anchors in a plane
+    "fixed",  # some tensions
+    "anchor-within",  # the middle of the region
+    "small",  # lengths of micrometres and kilometres
     "large",
-    "weak",
+    "weak",  # nano- and giganewtons
     "strong",
-    "slack",
-)
-"""Of random rigs: cables two and three times in one place, all anchors in a plane, some tensions fixed, an anchor in
-the middle of the region, lengths of micrometres and kilometres, tensions of nano- and giganewtons, lower limits
-of 0."""
+    "slack",  # lower limits of 0
+]
 SCALES = {"small": (1e-6, 1.0), "large": (1e3, 1.0), "weak": (1.0, 1e-9), "strong": (1.0, 1e9)}
 
 
@@ -47,7 +44,7 @@ def hostile(kind, flaw, rng):
         anchors[:, -1] = 0.7
     elif flaw == "fixed":
         lower[n:] = upper[n:]
-    elif flaw == "anchor within":
+    elif flaw == "anchor-within":
         anchors[0] = arms[0] if n > d else 0.0
     elif flaw == "slack":
         lower[:] = 0.0
