@@ -86,7 +86,7 @@ def examine(run: Run, outside: int = 0) -> Findings:
     exact = (run.status[latest] == Status.EXACT) & whole
     rows, latest = rows[exact], latest[exact]
     pulled = np.einsum("knm,km->kn", run.structure[rows], run.measured[rows])
-    wanted = run.desired[latest]
+    wanted = run.demanded[latest]
     errors = np.linalg.norm(pulled - wanted, axis=1) / np.linalg.norm(wanted, axis=1)
     sent = run.commanded[np.isfinite(run.commanded)]
     lower, upper = run.rig.limits.lower, run.rig.limits.upper

@@ -131,14 +131,17 @@ class Demand:
     Attributes
     ----------
     wrench : (n,) array or None
-        Desired, of all modules together, in N and N·m; beside what the rig requires, `Rig.required`. None: nothing
-        besides, and without that each cable is held at its lower limit.
+        Of all modules together, in N and N·m; beside what the rig requires, `Rig.required`. None: nothing besides,
+        and without that each cable is held at its lower limit.
     impedances : mapping of str to Impedance
         Modules, by name, with a module-local impedance. The others render the rest of the wrench.
     brakes : set of str
         Modules whose brake is commanded on. What it holds comes on top of the wrench.
     stop : bool
         End the run: all modules release.
+    desired : (n,) array or None
+        Wrench that the application desires, where ``wrench`` is only what can be rendered of it, such as of a wall
+        that is too stiff for the loop. None: ``wrench`` itself.
 
     Examples
     --------
@@ -152,6 +155,7 @@ class Demand:
     impedances: Mapping[str, Impedance] = field(default_factory=dict)
     brakes: frozenset[str] = frozenset()
     stop: bool = False
+    desired: Floats | None = None
 
 
 DemandSource = Callable[[RigState], Demand]

@@ -154,7 +154,8 @@ def live_table(runner: Runner) -> RenderableType:
     if cycle is None:
         return Text("arming, and reeling in slack cables: hold the platform still ...")
     state = cycle.state
-    desired = "taut cables" if cycle.demand.wrench is None else _components(cycle.demand.wrench)
+    wrench = cycle.demand.wrench if cycle.demand.desired is None else cycle.demand.desired
+    desired = "taut cables" if wrench is None else _components(wrench)
     measured = _components(state.structure @ state.tensions)
     rows = []
     for index, module in enumerate(runner.rig.modules):
@@ -197,7 +198,7 @@ def _last(runner: Runner) -> list[tuple[str, str]]:
     unit = "N" if runner.rig.n == runner.rig.dimension else "N and N·m"
     local = cycle.demand.wrench - cycle.solver_wrench  # by impedances and lost modules
     wrenches = {
-        "desired": cycle.demand.wrench,
+        "desired": cycle.demand.wrench if cycle.demand.desired is None else cycle.demand.desired,
         "commanded": cycle.allocation.wrench + local,
         "measured": cycle.state.structure @ cycle.state.tensions,
     }

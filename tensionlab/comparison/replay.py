@@ -83,9 +83,9 @@ def replay(
 ) -> Replay:
     """Allocate the demands of a run again, by other solvers.
 
-    Each gets the desired wrenches, at the poses where the run was, with the run's limits and the modules that took
-    part. Where the run would have gone with other answers is not simulated. Solvers are as in `select_solvers`;
-    ``progress`` is called with the share that is done.
+    Each gets the wrenches that the run's solver got, at the poses where the run was, with the run's limits and the
+    modules that took part. Where the run would have gone with other answers is not simulated. Solvers are as in
+    `select_solvers`; ``progress`` is called with the share that is done.
     """
     runs, missing = select_solvers(solvers, None, (run.rig.n, run.rig.m))
     own: dict[str, Selected] = {}

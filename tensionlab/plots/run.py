@@ -143,7 +143,7 @@ def _line(axes: Axes, run: Run, values: Floats, **look: Any) -> None:
 
 def _draw_wrench(axes: Axes, run: Run, part: slice) -> None:
     desired = run.desired[:, part]
-    local = np.nan_to_num(run.desired - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
+    local = np.nan_to_num(run.demanded - run.solver_wrench)  # what modules with an impedance, and lost ones, pull
     commanded = (run.rendered + local)[:, part]
     measured = np.einsum("knm,km->kn", run.structure, run.measured)[:, part]
     # Where there is one torque only, it is that about z.

@@ -112,8 +112,8 @@ class Instant:
 
 
 def not_the_solvers(cycle: Mapping[str, NDArray[Any]]) -> Floats:
-    """Return what of the desired wrench (n,) is not the solver's: impedances and lost modules pull it."""
-    return np.asarray(np.nan_to_num(cycle["desired"] - cycle["solver_wrench"]))
+    """Return what of the demanded wrench (n,) is not the solver's: impedances and lost modules pull it."""
+    return np.asarray(np.nan_to_num(cycle["demanded"] - cycle["solver_wrench"]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ BINS = 400
 """Of the curves in the timeline: about as many as it has pixels."""
 CURVES_PIXELS, ROW_PIXELS, TICKS_PIXELS = 46, 15, 12
 """Heights of the parts of the timeline."""
+MIN_ERROR_N = 0.01
+"""Between the desired wrench and the demanded one, from which on they are not the same."""
 LISTED = 14
 """Events around the time that is shown."""
 
@@ -32,6 +34,8 @@ def heading(run: Run, state: Playback, index: int) -> str:
     colour = GREEN if status is Status.EXACT else ORANGE
     words = "the desired force is rendered" if status is Status.EXACT else STATUS_WORDS[status]
     word = status.name
+    if status is Status.EXACT and not np.allclose(run.demanded[index], run.desired[index], atol=MIN_ERROR_N):
+        words = "what the loop can render stably of the desired force is rendered"
     if not np.isfinite(run.desired[index]).all():
         colour, word, words = GREY, "NO FORCE", "no force is desired: all cables are at their lower limits"
     elif run.fallback_used[index]:

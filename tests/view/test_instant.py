@@ -45,7 +45,7 @@ def test_three_forces_are_drawn_to_scale_beside_one_another(rig, instant):
 
 def test_what_the_solver_was_not_asked_to_render_counts_as_commanded(rig):
     _, row = instant_of(rig)
-    row["solver_wrench"] = row["desired"] - [0.0, 1.0, 0.0]  # an impedance pulls with 1 N
+    row["solver_wrench"] = row["demanded"] - [0.0, 1.0, 0.0]  # an impedance pulls with 1 N
     found = Instant.of(rig, row)
     assert found.commanded == pytest.approx(row["structure"] @ row["commanded"] + [0.0, 1.0, 0.0])
 

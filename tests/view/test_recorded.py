@@ -76,7 +76,7 @@ def test_another_solver_answers_the_same_wrench_with_the_modules_that_took_part(
 
 
 def test_what_impedances_pull_is_added_to_the_answer_of_another_solver(run):
-    pulled = replace(run, solver_wrench=run.desired - np.array([0.0, 1.0, 0.0]))
+    pulled = replace(run, solver_wrench=run.demanded - np.array([0.0, 1.0, 0.0]))
     found = answer_at(pulled, 10, "newton")
     expected = np.add(found.wrench, [0.0, 1.0, 0.0])
     assert instant_at(pulled, 10, "newton", found).beside.wrench == pytest.approx(expected)

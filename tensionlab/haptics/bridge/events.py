@@ -10,6 +10,7 @@ import numpy as np
 from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, RigState
 from tensionlab.haptics.bridge.messages import Event, State
+from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.model.rig import Rig
 
@@ -32,6 +33,7 @@ class Cycle(NamedTuple):
     share: float
     ceiling: float
     delay: float
+    cut: Mapping[str, Mapping[str, Cut]]
 
 
 class RateWindow(NamedTuple):
@@ -77,7 +79,7 @@ class RunEvents:
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
         """Take a cycle: see `OnCycle` in `tensionlab.haptics.bridge.source`."""
         before = self._latest
-        self._latest = Cycle(state, demand, share, renderer.ceiling, renderer.delay)
+        self._latest = Cycle(state, demand, share, renderer.ceiling, renderer.delay, renderer.cut)
         self._send_share(state, 0.0 if before is None else before.share, share)
         self._send_stiffness(state, renderer)
         self._send_derating(state)
@@ -98,6 +100,8 @@ class RunEvents:
                 time=0.0,
                 position=self._home.tolist(),
                 desired=self._still.tolist(),
+                demanded=self._still.tolist(),
+                softened={},
                 measured=self._still.tolist(),
                 tensions=[None] * count,
                 limiters=["IDLE"] * count,
@@ -109,13 +113,16 @@ class RunEvents:
                 delay=0.0,
                 fresh=0.0,
             )
-        state, demand, share, ceiling, delay = self._latest
+        state, demand, share, ceiling, delay, cut = self._latest
+        demanded = self._still if demand.wrench is None else np.asarray(demand.wrench)
         known = np.nan_to_num(state.tensions)
         return State(
             sequence=sequence,
             time=state.time,
             position=state.pose.position.tolist(),
-            desired=(self._still if demand.wrench is None else np.asarray(demand.wrench)).tolist(),
+            desired=(demanded if demand.desired is None else np.asarray(demand.desired)).tolist(),
+            demanded=demanded.tolist(),
+            softened={name: {key: each.rendered for key, each in cuts.items()} for name, cuts in cut.items()},
             measured=(state.structure @ known).tolist(),
             tensions=[None if np.isnan(tension) else float(tension) for tension in state.tensions],
             limiters=[self._limiters[int(each)] for each in state.limiters],
@@ -165,9 +172,9 @@ class RunEvents:
             self._event(now, "ceiling", text, ceiling=ceiling, delay=renderer.delay)
         for name, cut in renderer.cut.items():
             if now >= self._stiff.get(name, -REPEAT_S) + REPEAT_S:
-                parameter, desired = next(iter(cut.items()))
-                text = f'"{name}": {parameter} is {desired:g} N/m, {ceiling:.0f} N/m are rendered, by the host'
-                self._event(now, "stiff", text, effect=name, stiffness=desired, ceiling=ceiling)
+                parameter, (desired, rendered) = next(iter(cut.items()))
+                text = f'"{name}": {parameter} is {desired:g} N/m, {rendered:.0f} N/m are rendered'
+                self._event(now, "stiff", text, effect=name, stiffness=desired, ceiling=rendered)
             self._stiff[name] = now  # sent again when it has not been so for a while
 
     def _send_rates(self, state: RigState, gap: float) -> None:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, fiel
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
 from tensionlab.files.reading import brief
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Version of the messages; a `Welcome` has the server's."""
 MAX_MESSAGE_BYTES = 64 * 1024
 MAX_ENTRIES = 16
@@ -107,8 +107,19 @@ class State(Message):
     sequence: int = Field(description="that of the frame; 0 in a stream")
     time: float = Field(description="of the run, in s; shots and other times of effects are on this clock")
     position: list[float] = Field(description="of the point or the platform, by the cables or the client, in m")
-    desired: list[float] = Field(description="wrench of the effects in the latest cycle, in N and N m")
+    desired: list[float] = Field(
+        description="wrench of the effects as they are, in the latest cycle, in N and N m; what it differs from "
+        "measured by is the error that the hand feels. Vibrations that modules render are in neither"
+    )
+    demanded: list[float] = Field(
+        description="what of it is asked of the modules, no stiffer and no faster than the loop renders stably, "
+        "in N and N m"
+    )
     measured: list[float] = Field(description="wrench of the tensions that the modules report, in N and N m")
+    softened: dict[str, dict[str, float]] = Field(
+        description="effects that are softer than desired, by name: each such parameter, and the stiffness that "
+        "is rendered instead in the latest cycle, in N/m"
+    )
     tensions: list[float | None] = Field(description="measured, as the modules report them, in N")
     limiters: list[str] = Field(
         description="what limits each module: NONE, LOWER, UPPER, SLEW, THERMAL, SPEED, LENGTH, RELEASING, "
@@ -141,7 +152,7 @@ KINDS = {
     "silent": "frames fail to come: there is no force any more",
     "fresh": "frames come again: the force comes in",
     "ceiling": "the host stiffness limit has changed by more than a quarter",
-    "stiff": "an effect, or a part of it, is rendered by the host and softer than desired",
+    "stiff": "an effect, or a part of it, is rendered softer than desired",
     "phase": "a phase of a scenario begins",
     "ended": "the run is over, and why; then the connection closes",
     "rate": "once a second: cycles and frames a second, really",
@@ -162,7 +173,9 @@ class Event(Message):
     module: str | None = Field(None, description="its name, if it is one module's")
     effect: str | None = Field(None, description="stiff: the effect's name, as the client or the scenario has it")
     stiffness: float | None = Field(None, description="stiff: what was desired, in N/m")
-    ceiling: float | None = Field(None, description="stiff, ceiling: host stiffness limit, in N/m")
+    ceiling: float | None = Field(
+        None, description="stiff: what is rendered; ceiling: host stiffness limit, in N/m"
+    )
     upper: float | None = Field(None, description="derated: its upper tension limit now, in N")
     delay: float | None = Field(None, description="ceiling: loop latency, in s")
     cycles: float | None = Field(None, description="rate: cycles a second, really")
@@ -229,7 +242,9 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
         "time": 3.42,
         "position": [0.0, 0.31, 0.0],
         "desired": [0.0, 1.0, 0.0],
+        "demanded": [0.0, 1.0, 0.0],
         "measured": [0.0, 1.0, 0.0],
+        "softened": {},
         "tensions": [0.5, 0.5, 0.5, 1.7],
         "limiters": ["NONE", "NONE", "NONE", "NONE"],
         "active": [True, True, True, True],

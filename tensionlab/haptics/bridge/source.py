@@ -95,7 +95,8 @@ class BridgedDemand:
 
 def _require_finite(demand: Demand) -> Demand:
     numbers = [each for spring in demand.impedances.values() for each in vars(spring).values()]
-    if not (np.isfinite(numbers).all() and (demand.wrench is None or np.isfinite(demand.wrench).all())):
+    wrenches = [each for each in (demand.wrench, demand.desired) if each is not None]
+    if not (np.isfinite(numbers).all() and np.isfinite(wrenches).all()):
         raise EffectError("the force of the effects is not finite")
     return demand
 

@@ -8,7 +8,7 @@ and `assign` finds the cable that lies best along it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -58,20 +58,36 @@ class Cables(NamedTuple):
     available: NDArray[np.bool_]
 
 
+class EffectMemory(NamedTuple):
+    """What an effect remembers as it is rendered, and as it is desired: at its own stiffness."""
+
+    rendered: Memory = None
+    desired: Memory = None
+
+
+class Cut(NamedTuple):
+    """Stiffness that is not rendered as desired, both in N/m."""
+
+    desired: float
+    rendered: float
+
+
 class RenderPlan(NamedTuple):
     """Which module renders what, and what is left for the host.
 
     ``force`` (d,) in N is host-side, for the other cables; ``impedances`` are module-side, by the number of the
-    cable, and ``expected`` (d,) is the force on the hand by those (`expected_force`). Memories are those of the
-    effects; ``cut`` has, for each effect, the stiffnesses that the host does not render as they are.
+    cable, and ``expected`` (d,) is the force on the hand by those (`expected_force`). ``desired`` (d,) is the
+    force that the effects would exert at their own stiffness, without the vibrations that modules render. Memories
+    are those of the effects; ``cut`` has, for each effect, the stiffnesses that are not rendered as they are.
     """
 
     force: Floats
     impedances: dict[int, Impedance]
     expected: Floats
-    memories: tuple[Memory, ...]
+    desired: Floats
+    memories: tuple[EffectMemory, ...]
     bypass_slew: bool
-    cut: tuple[dict[str, float], ...]
+    cut: tuple[dict[str, Cut], ...]
 
 
 class EffectFailed(EffectError):  # noqa: N818 - what happened
@@ -88,7 +104,7 @@ def assign(
     cables: Cables,
     limits: ModuleLimits = STANDARD_LIMITS,
     host_stiffness: float = math.inf,
-    memories: Sequence[Memory] | None = None,
+    memories: Sequence[EffectMemory] | None = None,
 ) -> RenderPlan:
     """Return which module renders which part of some effects, and the force that is left for the host.
 
@@ -98,37 +114,59 @@ def assign(
     goes wrong in an effect, and a force that is not finite, raises `EffectFailed`.
     """
     free = np.array(cables.available, dtype=bool)
-    force, expected = np.zeros_like(motion.position), np.zeros_like(motion.position)
+    force, expected, desired = (np.zeros_like(motion.position) for _ in range(3))
     impedances: dict[int, Impedance] = {}
-    kept: list[Memory] = []
-    cut: list[dict[str, float]] = []
+    kept: list[EffectMemory] = []
+    cut: list[dict[str, Cut]] = []
     bypass = False
-    for index, (effect, memory) in enumerate(zip(effects, memories or (None,) * len(effects), strict=True)):
+    known = memories or (EffectMemory(),) * len(effects)
+    for index, (effect, (memory, desired_memory)) in enumerate(zip(effects, known, strict=True)):
         try:
             part = _module_side(effect, motion, memory)
             cable = None if part is None else _best_cable(part, cables.directions, free)
             if part is None or cable is None:
-                rendered = capped(effect, host_stiffness).render(motion, memory)
+                rendered = wanted = capped(effect, host_stiffness).render(motion, memory)
                 idle = is_split(effect) and part is None  # its stiff part is not where the hand is
-                cut.append({} if idle else cut_stiffnesses(effect, host_stiffness))
+                softer = _cut(cut_stiffnesses(effect, host_stiffness), host_stiffness)
+                if softer:
+                    wanted = effect.render(motion, desired_memory)
+                cut.append({} if idle else softer)
             else:
                 free[cable] = False
                 direction = cables.directions[cable]
                 impedances[cable] = along_cable(part, float(cables.lengths[cable]), direction, limits)
                 expected = expected + expected_force(part, direction, motion.velocity, host_stiffness)
                 rest = capped(effect, host_stiffness, host_side=True)
+                assert is_split(effect)
                 assert is_split(rest)
-                rendered = rest.host_side(motion, memory)
-                cut.append(cut_stiffnesses(effect, host_stiffness, host_side=True))
-            force = force + rendered.force
+                rendered = wanted = rest.host_side(motion, memory)
+                softer = _cut(cut_stiffnesses(effect, host_stiffness, host_side=True), host_stiffness)
+                if softer:
+                    wanted = effect.host_side(motion, desired_memory)
+                desired = desired + part.push(motion.velocity)
+                cut.append(softer | _cut_by_module(effect, impedances[cable], float(part.axis @ direction)))
+            force, desired = force + rendered.force, desired + wanted.force
         except Exception as error:
             reason = str(error) if isinstance(error, EffectError) else f"{type(error).__name__}: {error}"
             raise EffectFailed(index, reason) from error
-        if not (np.isfinite(force).all() and np.isfinite(expected).all()):
+        if not all(np.isfinite(each).all() for each in (force, expected, desired)):
             raise EffectFailed(index, "its force is not finite")
-        kept.append(rendered.memory)
+        kept.append(EffectMemory(rendered.memory, wanted.memory))
         bypass = bypass or bool(np.any(rendered.bypass_slew))
-    return RenderPlan(force, impedances, expected, tuple(kept), bypass, tuple(cut))
+    return RenderPlan(force, impedances, expected, desired, tuple(kept), bypass, tuple(cut))
+
+
+def _cut(stiffnesses: Mapping[str, float], rendered: float) -> dict[str, Cut]:
+    return {name: Cut(stiffness, rendered) for name, stiffness in stiffnesses.items()}
+
+
+def _cut_by_module(effect: Effect, impedance: Impedance, cosine: float) -> dict[str, Cut]:
+    """Return which stiffness of an effect its module does not render, whose cable is at a cosine to the axis."""
+    rendered = impedance.stiffness * cosine**2
+    above = rendered * (1.0 + 1e-9)  # rounding is no cut
+    hosts = cut_stiffnesses(effect, above, host_side=True)
+    cut = {name: each for name, each in cut_stiffnesses(effect, above).items() if name not in hosts}
+    return _cut(cut, rendered)
 
 
 def _module_side(effect: Effect, motion: Motion, memory: Memory) -> AxisImpedance | None:

@@ -19,8 +19,16 @@ from tensionlab.allocation import Allocator
 from tensionlab.arrays import Floats
 from tensionlab.demand import Demand, Impedance, RigState
 from tensionlab.haptics.effects import Friction, Shape, Viscous, Wall
-from tensionlab.haptics.effects.effect import Effect, Memory, Motion
-from tensionlab.haptics.rendering.assignment import Cables, EffectFailed, ModuleLimits, RenderPlan, assign
+from tensionlab.haptics.effects.effect import Effect, Motion
+from tensionlab.haptics.rendering.assignment import (
+    Cables,
+    Cut,
+    EffectFailed,
+    EffectMemory,
+    ModuleLimits,
+    RenderPlan,
+    assign,
+)
 from tensionlab.haptics.rendering.filtering import MAX_FORCE_N, StageMemory, Stages, limit_force
 from tensionlab.haptics.rendering.stability import PassivityController, max_damping, stiffness_cap
 from tensionlab.model.rig import Rig
@@ -44,21 +52,21 @@ magnet, a spring or a lift may have some to give at first, and a weight, a shot 
 class GroupMemory(NamedTuple):
     """Memory of the effects that pass the same stages, by their names and with their kinds, and of the stages."""
 
-    effects: dict[str, tuple[type, Memory]]
+    effects: dict[str, tuple[type, EffectMemory]]
     stages: StageMemory | None
 
 
 class Renderer:
     """Renderer of effects: makes a demand of them each cycle, and keeps what they remember.
 
-    No more force is desired than twice what all cables together pull. What a cycle that fails would have
-    remembered is not kept: without the effect that failed, the next one goes on from the force of the one before,
-    by the slew limit.
+    The demand is what a loop as late as this one can render of what the effects desire, and no more than twice
+    what all cables together pull. What a cycle that fails would have remembered is not kept: without the effect
+    that failed, the next one goes on from the force of the one before, by the slew limit.
 
     Effects act on the rig's point or reference point. ``limits`` are those of all modules: the firmware's as it
     comes and the rig's tensions, unless they are set. ``delay`` is the loop latency, the largest of the last 100
     cycles, in s; ``ceiling`` the host stiffness limit in N/m with that delay and the longest of those cycles;
-    ``cut`` has, by the names of effects, the stiffnesses of the latest cycle beyond that limit.
+    ``cut`` has, by the names of effects, the stiffnesses that were not rendered as desired in the latest cycle.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -73,7 +81,7 @@ class Renderer:
         self._allocators: dict[bytes, Allocator] = {}  # by the modules that take part
         self.delay = INITIAL_DELAY_S
         self.ceiling = 0.0
-        self.cut: dict[str, dict[str, float]] = {}
+        self.cut: dict[str, dict[str, Cut]] = {}
 
     def __call__(
         self, effects: Mapping[str, Effect], motion: Motion, state: RigState, share: float = 1.0
@@ -86,13 +94,13 @@ class Renderer:
         """
         self._measure_delay(state, motion.step)
         available = state.active & (self._rig.n == self._rig.dimension)
-        force = np.zeros(self._rig.dimension)
+        force, desired = np.zeros(self._rig.dimension), np.zeros(self._rig.dimension)
         impedances: dict[int, Impedance] = {}
         self.cut = {}
         for passive in (True, False):
             group = {name: each for name, each in effects.items() if isinstance(each, PASSIVE_EFFECTS) is passive}
             host, plan = self._render(group, passive, motion, state, available)
-            force = force + host + plan.expected
+            force, desired = force + host + plan.expected, desired + plan.desired
             impedances |= plan.impedances
             self.cut |= {name: each for name, each in zip(group, plan.cut, strict=True) if each}
             available = available & [index not in plan.impedances for index in range(self._rig.m)]
@@ -100,12 +108,13 @@ class Renderer:
         balance = self._balance(force, impedances, state) if impedances else np.zeros(self._rig.m)
         if share <= 0.0:
             return Demand()
-        wrench = np.zeros(self._rig.n)
+        wrench, wanted = np.zeros(self._rig.n), np.zeros(self._rig.n)
         wrench[: self._rig.dimension] = share * force
+        wanted[: self._rig.dimension] = share * desired
         springs = {
             self._names[index]: self._scaled(each, share, balance[index]) for index, each in impedances.items()
         }
-        return Demand(wrench, springs)
+        return Demand(wrench, springs, desired=wanted)
 
     def _render(
         self,
@@ -120,10 +129,10 @@ class Renderer:
         before = self._memories[passive]
         smooth = stages.smooth(motion, before.stages)
         cables = Cables(state.lengths, state.structure[: self._rig.dimension].T, available)
-        memories: list[Memory] = []
+        memories: list[EffectMemory] = []
         for name, effect in effects.items():
-            kind, memory = before.effects.get(name, (None, None))
-            memories.append(memory if kind is type(effect) else None)
+            kind, memory = before.effects.get(name, (None, EffectMemory()))
+            memories.append(memory if kind is type(effect) else EffectMemory())
         try:
             with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what is not finite is refused
                 plan = assign(tuple(effects.values()), smooth, cables, self.limits, self.ceiling, memories)

@@ -40,6 +40,12 @@ def rotation_matrix(cycle: Cycle, rig: Rig) -> Floats:
 
 
 def desired_wrench(cycle: Cycle, rig: Rig) -> Floats:
+    """Return the wrench that the application desires; NaN where it has none."""
+    desired = cycle.demand.desired
+    return demanded_wrench(cycle, rig) if desired is None else np.asarray(desired, dtype=np.float64)
+
+
+def demanded_wrench(cycle: Cycle, rig: Rig) -> Floats:
     """Return the wrench of the demand; NaN where it has none."""
     wrench = cycle.demand.wrench
     return np.full(rig.n, np.nan) if wrench is None else np.asarray(wrench, dtype=np.float64)
@@ -119,9 +125,20 @@ class CycleTable:
     upper_now: Floats = column(
         "state.upper_now", "N", "upper limit: the rig's, or less where it is warm", "module"
     )
-    desired: Floats = column(desired_wrench, "N or N m", "desired wrench, with what the rig requires", "component")
+    desired: Floats = column(
+        desired_wrench,
+        "N or N m",
+        "wrench that the application desires, with what the rig requires; measured is structure times `measured`",
+        "component",
+    )
+    demanded: Floats = column(
+        demanded_wrench,
+        "N or N m",
+        "what of the desired wrench is asked of all modules: no stiffer and no faster than is stable",
+        "component",
+    )
     solver_wrench: Floats = column(
-        "solver_wrench", "N or N m", "desired wrench minus what impedances and lost modules pull", "component"
+        "solver_wrench", "N or N m", "demanded wrench minus what impedances and lost modules pull", "component"
     )
     impedances: Floats = column(
         impedance_rows, "SI", f"commanded impedance: {', '.join(IMPEDANCE)}", "module", "impedance"
@@ -188,6 +205,7 @@ def anchors_by_cables(found: dict[str, NDArray[Any]], rig: Rig) -> Floats:
 
 LATER_COLUMNS: dict[str, Callable[[dict[str, NDArray[Any]], Rig], Any]] = {
     "upper_now": lambda found, rig: np.nan,
+    "demanded": lambda found, rig: found["desired"],
     "anchors": anchors_by_cables,
     "brake_states": lambda found, rig: -1,
 }

@@ -143,12 +143,15 @@ def require_demand(demand: object, rig: Rig, here: str) -> Demand:
     """Return what a demand source returned, or refuse what this rig cannot render; `here` names it in messages."""
     if not isinstance(demand, Demand):
         raise HardwareError(f"{here} is {demand!r}; return a Demand")
-    if demand.wrench is not None:
-        wrench = np.asarray(demand.wrench)
-        if wrench.shape != (rig.n,):
-            raise HardwareError(f"{here}: wrench is {brief(wrench.tolist())}; this rig takes {rig.n} components")
-        if not np.isfinite(wrench).all():
-            raise HardwareError(f"{here}: wrench is {brief(wrench.tolist())}; all of it must be finite")
+    for key, given in (("wrench", demand.wrench), ("desired", demand.desired)):
+        if given is not None:
+            wrench = np.asarray(given)
+            if wrench.shape != (rig.n,):
+                raise HardwareError(
+                    f"{here}: {key} is {brief(wrench.tolist())}; this rig takes {rig.n} components"
+                )
+            if not np.isfinite(wrench).all():
+                raise HardwareError(f"{here}: {key} is {brief(wrench.tolist())}; all of it must be finite")
     if demand.impedances or demand.brakes:
         modules = {module.name: module for module in rig.modules}
         for name in (*demand.impedances, *demand.brakes):

@@ -383,7 +383,10 @@ class Runner:
         required = self.rig.required.middle(self.rig, state.pose.rotation)
         if not required.any():
             return demand
-        return replace(demand, wrench=required if demand.wrench is None else demand.wrench + required)
+        wrench = required if demand.wrench is None else demand.wrench + required
+        return replace(
+            demand, wrench=wrench, desired=None if demand.desired is None else demand.desired + required
+        )
 
     def _pulls(self, demand: Demand, state: RigState) -> Floats:
         """Return the tensions of modules with an impedance, and of lost ones that have not released yet."""

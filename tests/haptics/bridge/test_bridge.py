@@ -401,7 +401,7 @@ def test_a_bridge_with_another_version_of_the_messages_is_refused(monkeypatch):
 
     server = loop.run_until_complete(old())
     monkeypatch.setattr("websockets.sync.client.connect", lambda url, **options: Line(loop, url, **options))
-    with pytest.raises(HardwareError, match="the bridge has version 1 of the messages, this client 2"):
+    with pytest.raises(HardwareError, match="the bridge has version 1 of the messages, this client 3"):
         BridgeClient(f"ws://127.0.0.1:{server.sockets[0].getsockname()[1]}")
     server.close()
     loop.run_until_complete(server.wait_closed())

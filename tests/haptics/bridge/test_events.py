@@ -9,6 +9,7 @@ import pytest
 from tensionlab.demand import Demand, Impedance
 from tensionlab.haptics.bridge.events import RunEvents
 from tensionlab.haptics.bridge.messages import KINDS
+from tensionlab.haptics.rendering.assignment import Cut
 from tensionlab.haptics.rendering.renderer import Renderer
 from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tests.support.runs import cycles, four
@@ -66,12 +67,12 @@ def test_an_effect_stiffer_than_what_is_rendered_is_named_once():
     received.renderer.ceiling = 14.0
     for state in states(160):
         there = state.cycle < 60 or state.cycle >= 130
-        received.renderer.cut = {"floor": {"stiffness": 300.0}} if there else {}
+        received.renderer.cut = {"floor": {"stiffness": Cut(300.0, 14.0)}} if there else {}
         received.take(state)
     found = received.of("stiff")
     assert [event.time for event in found] == pytest.approx([0.0, 2.6])
     assert (found[0].effect, found[0].stiffness, found[0].ceiling) == ("floor", 300.0, 14.0)
-    assert found[0].text == '"floor": stiffness is 300 N/m, 14 N/m are rendered, by the host'
+    assert found[0].text == '"floor": stiffness is 300 N/m, 14 N/m are rendered'
 
 
 def test_the_state_has_brakes_and_who_renders():
@@ -92,6 +93,16 @@ def test_the_state_has_brakes_and_who_renders():
     assert (said.ceiling, said.delay) == (20.0, 0.04)
     texts = {event.module: event.text for event in received.of("brake")}
     assert texts["floor-2"] == "its brake is CLOSED"
+
+
+def test_the_state_has_what_is_desired_beside_what_is_demanded_and_what_is_softer():
+    received = Received()
+    (state,) = states(1)
+    received.renderer.cut = {"floor": {"stiffness": Cut(300.0, 14.0)}}
+    received.take(state, Demand(np.array([0.3, 1.0, 0.0]), desired=np.array([0.0, 3.0, 0.0])))
+    said = received.run.state(1)
+    assert (said.desired, said.demanded) == ([0.0, 3.0, 0.0], [0.3, 1.0, 0.0])
+    assert said.softened == {"floor": {"stiffness": 14.0}}
 
 
 def test_what_changes_is_sent_of_the_module():

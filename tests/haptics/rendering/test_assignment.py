@@ -102,6 +102,29 @@ def test_the_best_cable_takes_the_part_and_the_host_the_rest():
     assert plan.force[2] == 0.0
 
 
+def test_what_is_desired_is_the_effects_own_force_however_soft_and_aslant_it_is_rendered():
+    wall, rough = Wall(stiffness=5000.0), Texture()
+    motion = at(0.001, 0.0, -0.01, velocity=(0.1, 0.0, 0.0))
+    aslant = CABLES._replace(available=np.array([False, False, True, False]))
+    plan = assign((wall,), motion, aslant, host_stiffness=10.0)
+    assert plan.desired == pytest.approx(wall.render(motion).force)
+    assert plan.expected[0] > 0.5 * plan.expected[2], "it is rendered along the cable"
+    assert plan.cut == ({"stiffness": (5000.0, pytest.approx(500.0 * 0.8**2))},)
+    for cables in (CABLES, CABLES._replace(available=np.zeros(4, dtype=bool))):
+        memory, alone = None, None
+        for k in range(20):
+            motion = Motion(np.array([1e-3 * k, 0.0, -0.01]), np.array([0.1, 0.0, 0.0]), step=0.01)
+            plan = assign((rough,), motion, cables, host_stiffness=30.0, memories=memory)
+            memory, own = plan.memories, rough.render(motion, alone)
+            alone = own.memory
+            assert plan.desired == pytest.approx(own.force)
+        assert plan.cut[0]["friction.stiffness"] == (rough.friction.stiffness, 30.0)
+
+
+def test_a_vibration_that_a_module_renders_is_not_in_what_is_desired():
+    assert not assign((Vibration(),), at(0.0, 0.0, -0.01), CABLES).desired.any()
+
+
 def test_two_parts_go_to_two_cables():
     plan = assign((Wall(), Vibration()), at(0.0, 0.0, -0.01), CABLES)
     assert plan.impedances[0].stiffness == 300.0

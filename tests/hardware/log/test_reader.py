@@ -2,7 +2,7 @@ import json
 import random
 import re
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -71,12 +71,22 @@ def test_what_was_written_is_read_to_the_last_bit(seven):
             assert not run.commanded_brakes[index].any()
 
 
+def test_what_is_desired_is_logged_beside_what_is_demanded():
+    rig = runs.four()
+    (cycle,) = runs.cycles(rig, 1)
+    desired = cycle.demand.wrench + 1.0
+    found = decode([encode(replace(cycle, demand=replace(cycle.demand, desired=desired)), rig)], rig)
+    np.testing.assert_array_equal(found["desired"], [desired])
+    np.testing.assert_array_equal(found["demanded"], [cycle.demand.wrench])
+
+
 def test_a_log_from_before_a_column_was_added_has_none_of_it():
     rig = runs.seven()
     rows = [json.loads(encode(cycle, rig)) for cycle in runs.cycles(rig, 3)]
     old = [json.dumps({name: row[name] for name in row.keys() - LATER_COLUMNS}).encode() for row in rows]
     found = decode(old, rig)
     assert np.isnan(found["upper_now"]).all()
+    np.testing.assert_array_equal(found["demanded"], found["desired"])
     assert found["upper_now"].shape == (3, 7)
     assert found["brake_states"].tolist() == [[-1] * 7] * 3
     np.testing.assert_array_equal(found["anchors"], [rig.anchors] * 3)
