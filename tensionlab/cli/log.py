@@ -17,6 +17,7 @@ from tensionlab.cli.compare import STATUS_LEGEND, print_scores
 from tensionlab.comparison import replay as replays
 from tensionlab.comparison.replay import COLUMNS
 from tensionlab.display import count, duration
+from tensionlab.errors import LogError
 from tensionlab.hardware.log import reader
 from tensionlab.hardware.log.reader import MAX_EVENTS, MODULE_HEADINGS
 
@@ -125,15 +126,17 @@ def view(
     The rig as it was at each time, with cables by tension, forces, brakes and modules; events to go to; and what
     another solver would have commanded. Ctrl-C ends it.
     """
+    from tensionlab.scenarios.scenery import read_scenery
     from tensionlab.view.recorded import require_drawable
     from tensionlab.view.replay import ReplayPage
     from tensionlab.view.server import PageServer
 
     run = _read(path)
     require_drawable(run, path)
+    scenery = read_scenery(run.setup.scenery, run.rig, str(path), LogError)
     if solver:
         options.check_solvers(run.rig, [solver], None)
-    page = ReplayPage(run, PageServer(port=port), solver)
+    page = ReplayPage(run, PageServer(port=port), solver, scenery)
     with if_interrupted("the same command shows the run again"), closing(page):
         open_page(page.server.url, path.name, browser=browser)
         page.serve(lambda: False)

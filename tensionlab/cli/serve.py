@@ -35,6 +35,7 @@ from tensionlab.model.files import load_rig
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios import SCENARIOS, Scenario, ScenarioDemand, load_scenario
 from tensionlab.scenarios.play import module_limits, needs_tracker, temporary_slew
+from tensionlab.scenarios.scenery import as_mapping
 
 TOKEN_VARIABLE = "TENSIONLAB_BRIDGE_TOKEN"
 """Variable of the environment that may hold the token of clients."""
@@ -103,7 +104,9 @@ def serve(
     simulated hand is where the client says it is. Ctrl-C ends it, and all modules are stopped.
     """
     loaded, played = _loaded(rig, scenario)
-    standard = RunSettings() if played is None else RunSettings(rate=played.rate, nearest=played.nearest)
+    standard = RunSettings()
+    if played is not None:
+        standard = RunSettings(played.rate, nearest=played.nearest, scenery=as_mapping(played, repeat=True))
     settings = standard if rate is None else replace(standard, rate=rate)
     client = ClientState(loaded)
     options.check_solvers(loaded, [solver], settings.nearest)

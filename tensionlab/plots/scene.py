@@ -7,13 +7,13 @@ right, shortened. So sizes can be read off, and what stands behind one another c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import permutations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.display import BLUE, GREEN, ORANGE, RED
+from tensionlab.scenarios.stick_figure import HEAD_M, stick_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,13 +39,6 @@ LOOKS: dict[str, dict[str, Any]] = {
     "virtual surface": {"color": SURFACE_COLOUR, "linewidth": 2.4},
     "where brakes hold": {"color": GREEN, "linewidth": 2.4},
 }
-JOINT_HEIGHTS_M = {"hip": 0.92, "shoulder": 1.42, "head": 1.66}
-"""Of the joints of a person who stands upright, unless they are known to be elsewhere."""
-LIMB_M = 0.30
-"""Of an upper arm, and of a forearm with half a hand."""
-SHOULDER_M, STANCE_M, HEAD_M = 0.18, 0.12, 0.10
-"""From the middle to a shoulder, from the middle to a foot, and of the head's radius."""
-
 View = Callable[[Floats], Floats]
 """Projection of points (..., d) to the figure, (..., 2)."""
 
@@ -225,53 +218,11 @@ def _draw_patch(axes: Axes, view: View, up: int, middle: Floats, normal: Floats,
 
 
 def draw_person(axes: Axes, view: View, up: int, stands: Floats, places: Sequence[tuple[str, Floats]]) -> None:
-    """Draw a light stick figure that stands at a place between its feet, with its known parts where they are.
-
-    "hand", "head", "torso" (between the shoulders), "shoulder", "hip" or "foot" in the name of a place tells the
-    part.
-    """
+    """Draw a light stick figure: `tensionlab.scenarios.stick_figure`."""
     from matplotlib.patches import Circle
 
-    above = np.eye(3)[up]
-    parts = (*JOINT_HEIGHTS_M, "torso", "hand", "foot")
-    known = {part: [place for name, place in places if part in name] for part in parts}
-
-    def mean_of(part: str, otherwise: Floats) -> Floats:
-        return np.mean(known[part], axis=0) if known[part] else otherwise
-
-    hips, shoulders, head = (mean_of(part, stands + height * above) for part, height in JOINT_HEIGHTS_M.items())
-    ahead = np.where(np.arange(3) == up, 0.0, mean_of("hand", shoulders) - stands)  # along the floor
-    length = np.linalg.norm(ahead)
-    ahead = ahead / length if length > 1e-6 else np.eye(3)[0]
-    left = np.cross(above, ahead)
-    if len(known["shoulder"]) == 1:  # the right one or the left one
-        shoulders = shoulders - np.sign(left @ (known["shoulder"][0] - stands)) * SHOULDER_M * left
-    shoulders = mean_of("torso", shoulders)
-    neck = (JOINT_HEIGHTS_M["head"] - JOINT_HEIGHTS_M["shoulder"]) * above
-    if known["head"] and not (known["shoulder"] or known["torso"]):
-        shoulders = head - neck
-    if not known["head"]:
-        head = shoulders + neck
-    feet = known["foot"] or [stands + side * STANCE_M * (left + ahead) for side in (1.0, -1.0)]
-    ends = [shoulders + side * SHOULDER_M * left for side in (-1.0, 1.0)]
-    hands = known["hand"] + [end - 2 * LIMB_M * above for end in ends][len(known["hand"]) :]
-    pairs = [list(pair) for pair in permutations(hands[:2])]
-    hands = min(pairs, key=lambda pair: float(np.linalg.norm(np.array(ends) - np.array(pair), axis=1).sum()))
-    lines = [*([hips, foot] for foot in feet), [hips, shoulders, head], ends]
-    lines += [[end, _elbow(end, hand, -above), hand] for end, hand in zip(ends, hands, strict=True)]
-    for line in lines:
-        axes.plot(*view(np.array(line)).T, color=PERSON_COLOUR, linewidth=7.0, solid_capstyle="round",
+    figure = stick_figure(stands, np.eye(3)[up], places)
+    for line in figure.lines:
+        axes.plot(*view(line).T, color=PERSON_COLOUR, linewidth=7.0, solid_capstyle="round",
                   solid_joinstyle="round", zorder=1)  # fmt: skip
-    axes.add_patch(Circle(tuple(view(head)), HEAD_M, color=PERSON_COLOUR, linewidth=0.0, zorder=1))
-
-
-def _elbow(shoulder: Floats, hand: Floats, down: Floats) -> Floats:
-    """Return where the elbow hangs."""
-    arm = hand - shoulder
-    size, middle = float(np.linalg.norm(arm)), shoulder + arm / 2
-    if size >= 2 * LIMB_M or size == 0.0:
-        return middle
-    hanging = down - (down @ arm) / size**2 * arm
-    if (length := float(np.linalg.norm(hanging))) > 1e-6:
-        middle = middle + hanging / length * np.sqrt(LIMB_M**2 - size**2 / 4)
-    return middle
+    axes.add_patch(Circle(tuple(view(figure.head)), HEAD_M, color=PERSON_COLOUR, linewidth=0.0, zorder=1))

@@ -28,6 +28,7 @@ from tensionlab.records import manifest
 from tensionlab.scenarios.demand_source import Notify, ScenarioDemand
 from tensionlab.scenarios.person import Person, PersonRecord
 from tensionlab.scenarios.scenario import Scenario
+from tensionlab.scenarios.scenery import as_mapping
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -169,7 +170,7 @@ def perform(
 
 
 def _settings(scenario: Scenario) -> RunSettings:
-    return RunSettings(rate=scenario.rate, nearest=scenario.nearest)
+    return RunSettings(rate=scenario.rate, nearest=scenario.nearest, scenery=as_mapping(scenario))
 
 
 def module_limits(rig: Rig, group: ModuleGroup) -> ModuleLimits:

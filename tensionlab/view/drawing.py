@@ -152,15 +152,15 @@ class Drawing:
         for name, node in self._arrows.items():
             set_arrow(node, scene.arrows.get(name))
         for name, mesh in (("available", scene.available), ("plane", scene.plane)):
-            _set_mesh(self._meshes[name], mesh)
+            set_mesh(self._meshes[name], mesh)
         self._show_modules(scene, state)
         self._hand.position, self._tip.position = scene.hand, scene.tip
         self._show_gizmo(scene, state)
 
     def show_workspace(self, surface: Mesh | None, ghost: Mesh | None, slices: Sequence[Slice]) -> None:
         """Bring the surface of the workspace, that of the other rig, and the slices up to date."""
-        _set_mesh(self._meshes["workspace"], surface)
-        _set_mesh(self._meshes["ghost workspace"], ghost)
+        set_mesh(self._meshes["workspace"], surface)
+        set_mesh(self._meshes["ghost workspace"], ghost)
         for node, shown in zip_longest(self._slices, slices):
             node.visible = shown is not None
             if shown is not None:
@@ -324,7 +324,7 @@ def set_arrow(node: Any, arrow: Arrow | None) -> None:
     node.visible = there
 
 
-def _set_mesh(node: Any, mesh: Mesh | None) -> None:
+def set_mesh(node: Any, mesh: Mesh | None) -> None:
     """Show a mesh in a node that is never invisible: those that become visible are made anew, in another order."""
     shown = NOTHING if mesh is None or not len(mesh.faces) else mesh
     node.vertices, node.faces = shown.vertices, shown.faces

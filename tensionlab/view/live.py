@@ -18,11 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from tensionlab.errors import TensionlabError
+from tensionlab.errors import LogError, TensionlabError
 from tensionlab.hardware.log.shared_run import POLL_S, RunInfo, RunReport, RunWatcher
 from tensionlab.operating_system import lower_priority
+from tensionlab.scenarios.scenery import Scenery, read_scenery
 from tensionlab.view import live_words
-from tensionlab.view.instant import Instant, draw
+from tensionlab.view.instant import Instant
 from tensionlab.view.run_drawing import RunDrawing
 from tensionlab.view.server import PageServer
 from tensionlab.view.stop import StopOutcome, stop_modules
@@ -45,6 +46,7 @@ class LivePage:
         self.server, self._watcher = server, watcher
         self._drawing: RunDrawing | None = None
         self._info: RunInfo | None = None
+        self._scenery: Scenery | None = None
         self._shown: RunReport | None = None
         self._fresh = False
         self._beat = 0
@@ -62,7 +64,7 @@ class LivePage:
         stop = gui.add_button(
             "STOP ALL MODULES", color="red"
         )  # first, and the rest short: it is not scrolled away
-        self._outcome, self._heading, self._forces = (gui.add_html("") for _ in range(3))
+        self._outcome, self._heading, self._phases, self._forces = (gui.add_html("") for _ in range(4))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Modules"):
             self._modules = gui.add_html("")
@@ -123,11 +125,15 @@ class LivePage:
     def _begin(self, info: RunInfo) -> None:
         """Begin to show a run: the first, or another one of its process."""
         self._info = info
+        try:
+            self._scenery = read_scenery(info.scenery, info.rig, "the run", LogError)
+        except LogError:  # of another version of this package: then without it
+            self._scenery = None
         self.server.viser.scene.reset()
         self._drawing = None
         self._starts.clear()
         self._computes.clear()
-        for part in (self._outcome, self._forces, self._modules, self._events, self._times):
+        for part in (self._outcome, self._phases, self._forces, self._modules, self._events, self._times):
             part.content = ""
 
     def _draw(self, report: RunReport | None, *, fresh: bool) -> None:
@@ -136,8 +142,8 @@ class LivePage:
         rig = self._info.rig
         instant = Instant.of(rig, report.cycle)
         if self._drawing is None:
-            self._drawing = RunDrawing(self.server.viser, rig, instant)
-        self._drawing.show(draw(rig, instant, fresh=fresh))
+            self._drawing = RunDrawing(self.server.viser, rig, instant, self._scenery)
+        self._drawing.show(instant, fresh=fresh)
 
     def _keep_times(self, report: RunReport) -> None:
         """Keep the times of cycles that are new since the report before."""
@@ -157,6 +163,7 @@ class LivePage:
             return
         instant = Instant.of(info.rig, report.cycle)
         for part, text in (
+            (self._phases, live_words.phases(self._scenery, instant.time)),
             (self._forces, live_words.forces(info.rig, instant)),
             (self._modules, live_words.modules(info, report, instant, fresh=fresh)),
             (self._times, live_words.times(info, report, np.array(self._starts), np.array(self._computes))),

@@ -13,6 +13,7 @@ from tensionlab.hardware.log.shared_run import Condition, RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.model.rig import Rig
+from tensionlab.scenarios.scenery import Scenery
 from tensionlab.view.instant import BESIDE_COLOUR, ENLARGED, FORCES, Instant
 from tensionlab.view.scene import force_scale, ramp
 from tensionlab.view.stop import StopOutcome
@@ -109,6 +110,14 @@ def renewed_heading(html: str, beat: int) -> str:
         f'<div data-beat="{beat}" style="{hides}">{html}</div>'
         f'<div style="max-height:0;opacity:0;{shows}">{box(RED, "NO NEWS", text)}</div>'
     )
+
+
+def phases(scenery: Scenery | None, time: float) -> str:
+    """Return which scenario is played, and its phases at a time, as HTML; nothing without one."""
+    if scenery is None:
+        return ""
+    names = ", ".join(escape(phase.name) for phase in scenery.active_phases(time)) or "none"
+    return f'<div style="{SMALL}">{escape(scenery.title)}, phase: <b>{names}</b></div>'
 
 
 def forces(rig: Rig, instant: Instant) -> str:

@@ -42,7 +42,7 @@ def info_of(run: Run) -> RunInfo:
     """Return what did not change while the run lasted."""
     setup = run.setup
     call = str(run.manifest.get("call", ""))
-    return RunInfo(0, 0, call, run.rig, setup.solver, setup.rate, setup.ttl, setup.links)
+    return RunInfo(0, 0, call, run.rig, setup.solver, setup.rate, setup.ttl, setup.links, setup.scenery)
 
 
 def cycle_of(run: Run, index: int) -> dict[str, NDArray[Any]]:

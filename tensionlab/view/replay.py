@@ -16,13 +16,14 @@ from tensionlab.arrays import Floats
 from tensionlab.errors import TensionlabError
 from tensionlab.hardware.log.reader import Run
 from tensionlab.hardware.log.shared_run import POLL_S
+from tensionlab.scenarios.scenery import Scenery
 from tensionlab.view import live_words, playback, replay_words, words
-from tensionlab.view.instant import Instant, draw
+from tensionlab.view.instant import Instant
 from tensionlab.view.panel import PANEL_PIXELS, entered, pressed, solver_names
 from tensionlab.view.playback import ALL, SPEEDS, Change, Playback, cycle_at
 from tensionlab.view.recorded import answer_at, info_of, instant_at, report_at
 from tensionlab.view.run_drawing import RunDrawing
-from tensionlab.view.run_marks import KINDS, Mark, marks
+from tensionlab.view.run_marks import KINDS, Mark, marks, phase_bands
 from tensionlab.view.server import PageServer
 
 WORDS_PERIOD_S = 0.1
@@ -40,20 +41,21 @@ class ReplayPage:
     Call `turn` some thirty times a second, in one thread; `serve` does.
     """
 
-    def __init__(self, run: Run, server: PageServer, solver: str = "") -> None:
+    def __init__(self, run: Run, server: PageServer, solver: str = "", scenery: Scenery | None = None) -> None:
         self.server = server
         begin, end = float(run.time[0]), float(run.time[-1])
         self.state = Playback(begin, end, begin, solver=solver)
-        self._run, self._info = run, info_of(run)
+        self._run, self._info, self._scenery = run, info_of(run), scenery
         self._marks = marks(run)
-        self._phases = [mark for mark in self._marks if mark.kind == "phase"]
+        durations = {} if scenery is None else {each.name: each.end - each.begin for each in scenery.phases}
+        self._bands = phase_bands(self._marks, end, durations)
         self._curves = replay_words.curves(run)
         self._changes: deque[Change] = deque()
         self._shown: Playback | None = None
         self._drawn: tuple[int, str] | None = None
         self._answer: tuple[Allocation | None, str] = (None, "")
         self._now, self._words_due = time.perf_counter(), 0.0
-        self._drawing = RunDrawing(server.viser, run.rig, instant_at(run, 0), covered=TIMELINE_SHARE)
+        self._drawing = RunDrawing(server.viser, run.rig, instant_at(run, 0), scenery, covered=TIMELINE_SHARE)
         self._add_timeline()
         self._add_panel()
         self.turn()
@@ -99,7 +101,7 @@ class ReplayPage:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PIXELS)
         self._theme()
-        self._heading, self._forces = (gui.add_html("") for _ in range(2))
+        self._heading, self._played, self._forces = (gui.add_html("") for _ in range(3))
         tabs = gui.add_tab_group()
         with tabs.add_tab("Modules"):
             self._modules = gui.add_html("")
@@ -166,7 +168,7 @@ class ReplayPage:
             return
         self._drawn = self.index, self.state.solver
         self._answer = self._answered()
-        self._drawing.show(draw(self._run.rig, self._instant()))
+        self._drawing.show(self._instant())
 
     def _answered(self) -> tuple[Allocation | None, str]:
         """Return what the solver beside answers, and why it does not."""
@@ -184,7 +186,8 @@ class ReplayPage:
         run, state, index, listed = self._run, self.state, self.index, self.listed
         report, instant = report_at(run, index), self._instant()
         self._heading.content = replay_words.heading(run, state, index)
-        self._timeline.content = replay_words.timeline(state, listed, self._phases, self._curves)
+        self._timeline.content = replay_words.timeline(state, listed, self._bands, self._curves)
+        self._played.content = live_words.phases(self._scenery, state.time)
         self._forces.content = live_words.forces(run.rig, instant)
         self._modules.content = live_words.modules(self._info, report, instant)
         self._events.content = replay_words.events(listed, state.time)

@@ -15,7 +15,7 @@ from tensionlab.solvers.base import Status
 from tensionlab.view.instant import BESIDE_COLOUR, FORCES
 from tensionlab.view.live_words import DECIMALS, SMALL
 from tensionlab.view.playback import Playback
-from tensionlab.view.run_marks import KINDS, Mark
+from tensionlab.view.run_marks import KINDS, Band, Mark
 from tensionlab.view.words import STATUS_WORDS, box, note, number, rows, vector
 
 BINS = 400
@@ -45,21 +45,21 @@ def heading(run: Run, state: Playback, index: int) -> str:
     return box(colour, word, f"{words}<br>{where}, {escape(run.setup.solver)}{cut}")
 
 
-def timeline(state: Playback, shown: Sequence[Mark], phases: Sequence[Mark], curves: str) -> str:
+def timeline(state: Playback, shown: Sequence[Mark], bands: Sequence[Band], curves: str) -> str:
     """Return the run over time: phases, sizes of forces, marks of events, and the time that is shown."""
     span = max(state.end - state.begin, 1e-9)
 
     def at(time: float) -> float:
         return 100.0 * min(max((time - state.begin) / span, 0.0), 1.0)
 
-    bands = "".join(
-        f'<div style="position:absolute;left:{at(phase.time):.2f}%;'
-        f"width:calc({at(end) - at(phase.time):.2f}% - 2px);"
-        f"height:{ROW_PIXELS - 2}px;background:rgba(128,128,128,.22);border-radius:2px;overflow:hidden;"
-        f'padding-left:3px;box-sizing:border-box;white-space:nowrap;text-overflow:ellipsis">'
-        f"{escape(phase.text)}</div>"
-        for phase, end in zip(phases, [*(each.time for each in phases[1:]), state.end], strict=False)
+    phases = "".join(
+        f'<div style="position:absolute;left:{at(band.begin):.2f}%;top:{band.row * ROW_PIXELS}px;'
+        f"width:calc({at(band.end) - at(band.begin):.2f}% - 2px);height:{ROW_PIXELS - 2}px;padding-left:3px;"
+        "background:rgba(128,128,128,.22);border-radius:2px;overflow:hidden;box-sizing:border-box;"
+        f'white-space:nowrap;text-overflow:ellipsis">{escape(band.name)}</div>'
+        for band in bands
     )
+    height = ROW_PIXELS * (1 + max((band.row for band in bands), default=-1))
     ticks = "".join(
         f'<div style="position:absolute;left:calc({at(mark.time):.2f}% - 1px);width:2px;height:{TICKS_PIXELS}px;'
         f'background:{KINDS[mark.kind]}"></div>'
@@ -69,9 +69,9 @@ def timeline(state: Playback, shown: Sequence[Mark], phases: Sequence[Mark], cur
         f'<div style="position:absolute;left:calc({at(state.time):.3f}% - 1px);top:0;bottom:0;width:2px;'
         'background:currentColor"></div>'
     )
-    row = f'<div style="position:relative;height:{ROW_PIXELS}px;font-size:10px">{bands}</div>' if bands else ""
     return (
-        f'<div style="position:relative;margin:.3em .75em 0">{row}{curves}'
+        f'<div style="position:relative;margin:.3em .75em 0">'
+        f'<div style="position:relative;height:{height}px;font-size:10px">{phases}</div>{curves}'
         f'<div style="position:relative;height:{TICKS_PIXELS}px">{ticks}</div>{cursor}</div>'
     )
 

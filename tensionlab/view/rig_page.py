@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import sys
 import webbrowser
 from html import escape
@@ -32,6 +33,7 @@ class RigPage:
     def __init__(self, rig: Rig) -> None:
         self._page = DesignPage(rig, PageServer())
         self.url = self._page.server.url
+        atexit.register(self.close)  # before viser closes its server, and says so
 
     @property
     def rig(self) -> Rig:
@@ -40,6 +42,7 @@ class RigPage:
 
     def close(self) -> None:
         """Close the page; the rig stays as it was designed."""
+        atexit.unregister(self.close)
         self._page.close()
 
     def __repr__(self) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,35 @@ def _lasting(run: Run, flags: NDArray[np.bool_], kind: str, text: str) -> Iterat
         to_end = last == len(run) - 1
         duration = "to the end" if to_end else f"for {short(float(run.time[last + 1] - run.time[first]))} s"
         yield Mark(float(run.time[first]), kind, f"{text}, {duration}")
+
+
+class Band(NamedTuple):
+    """Phase in a timeline: its name, when it began and ended, in s, and the row in which it overlaps no other."""
+
+    name: str
+    begin: float
+    end: float
+    row: int
+
+
+def phase_bands(found: Sequence[Mark], end: float, durations: Mapping[str, float]) -> list[Band]:
+    """Return the phases among marks, each as long as its duration by name in s, or up to the next one.
+
+    Examples
+    --------
+    >>> from tensionlab.view.run_marks import Mark, phase_bands
+    >>> draw, full = Mark(0.0, "phase", "draw"), Mark(0.5, "phase", "full draw")
+    >>> [(band.end, band.row) for band in phase_bands([draw, full], 6.0, {"draw": 5.0})]
+    [(5.0, 0), (6.0, 1)]
+    """
+    phases = [mark for mark in found if mark.kind == "phase"]
+    bands: list[Band] = []
+    for i, mark in enumerate(phases):
+        following = phases[i + 1].time if i + 1 < len(phases) else end
+        stop = min(mark.time + durations.get(mark.text, following - mark.time), end)
+        taken = {band.row for band in bands if band.end > mark.time + GAP_S / 10}
+        bands.append(Band(mark.text, mark.time, stop, min(set(range(len(taken) + 1)) - taken)))
+    return bands
 
 
 def spells(time: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tensionlab.plots.scene import JOINT_HEIGHTS_M, LIMB_M, SHOULDER_M, draw_person
+from tensionlab.plots.scene import draw_person
+from tensionlab.scenarios.stick_figure import JOINT_HEIGHTS_M, LIMB_M, SHOULDER_M
 
 
 def drawn(*places, stands=(0.0, 0.0, 0.0)):

@@ -13,7 +13,7 @@ from tensionlab.view import replay_words
 from tensionlab.view.instant import BESIDE_COLOUR
 from tensionlab.view.playback import Playback
 from tensionlab.view.recorded import answer_at
-from tensionlab.view.run_marks import KINDS, Mark
+from tensionlab.view.run_marks import KINDS, Band, Mark
 from tests.support import runs
 
 
@@ -50,11 +50,11 @@ def test_the_heading_says_what_was_not_as_it_should_be(run):
 
 
 def test_the_timeline_has_marks_phases_and_the_time_that_is_shown_where_they_are():
-    phases = [Mark(0.0, "phase", "draw"), Mark(1.0, "phase", "<full>")]
+    phases = [Band("draw", 0.0, 2.0, 0), Band("<full>", 1.0, 2.0, 1)]
     marks = [Mark(1.5, "fault", "top: ENCODER")]
     text = replay_words.timeline(Playback(0.0, 2.0, 0.5), marks, phases, "<svg/>")
     assert f"left:calc(75.00% - 1px);width:2px;height:12px;background:{KINDS['fault']}" in text
-    assert "left:50.00%;width:calc(50.00% - 2px)" in text
+    assert "left:50.00%;top:15px;width:calc(50.00% - 2px)" in text
     assert "left:calc(25.000% - 1px)" in text
     assert plain(text) == "draw &lt;full&gt;"
 

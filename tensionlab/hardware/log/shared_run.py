@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import count, islice
 from typing import Any, Literal, Protocol
 
@@ -72,6 +72,8 @@ class RunInfo:
         As in `RunSettings`; the solver by its name, or that of its class.
     links : mapping of str to str
         Where each module is reached, by its name.
+    scenery : mapping
+        As in `RunSettings`.
     """
 
     number: int
@@ -82,6 +84,7 @@ class RunInfo:
     rate: float
     ttl: float
     links: Mapping[str, str]
+    scenery: Mapping[str, Any] = field(default_factory=dict)
 
 
 class SharedRun:
@@ -99,7 +102,9 @@ class SharedRun:
         self._published, self._run, self._rig, self._clients = published, run, rig, clients
         self._number = next(_numbers)
         links = {client.name: client.link.url for client in clients}
-        info = RunInfo(self._number, os.getpid(), program(), rig, solver, settings.rate, settings.ttl, links)
+        info = RunInfo(
+            self._number, os.getpid(), program(), rig, solver, settings.rate, settings.ttl, links, settings.scenery
+        )
         setup = json.dumps(vars(info) | {"rig": rig_to_toml(rig)}).encode()
         published.topics |= {SETUP: lambda: setup, RUN: self.pack}
 

@@ -8,7 +8,7 @@ import os
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -49,7 +49,7 @@ EVENT_SCHEMA = {
 
 @dataclass(frozen=True)
 class RunSetup:
-    """Setup of a run; rate, ttl and on_loss are as in `RunSettings`."""
+    """Setup of a run; rate, ttl, on_loss and scenery are as in `RunSettings`."""
 
     solver: str  # its name in `tensionlab.SOLVERS`; of one that was given as an instance, that of its class
     parameters: Mapping[str, Any]  # the solver's hyper-parameters
@@ -60,6 +60,7 @@ class RunSetup:
     lower: tuple[float, ...]  # tension limits that the solver kept to, in N
     upper: tuple[float, ...]
     links: Mapping[str, str]  # where each module was reached, by its name
+    scenery: Mapping[str, Any] = field(default_factory=dict)
 
 
 def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mapping[str, str]) -> RunSetup:
@@ -75,6 +76,7 @@ def setup_of(rig: Rig, solver: str | Solver, settings: RunSettings, links: Mappi
         lower=tuple(rig.limits.lower.tolist()),
         upper=tuple(rig.limits.upper.tolist()),
         links=links,
+        scenery=settings.scenery,
     )
 
 
