@@ -45,7 +45,10 @@ DASHES = 24
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """What another solver would have commanded: tensions (m,) in N, and their wrench (n,) in N and N·m."""
+    """What another solver would have commanded.
+
+    Tensions (m,) in N, NaN where no set-point was sent, and the wrench (n,) in N and N·m of all modules.
+    """
 
     solver: str
     tensions: Floats

@@ -94,7 +94,9 @@ def instant_at(run: Run, index: int, solver: str = "", answer: Allocation | None
     instant = Instant.of(run.rig, cycle)
     if answer is None:
         return instant
-    return replace(instant, beside=Beside(solver, answer.tensions, answer.wrench + not_the_solvers(cycle)))
+    sent = np.isfinite(instant.set_points)  # to springs and lost modules nothing is
+    tensions = np.where(sent, answer.tensions, np.nan)
+    return replace(instant, beside=Beside(solver, tensions, answer.wrench + not_the_solvers(cycle)))
 
 
 def answer_at(run: Run, index: int, solver: str) -> Allocation | None:

@@ -159,6 +159,8 @@ def answer(run: Run, index: int, solver: str, found: Allocation | None) -> str:
     for i, module in enumerate(run.rig.modules):
         chosen, sent, other = float(run.chosen[index, i]), float(run.commanded[index, i]), float(found.tensions[i])
         values = (short(chosen), short(sent), short(other), number(round(other - chosen, DECIMALS)))
+        if not np.isfinite(sent):  # a spring, or lost: no solver is asked for it
+            values = ("–", "–", "–", "–")
         body += (
             f'<tr><td style="white-space:nowrap">{escape(module.name)}</td>'
             + "".join(f'<td style="{look}">{value}</td>' for value in values)

@@ -127,7 +127,7 @@ class RunDrawing:
         """Bring all nodes up to date; an instant that is not fresh is grey."""
         scene = draw(self._rig, instant, fresh=fresh)
         if self._around is not None and self._scenery is not None:
-            self._around.show(draw_scenery(self._scenery, self._rig, instant))
+            self._around.show(draw_scenery(self._scenery, self._rig, instant, fresh=fresh))
         set_lines(self._cables, scene.cables)
         set_lines(self._platform, scene.platform)
         for name, node in self._arrows.items():

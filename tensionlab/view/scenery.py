@@ -60,13 +60,14 @@ class SceneryScene:
         return np.concatenate([*parts, np.empty((0, 3)) if self.head is None else self.head[None]])
 
 
-def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant) -> SceneryScene:
-    """Return what is drawn around a rig at an instant of a run."""
+def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant, *, fresh: bool = True) -> SceneryScene:
+    """Return what is drawn around a rig at an instant of a run; where it is not fresh, no phase is in progress."""
     bodies = body_origins(rig, instant.anchors)
     origin = in_space(np.zeros(rig.dimension) if scenery.seen_from is None else bodies[scenery.seen_from])
     up = in_space(rig.upward) if rig.up is not None else np.array([0.0, 1.0, 0.0])
-    active = scenery.active_phases(instant.time)
-    surfaces, names = [], {}
+    active = scenery.active_phases(instant.time) if fresh else ()
+    surfaces: list[DrawnSurface] = []
+    names: dict[str, Label] = {}
     for phase in scenery.phases:
         for surface in phase.surfaces:
             mesh, rim = _shape(surface, origin, in_space(np.array(scenery.middle)), up)
@@ -75,7 +76,7 @@ def draw_scenery(scenery: Scenery, rig: Rig, instant: Instant) -> SceneryScene:
             shown = mesh if now else replace(mesh, faces=mesh.faces[:0])
             surfaces.append(DrawnSurface(shown, _lines(rim, colour), colour))
             if now:
-                names[rim[0, 0].tobytes()] = Label(rim[0, 0], phase.name)
+                names.setdefault(phase.name, Label(rim[0, 0], phase.name))
     places = {scenery.held_name(rig) or "hand": in_space(instant.hand)}
     places |= {(scenery.labels or {}).get(name, name): in_space(place) for name, place in bodies.items()}
     person, head = _person(scenery, up, places)

@@ -69,6 +69,8 @@ def test_another_solver_answers_the_same_wrench_with_the_modules_that_took_part(
     assert found.tensions == pytest.approx(expected.tensions)
     assert found.tensions[2] == 0.0
     instant = instant_at(run, 70, "newton", found)
+    assert np.isnan(instant.beside.tensions[2])
+    assert instant.beside.tensions[active] == pytest.approx(found.tensions[active])
     assert instant.beside.wrench == pytest.approx(found.wrench)
     arrow = draw(run.rig, instant).arrows["beside"]
     assert arrow.colour == BESIDE_COLOUR

@@ -87,6 +87,8 @@ def test_only_surfaces_of_phases_in_progress_are_filled_and_named(bow):
     over, active = (draw_scenery(found, rig, replace(instant, time=time)) for time in (4.0, 1.0))
     assert (len(over.surfaces[0].mesh.faces), over.surfaces[0].colour) == (0, GREY)
     assert len(over.surfaces[0].edges.points) == len(active.surfaces[0].edges.points) > 0
+    old = draw_scenery(found, rig, replace(instant, time=1.0), fresh=False)
+    assert (len(old.surfaces[0].mesh.faces), old.surfaces[0].colour) == (0, GREY)
     assert (len(active.surfaces[0].mesh.faces) > 0, active.surfaces[0].colour) == (True, GREEN)
     assert [label.text for label in over.labels] == ["draw hand", "bow hand"]
     assert [label.text for label in active.labels] == ["draw hand", "bow hand", "full draw"]
