@@ -148,6 +148,7 @@ class PageServer:
         _require_free(host, port)
         gate = Gate(None if host in LOOPBACK else secrets.token_urlsafe(16))
         self.viser = _start(host, port, gate)
+        self.viser.scene.configure_default_lights(cast_shadow=False)  # half of the work without a graphics card
         bound = self.viser.get_port()
         name = f"[{host}]" if ":" in host else socket.gethostname() if host in ("0.0.0.0", "::") else host
         self.url = f"http://{name}:{bound}/" + ("" if gate.token is None else f"?token={gate.token}")
