@@ -78,8 +78,8 @@ class Panel:
             self._add_modules()
         with tabs.add_tab("Workspace"):
             self._add_workspace()
-        with tabs.add_tab("Solvers"):
-            self._solvers = SolverPanel(gui, self._edits, solver_names(self._rig))
+        with tabs.add_tab("Solvers") as tab:
+            self._solvers = SolverPanel(gui, self._edits, solver_names(self._rig), tab)
         with tabs.add_tab("Search"):
             self._add_search()
         with tabs.add_tab("File"):

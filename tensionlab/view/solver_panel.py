@@ -30,9 +30,10 @@ class SolverPanel:
         gui: viser.GuiApi,
         bind: Callable[[Any, Callable[[Any], edits.Edit]], Any],
         solvers: Sequence[str],
+        tab: Any,
     ) -> None:
-        """``bind`` makes what is entered in a field an edit."""
-        self._gui = gui
+        """``bind`` makes what is entered in a field an edit; charts that come later are put in ``tab``, too."""
+        self._gui, self._tab = gui, tab
         self._boxes = {}
         with gui.add_folder("compare with", expand_by_default=False):
             for name in solvers:
@@ -84,10 +85,11 @@ class SolverPanel:
             for i, name in enumerate(names)
         ]
         add: Any = self._gui.add_uplot
-        return add(
-            (along, *(np.zeros(len(along)) for _ in names)), tuple(series), title=" ", height=CHART_PIXELS,
-            scales={"x": {"time": False}}, legend={"show": False},
-        )  # fmt: skip
+        with self._tab:
+            return add(
+                (along, *(np.zeros(len(along)) for _ in names)), tuple(series), title=" ", height=CHART_PIXELS,
+                scales={"x": {"time": False}}, legend={"show": False},
+            )  # fmt: skip
 
 
 def _with_solver(name: str) -> Callable[[Any], edits.Edit]:
