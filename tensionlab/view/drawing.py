@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 TIP = "desired force"
 """What the end of the arrow of the desired force is called."""
-ANCHOR_SHARE, HAND_SHARE, BALL_SHARE = 0.012, 0.015, 0.010
-"""Radii of what can be grabbed, as shares of the size of the rig."""
+ANCHOR_SHARE, HAND_SHARE, BALL_SHARE, STUDY_SHARE = 0.012, 0.015, 0.010, 0.008
+"""Radii of what can be grabbed, and of the dots of a study, as shares of the size of the rig."""
+ARROW_SHARES = {"shaft_radius": 0.004, "head_radius": 0.010, "head_length": 0.03}
+"""Sizes of arrows, as such shares."""
 GIZMO_PIXELS = 70.0
 FIELD_OF_VIEW_RAD = 0.7
 CABLE_PIXELS, THIN_PIXELS = 3.0, 1.5
@@ -79,12 +81,12 @@ class Drawing:
         self._names: tuple[str, ...] = ()
         self._offset: dict[str, Floats] = {}
         self._gizmo_held = False
-        self._size = reach = size(state.rig)
-        rig, flat = state.rig, state.rig.dimension == 2
+        self._by_ball = ""  # what was dragged by its ball since it was clicked: arrows would be in its way
+        reach = size(state.rig)
+        flat = state.rig.dimension == 2
         self._server = server
         self._seen: tuple[object, ...] = ()
         scene.world_axes.visible = False
-        self._floor = add_floor(scene, rig)
         nothing, black = np.zeros((1, 2, 3)), np.zeros((1, 2, 3), np.uint8)
         self._lines = {
             name: scene.add_line_segments(
@@ -97,8 +99,7 @@ class Drawing:
         }  # fmt: skip
         self._arrows = {
             name: scene.add_arrows(
-                f"/arrows/{name}", nothing, linear(rgb(colour)), shaft_radius=0.004 * reach,
-                head_radius=0.010 * reach, head_length=0.03 * reach, visible=False,
+                f"/arrows/{name}", nothing, linear(rgb(colour)), visible=False,
             )
             for name, colour in ARROWS.items()
         }  # fmt: skip
@@ -120,11 +121,11 @@ class Drawing:
         self._meshes["workspace"].position = self._behind
         self._meshes["ghost workspace"].position = 1.5 * self._behind
         self._study = scene.add_point_cloud(
-            "/study", np.zeros((1, 3)), (0, 0, 0), point_size=0.008 * reach, point_shape="circle", visible=False
+            "/study", np.zeros((1, 3)), (0, 0, 0), point_shape="circle", visible=False
         )
         self._slices = [scene.add_image(f"/slices/{i}", CLEAR, 1.0, 1.0, visible=False) for i in range(3)]
-        self._hand = scene.add_icosphere("/hand", HAND_SHARE * reach, color=tuple(rgb(RED)), cast_shadow=False)
-        self._tip = scene.add_icosphere("/tip", BALL_SHARE * reach, color=tuple(rgb(ORANGE)), cast_shadow=False)
+        self._hand = scene.add_icosphere("/hand", color=tuple(rgb(RED)), cast_shadow=False)
+        self._tip = scene.add_icosphere("/tip", color=tuple(rgb(ORANGE)), cast_shadow=False)
         self._make_draggable(self._hand, HAND)
         self._make_draggable(self._tip, TIP)
         self._gizmo = scene.add_transform_controls(
@@ -146,6 +147,8 @@ class Drawing:
             task, d = state.task, state.rig.dimension
             walls = [outlines(task.space).reshape(-1, d)] if task is not None and task.space.dimension == d else []
             place_camera(self._server, state.rig, *walls)
+            add_floor(self._scene, state.rig, *walls)  # in place of the one before
+            self._reach = size(state.rig)
         for name, lines in (("cables", scene.cables), ("platform", scene.platform), ("ghost", scene.ghost),
                             ("walls", scene.walls), ("edges", scene.edges)):  # fmt: skip
             set_lines(self._lines[name], lines)
@@ -154,6 +157,7 @@ class Drawing:
         for name, mesh in (("available", scene.available), ("plane", scene.plane)):
             set_mesh(self._meshes[name], mesh)
         self._show_modules(scene, state)
+        self._show_sizes()
         self._hand.position, self._tip.position = scene.hand, scene.tip
         self._show_gizmo(scene, state)
 
@@ -180,9 +184,7 @@ class Drawing:
             self._anchors.pop().remove()
             self._labels.pop().remove()
         for i in range(len(self._anchors), len(self._names)):
-            node = self._scene.add_icosphere(
-                f"/anchors/{i}", ANCHOR_SHARE * self._size, color=tuple(rgb(BLUE)), cast_shadow=False
-            )
+            node = self._scene.add_icosphere(f"/anchors/{i}", color=tuple(rgb(BLUE)), cast_shadow=False)
             self._make_draggable(node, i)
             self._anchors.append(node)
             self._labels.append(self._scene.add_label(f"/labels/{i}", "", anchor="bottom-left"))
@@ -194,12 +196,24 @@ class Drawing:
             node.color = tuple(int(part) for part in rgb(ORANGE if name in bodies else BLUE))
             label.text = words.text
 
+    def _show_sizes(self) -> None:
+        """Have what is grabbed and the arrows suit the size of the rig, as it is when it is first looked at."""
+        for share, nodes in (
+            (ANCHOR_SHARE, self._anchors), (HAND_SHARE, [self._hand]), (BALL_SHARE, [self._tip]),
+        ):  # fmt: skip
+            for node in nodes:
+                node.radius = share * self._reach
+        self._study.point_size = STUDY_SHARE * self._reach
+        for arrow in self._arrows.values():
+            for name, share in ARROW_SHARES.items():
+                setattr(arrow, name, share * self._reach)
+
     def _show_gizmo(self, scene: Scene, state: State) -> None:
         """Put the handle with arrows at what is selected, unless it is being dragged."""
         if self._gizmo_held:
             return
         self._gizmo_at = state.selected
-        self._gizmo.visible = state.selected in (*self._names, HAND)
+        self._gizmo.visible = state.selected in (*self._names, HAND) and state.selected != self._by_ball
         if state.selected in self._names:
             self._gizmo.position = scene.anchors[self._names.index(state.selected)]
             self._gizmo.wxyz = (1.0, 0.0, 0.0, 0.0)
@@ -220,11 +234,13 @@ class Drawing:
             here = name()
             if event.phase == "start":
                 self._offset[here] = np.subtract(node.position, event.start_position)
+                self._by_ball = here
                 self._on_select(here)
             place = np.asarray(event.end_position) + self._offset.get(here, 0.0)
             self._on_grab(Grab(here, event.phase, place, np.array(event.client.camera.position)))
 
         async def clicked(event: Any) -> None:
+            self._by_ball = ""
             self._on_select(name())
 
         node.on_drag("left")(dragged)

@@ -185,7 +185,8 @@ def move_anchor(state: State, name: str, place: ArrayLike) -> State:
     module, point = find(state, name), snap(state, place)
     if state.task is not None and state.task.space.dimension == state.rig.dimension:
         point = np.round(nearest_on_surfaces(state.task.space, point), DECIMALS) + 0.0
-    return _replaced(state, module, anchor=in_frame(state.rig, module.frame, point))
+    anchor = in_frame(state.rig, module.frame, point)
+    return state if np.array_equal(anchor, module.anchor) else _replaced(state, module, anchor=anchor)
 
 
 def move_attachment(state: State, name: str, place: ArrayLike) -> State:
@@ -280,15 +281,14 @@ def of_ghost(state: State, ghost: Rig) -> State:
 
 
 def replace_rig(state: State, rig: Rig) -> State:
-    """Show another rig of the same kind, as a search found it; the hand stays where it is if it can."""
+    """Show another rig, as a search found it, with the hand at its home; what is desired stays if it can."""
     shown = begin(rig)
-    kept = rig.kind == state.rig.kind
     return replace(
         state,
         rig=rig,
-        position=state.position if kept else shown.position,
-        rotation=state.rotation if kept else shown.rotation,
-        wrench=state.wrench if kept else shown.wrench,
+        position=shown.position,
+        rotation=shown.rotation,
+        wrench=state.wrench if rig.kind == state.rig.kind else shown.wrench,
         selected="",
     )
 
