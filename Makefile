@@ -11,7 +11,7 @@ BUILD_TOOLS := scikit-build-core nanobind hatch-fancy-pypi-readme setuptools $(f
 export TENSIONLAB_BUILDS ?= $(if $(wildcard .venv/dev.stamp),all,native)
 NATIVE := $(wildcard tensionlab/native/*/*.[ch]pp firmware/*/*.[ch]pp)
 
-.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner stress file-fuzz soak faults impacts what-if hostile figures docs docs-check generated checksums clean
+.PHONY: demo install test test-fast coverage check firmware-check format bench bench-quick bench-readme bench-workspace bench-brakes bench-runner bench-view stress file-fuzz soak soak-view faults impacts what-if hostile figures docs docs-check generated checksums clean
 
 demo: .venv/user.stamp
 	@mkdir -p out
@@ -87,6 +87,13 @@ bench-brakes: .venv/dev.stamp
 bench-runner: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.runner
 	@$(BIN)/python -m benchmarks.runner_view
+
+# In a browser; other load on the computer disturbs it.
+bench-view: .venv/dev.stamp
+	@$(BIN)/python -m benchmarks.view_latency
+
+soak-view: .venv/dev.stamp
+	@$(BIN)/python -m benchmarks.view_soak
 
 what-if: .venv/dev.stamp
 	@$(BIN)/python -m tensionlab.validation.what_if --out datasets/what-if/paper-like-simulated.parquet
