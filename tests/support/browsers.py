@@ -12,6 +12,8 @@ from tensionlab.view.server import PageServer
 from tools.site.browser import installed
 
 OPTIONS = ("--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--no-sandbox", "--disable-dev-shm-usage")
+VISER = "viser-v1.1.1"
+"""Subprotocol of viser's WebSocket."""
 HANGS_S = 600.0
 """Only what hangs takes so long."""
 BROWSER = installed()
@@ -85,10 +87,18 @@ class Tab:
         """Open a tab of the panel."""
         self.tab.get_by_role("tab", name=label, exact=True).click()
 
+    def open_folder(self, label):
+        """Open a folder of the panel."""
+        self.tab.get_by_text(label, exact=True).locator("visible=true").click()
+
     def enter(self, label, text):
         """Enter text into a field of the panel."""
         # Labels of viser are beside their fields, and not tied to them.
         self.tab.locator(f'//*[normalize-space(text())="{label}"]/following::input[1]').fill(text)
+
+    def check(self, label):
+        """Tick a box of the panel."""
+        self.tab.locator(f'//*[normalize-space(text())="{label}"]/following::input[1]').check()
 
     def pixel(self, place):
         """Where in the window a place of the scene is."""

@@ -4,9 +4,12 @@ import logging
 import socket
 
 import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from tensionlab.errors import InputError
 from tensionlab.view.server import Gate, PageServer
+from tests.support.browsers import HANGS_S, VISER
 
 HOST = {"Host": "127.0.0.1:8080"}
 
@@ -83,11 +86,17 @@ def test_a_port_that_is_taken_is_refused():
 
 
 @pytest.mark.realtime  # a real server
-def test_whatever_connects_without_being_a_browser_leaves_no_traceback(caplog):
+def test_pages_of_others_are_refused_and_garbage_leaves_no_traceback(caplog):
     server = PageServer()
+    url = server.url.replace("http", "ws")
     with caplog.at_level(logging.DEBUG):
+        with connect(url, origin=server.url.rstrip("/"), subprotocols=[VISER]) as own:
+            assert own.recv(timeout=HANGS_S)
+        for headers in ({"Origin": "http://evil.example"}, {"Host": "evil.example"}):
+            with pytest.raises(InvalidStatus, match="403"):
+                connect(url, additional_headers=headers, subprotocols=[VISER])
         for content in (b"", b"GARBAGE\r\n\r\n"):
-            with socket.create_connection(("127.0.0.1", server.viser.get_port()), timeout=600.0) as caller:
+            with socket.create_connection(("127.0.0.1", server.viser.get_port()), timeout=HANGS_S) as caller:
                 caller.sendall(content)
                 caller.shutdown(socket.SHUT_WR)
                 while caller.recv(1000):
