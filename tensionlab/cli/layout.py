@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from tensionlab.cli.common import options, output
@@ -38,6 +39,12 @@ def search(
     gravity: Gravity = None,
     required: Required = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed in place of the file's.")] = None,
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify", help="Prove what the layouts render everywhere in the target, not at its points alone."
+        ),
+    ] = False,
     plot: Plot = None,
     json: Json = False,
 ) -> None:
@@ -58,7 +65,7 @@ def search(
     for file in files.values():
         writing.require_writable(file)
     with output.progress("Layouts") as progress:
-        found = task.run(progress)
+        found = task.run(progress, certify=certify)
     with output.ResultWriter(quiet=json) as writer:
         written = [
             str(files[each.rig.m])
@@ -85,6 +92,15 @@ def search(
             "more modules (counts), higher limits or a smaller target, or search longer (generations, starts)"
         )
         raise typer.Exit(1)
+    proved, force = found.best.proved, found.objective.force or 0.0
+    if proved is not None and not proved >= force:
+        held = f"{proved:.4g} N is, {force - proved:.2g} N less" if proved >= 0 else "no force is"
+        output.print_error(
+            f"{force:g} N in every direction is not proved everywhere in the target: of {found.best.rig.name} "
+            f"{held}; give more modules (counts), higher limits or a smaller target, or search longer "
+            "(generations, starts)"
+        )
+        raise typer.Exit(1)
 
 
 def _aim(found: LayoutSearch) -> str:
@@ -104,6 +120,7 @@ def _plain(found: Layout, on_front: bool) -> dict[str, object]:
         "rig": found.rig.name,
         "score": found.score,
         "worst_margin": found.worst,
+        "proved_force": found.proved,
         "on_front": on_front,
         "modules": [
             output.fields(module, "name", "frame", "anchor", "lower", "upper") | {"contribution": lost}
@@ -129,3 +146,8 @@ def _print(found: LayoutSearch, name: str) -> None:
         for module, lost in zip(best.rig.modules, best.contributions, strict=True)
     )
     output.print_table("", LAYOUT_HEADINGS, places)
+    for each in found.layouts:
+        if each.proved is not None:
+            about = f" about {each.rig.required.describe(each.rig)}" if each.rig.required else ""
+            held = "nothing" if np.isnan(each.proved) else f"{each.proved:.4g} N in every direction{about}"
+            console.print(f"{each.rig.name}: proved everywhere in the target: {held}", soft_wrap=True)

@@ -116,3 +116,18 @@ def test_bad_input_ends_with_status_2_and_says_where(run, space, tmp_path):
     assert f'{space}: key "limits" is 7.0 to 5.0' in err
     assert "no folder" in run(space, "--out", tmp_path / "none" / "rig.toml")[2]
     assert run(tmp_path / "none.toml")[0] == 2
+
+
+def test_a_layout_is_proved_or_falls_short(run, space, tmp_path):
+    code, out, err = run(space, "--certify", "--out", tmp_path / "rig.toml")
+    assert (code, err) == (0, "")
+    assert "flat-3: proved everywhere in the target: 3.1" in out
+    assert "# Proved everywhere in the target: 3.1" in (tmp_path / "rig.toml").read_text()
+    (layout,) = json.loads(run(space, "--certify", "--json")[1])["layouts"]
+    assert 0.97 * layout["worst_margin"] < layout["proved_force"] <= layout["worst_margin"]
+    assert json.loads(run(space, "--json")[1])["layouts"][0]["proved_force"] is None
+    space.write_text(SPACE.replace("search =", "objective = { force = 3.2 }\nsearch ="))
+    code, out, err = run(space, "--certify")
+    assert code == 1
+    assert "3.2 N in every direction is not proved everywhere in the target: of flat-3 " in err
+    assert "N less; give more modules" in err

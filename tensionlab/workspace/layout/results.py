@@ -44,6 +44,9 @@ class Layout:
     contributions: tuple[float, ...]
     """For each module, the score lost when it is taken away and the others stay: all of it, and never more, where
     they render no force at all. Below zero where they do better without it."""
+    proved: float | None = None
+    """Force in N that is proved feasible in every direction everywhere in the box around the target, up to that of
+    the objective; NaN where none is, None where no proof was wanted."""
 
     def __repr__(self) -> str:
         return f"<Layout of {self._title}>"
@@ -66,6 +69,8 @@ class Layout:
     def to_toml(self) -> str:
         """Return the rig file, with the score and the contributions as comments."""
         lines = [f"# Score {self.score:.6g}, worst margin {self.worst:.6g} N. Score lost without each module:"]
+        if self.proved is not None:
+            lines.insert(0, f"# Proved everywhere in the target: {self.proved:.6g} N in every direction.")
         for module, lost in zip(self.rig.modules, self.contributions, strict=True):
             lines.append(f"#   {module.name}: {lost:.6g}")
         return "\n".join([*lines, "", rig_to_toml(self.rig)])

@@ -13,6 +13,7 @@ from tensionlab.errors import InputError, ShapeError, needs
 from tensionlab.model import pose
 from tensionlab.model.module import Module, TensionLimits
 from tensionlab.workspace.layout.objective import Objective, target_margins, target_slopes
+from tensionlab.workspace.layout.proof import most_proved
 from tensionlab.workspace.layout.results import Layout, LayoutSearch
 from tensionlab.workspace.layout.space import Places, Space
 from tensionlab.workspace.poses import Grid
@@ -47,6 +48,7 @@ def search_layout(
     seed: int = 0,
     generations: int = 30,
     starts: int = 50,
+    certify: bool = False,
     progress: Progress | None = None,
     better: Callable[[Layout], None] | None = None,
 ) -> LayoutSearch:
@@ -72,6 +74,10 @@ def search_layout(
         Rigs are named after it and their number of modules.
     generations, starts : int
         Generations of the evolution, and how many of its layouts are polished; as many hops follow.
+    certify : bool
+        Whether to prove what layouts render between the points of the target, too: `Layout.proved`. For each
+        number of modules, of the last layouts that were the best in turn, the one of which the most is proved is
+        returned.
     progress : callable, optional
         Called with the share of the work that is done, from 0 to 1.
     better : callable, optional
@@ -110,7 +116,10 @@ def search_layout(
 
         title = f"{name}-{count + len(space.fixed)}"
 
-        def show(places: Places, title: str = title) -> None:
+        best_in_turn: list[Places] = []
+
+        def show(places: Places, title: str = title, seen: list[Places] = best_in_turn) -> None:
+            seen.append(places)
             if better is not None:
                 better(evaluate(space, points, objective, places, title))
 
@@ -129,7 +138,11 @@ def search_layout(
                 best, rank = polished, found
                 show(best)
             report(1 / 3 + (number + 1) / (3 * starts))
-        layouts.append(evaluate(space, points, objective, best, title))
+        if certify:
+            seen = (evaluate(space, points, objective, each, title) for each in reversed(best_in_turn))
+            layouts.append(most_proved(seen, points, objective.force))
+        else:
+            layouts.append(evaluate(space, points, objective, best, title))
     return LayoutSearch(objective, tuple(layouts))
 
 

@@ -112,10 +112,14 @@ class LayoutTask(NamedTuple):
     starts: int
 
     def run(
-        self, progress: Progress | None = None, better: Callable[[Layout], None] | None = None
+        self,
+        progress: Progress | None = None,
+        better: Callable[[Layout], None] | None = None,
+        *,
+        certify: bool = False,
     ) -> LayoutSearch:
-        """Search; ``progress`` and ``better`` are called as by `search_layout`."""
-        return search_layout(**self._asdict(), progress=progress, better=better)
+        """Search; the parameters are those of `search_layout`."""
+        return search_layout(**self._asdict(), certify=certify, progress=progress, better=better)
 
 
 def load_task(path: str | PathLike[str]) -> LayoutTask:

@@ -1,0 +1,68 @@
+"""What is proved of layouts: between the points of the target, too."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import tensionlab as tl
+from tensionlab.model.requirement import Requirement
+from tensionlab.workspace import Layout, Objective, Space, Surface, box, room, search_layout
+from tensionlab.workspace.layout.proof import most_proved, proved_force
+
+RIG = tl.load_rig("bartels2026-validation")
+TARGET = box((-0.1, 0.1), (0.2, 0.4), (-0.1, 0.1), step=0.2)
+POINTS = TARGET.arrays()[0]
+
+
+def least_margin(rig, count=21):
+    grid = box((-0.1, 0.1), (0.2, 0.4), (-0.1, 0.1), step=0.2 / (count - 1)).arrays()[0]
+    return float(tl.workspace.capacity_margin(rig.structure_matrix(grid), rig.limits).min())
+
+
+def test_the_force_that_is_proved_is_nearly_all_there_is():
+    least = least_margin(RIG)
+    assert 0.99 * least < proved_force(RIG, POINTS, 1.1 * least) < least
+    assert proved_force(RIG, POINTS, 0.5) == 0.5
+    assert proved_force(RIG, POINTS[:1], 0.5) == 0.5  # a single position
+
+
+def test_the_force_is_counted_from_what_is_required():
+    held, least = replace(RIG, required=Requirement(ball=0.3)), least_margin(RIG)
+    assert 0.99 * (least - 0.3) < proved_force(held, POINTS, least) < least - 0.3
+    assert np.isnan(proved_force(replace(RIG, required=Requirement(ball=50.0)), POINTS, 1.0))
+    assert np.isnan(proved_force(RIG, POINTS, -0.1))
+
+
+def test_the_next_layout_takes_the_place_of_one_that_is_not_proved():
+    worst = least_margin(RIG)
+    claims_more = Layout(RIG, 9.0, 9.0, ())
+    weaker = replace(RIG, modules=tuple(replace(each, upper=each.upper * 1.3) for each in RIG.modules))
+    other = Layout(weaker, 8.0, 8.0, ())
+    found = most_proved([claims_more, other], POINTS, None)
+    assert found.rig is weaker
+    assert found.proved > worst
+    enough = most_proved([claims_more, other], POINTS, 0.5)
+    assert enough.rig is RIG
+    assert enough.proved == 0.5
+
+
+def test_a_search_proves_what_it_returns():
+    space = Space(room([3.0, 2.4, 4.0]), (4, 5))
+    hand = box((-0.2, 0.2), (1.0, 1.4), (-0.2, 0.2), step=0.2)
+    arguments = {"generations": 2, "starts": 1, "seed": 1}
+    plain = search_layout(space, hand, Objective(), **arguments)
+    found = search_layout(space, hand, Objective(), **arguments, certify=True)
+    for one, other in zip(plain.layouts, found.layouts, strict=True):
+        assert one.proved is None
+        assert 0.97 * one.worst < other.proved <= other.worst
+        assert "Proved everywhere in the target" in other.to_toml()
+        assert "Proved" not in one.to_toml()
+
+
+def test_a_planar_target_without_height_is_proved_too():
+    walls = [Surface(name, corner, [[0, 2]]) for name, corner in (("east", [1, -1]), ("west", [-1, -1]))]
+    space = Space(walls, (4,), (1.0, 5.0))
+    (layout,) = search_layout(
+        space, box((-0.1, 0.1), (0, 0), step=0.1), Objective(0.5), generations=2, starts=1, certify=True
+    ).layouts
+    assert layout.proved == 0.5
