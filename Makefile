@@ -61,6 +61,7 @@ bench-readme: bench
 
 bench-workspace: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.workspace
+	@$(BIN)/python -m benchmarks.certify
 
 stress: .venv/dev.stamp
 	@$(BIN)/python -m benchmarks.stress

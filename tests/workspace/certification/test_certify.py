@@ -4,6 +4,12 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from benchmarks.certify import (
+    area_of_two_cables,
+    hole_requirement,
+    planar_platform_with_a_hole,
+    random_positions,
+)
 from tensionlab.errors import InputError, RigError, ShapeError
 from tensionlab.workspace.certification.problem import cell_problem
 from tensionlab.workspace.margin import required_margin
@@ -30,16 +36,6 @@ def rig_of(kind, anchors, attachments=None, lower=0.0, upper=1.0):
 SQUARE = rig_of("planar-point", [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
-def positions_in(proved, verdict, count, rng):
-    """Random positions in the cells of one verdict, a fifth of them corners."""
-    chosen = np.flatnonzero(proved.verdict == verdict)
-    volume = proved.cell_volumes[chosen]
-    cell = rng.choice(chosen, count, p=volume / volume.sum())
-    where = rng.uniform(-0.5, 0.5, (count, proved.rig.dimension))
-    where[: count // 5] = np.sign(where[: count // 5]) / 2
-    return proved.centres[cell] + where * proved.edges[cell]
-
-
 def gap(proved):
     return (proved.volume.upper - proved.volume.lower) / proved.volume.upper
 
@@ -49,20 +45,6 @@ def test_wrench_closure_of_a_square_is_the_square():
     assert proved.volume.lower <= 1.0 <= proved.volume.upper
     assert gap(proved) < 0.01
     assert proved.region_volume == pytest.approx(1.5 * 1.5)
-
-
-def area_of_two_cables(ratio):
-    """Area of the unit square in which two cables from its upper corners hold a weight, 1 / ratio of their limits.
-
-    At the height z under the corners, and x from the left one, its tension is weight (1 - x) sqrt(x² + z²) / z: so
-    z is at least x (1 - x) / sqrt(ratio² - (1 - x)²), or as much with 1 - x for x where that is more.
-    """
-
-    def primitive(s):  # of s (1 - s) / sqrt(ratio² - s²)
-        root = np.sqrt(ratio**2 - s**2)
-        return -root - ratio**2 / 2 * np.arcsin(s / ratio) + s / 2 * root
-
-    return 1 - 2 * (primitive(1.0) - primitive(0.5))
 
 
 @pytest.mark.parametrize("ratio", [1.05, 1.5])
@@ -116,7 +98,7 @@ def case(request):
 @pytest.mark.parametrize("verdict", [1, -1])
 def test_no_pose_contradicts_the_verdict_of_its_cell(case, verdict):
     rig, required, proved = case
-    positions = positions_in(proved, verdict, many(50_000), np.random.default_rng(1))
+    positions = random_positions(proved, verdict, many(50_000), np.random.default_rng(1))
     margin = required_margin(rig, rig.structure_matrix(positions), required)
     assert (margin * verdict > 0).all()
 
@@ -126,7 +108,7 @@ def test_linear_programs_agree_with_the_verdicts(case):
     rng = np.random.default_rng(2)
     unit = np.where(np.arange(rig.n) < rig.dimension, 1.0, required.length_for(rig))
     for verdict in (1, -1):
-        for W in rig.structure_matrix(positions_in(proved, verdict, many(100), rng)):
+        for W in rig.structure_matrix(random_positions(proved, verdict, many(100), rng)):
             normals, offsets = tl.workspace.half_spaces(W / unit[:, None], rig.limits)
             worst = normals[(offsets - normals @ (required.at(rig)[0] / unit)).argmin()]
             away = rng.normal(size=rig.n) if verdict == 1 else worst
@@ -153,7 +135,7 @@ def test_wrench_closure_of_a_published_robot():
     rig = tl.load_rig("ipanema-2")
     proved = certify(rig, [(-4, 4), (-3, 3), (2, 4)], "wrench-closure", 0.2)
     for verdict in (1, -1):
-        positions = positions_in(proved, verdict, many(20_000), np.random.default_rng(4))
+        positions = random_positions(proved, verdict, many(20_000), np.random.default_rng(4))
         assert (tl.workspace.wrench_closure(rig.structure_matrix(positions)) == (verdict == 1)).all()
     # The published counts on a grid lie between what is proved of its points.
     x, y = np.meshgrid(np.linspace(-4, 4, 81), np.linspace(-3, 3, 61))
@@ -187,31 +169,20 @@ def test_numpy_agrees_on_random_cells(kind):
     assert seen == {1, -1, 0}
 
 
-def planar_platform_with_a_hole():
-    """A rig whose capacity margin about a weight has a minimum, and rises by only 1.6 µN within 1 mm of it."""
-    anchors = [[-0.9, -1.05], [0.76, 0.36], [-0.31, -0.39], [0.09, 0.89], [-0.9, -0.03]]
-    arms = [[0.24, 0.16], [0.22, 0.19], [-0.09, -0.2], [-0.12, 0.14], [0.05, 0.19]]
-    return rig_of("planar", np.array(anchors), np.array(arms), 0.5, 6.0), np.array([-0.0382276, -0.3745667])
-
-
 def test_a_hole_that_no_grid_would_see_is_found():
     rig, place = planar_platform_with_a_hole()
-    least = float(required_margin(rig, rig.structure_matrix(place), tl.Requirement([0.0, 3.0, 0.0], length=0.2)))
     region = np.stack([place - 0.03, place + 0.03], axis=1)
     grid = tl.workspace.box(*region, step=0.002)
 
-    def required(more):
-        return tl.Requirement(wrench=[0.0, 3.0, 0.0], ball=least + more, length=0.2)
-
-    swept = required_margin(rig, rig.structure_matrix(grid.arrays()[0] + 0.0007), required(1e-7))
+    swept = required_margin(rig, rig.structure_matrix(grid.arrays()[0] + 0.0007), hole_requirement(1e-7))
     assert (swept > 0).all()  # 961 positions of a grid, all of which are feasible
-    found = certify(rig, region, required(1e-7), 1e-5)
+    found = certify(rig, region, hole_requirement(1e-7), 1e-5)
     assert not found.proved
     hole = found.centres[found.verdict != 1]
     assert np.abs(hole - place).max() < 0.001
     assert (found.verdict == -1).any()
     assert 0 < found.region_volume - found.volume.lower < 1e-6
-    assert certify(rig, region, required(-1e-7), 1e-5).proved
+    assert certify(rig, region, hole_requirement(-1e-7), 1e-5).proved
 
 
 def test_all_rotations_count():
@@ -240,7 +211,7 @@ def test_an_angle_stands_for_all_rotations_within_it(name, region, required, res
     still, turning = (certify(rig, region, required, resolution, angle=a) for a in (0.0, angle))
     assert turning.volume.upper <= still.volume.upper + 1e-9
     assert turning.volume.lower > 0.5 * still.volume.lower
-    positions = positions_in(turning, 1, many(20_000), rng)
+    positions = random_positions(turning, 1, many(20_000), rng)
     if rig.dimension == 2:
         turns = rng.choice([-angle, 0.0, angle], len(positions))
     else:
