@@ -28,6 +28,7 @@ from tensionlab.view.solver_study import compare, points
 from tensionlab.view.state import HAND, Edit, State
 from tensionlab.view.workspace import WorkspaceWorker
 from tensionlab.workspace.layout.results import Layout
+from tensionlab.workspace.layout.task import load_task
 
 COMPARED_BY = (*UNDONE, "solver", "nearest", "compared", "study", "selected")
 """Attributes of a state that the comparison of solvers depends on."""
@@ -78,7 +79,7 @@ class DesignPage:
         self._workspace = WorkspaceWorker(self._volume_found)
         self._solvers: Latest[State] = Latest("solvers", self._compare)
         self._search = LayoutRunner(self._layout_found, self._search_said)
-        self._panel = Panel(server.viser, self, export.default_path(rig, word))
+        self._panel = Panel(server.viser, self, lambda shown: export.default_path(shown, word))
         self._thread = threading.Thread(target=self._work, name="view", daemon=True)
         self._show()
         self._thread.start()
@@ -127,14 +128,14 @@ class DesignPage:
 
         self._put(show)
 
-    def search(self) -> None:
-        """Have a layout searched for in the space that is chosen; the best so far is shown as it is found."""
+    def search(self, space: str) -> None:
+        """Have a layout searched for in a space, by its name or file; the best so far is shown as it is found."""
 
         def start() -> None:
-            if self.state.task is None:
+            if not space.strip():
                 raise InputError("no space is chosen; give the name of one, or its file, in the tab Search")
             self._search_step = object()
-            self._search.start(self.state.task, self.state.rig)
+            self._search.start(self.state.task or load_task(space.strip()), self.state.rig)
 
         self._put(start)
 

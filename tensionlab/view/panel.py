@@ -36,6 +36,7 @@ OWN_POLICY = "the solver's own"
 STEP_M, STEP_N, STEP_DEG = 0.01, 0.1, 1.0
 PANEL_PIXELS = 410.0
 LEVEL_STEPS = 50
+SPACE_SUFFIX = ".toml"
 
 
 class Actions(Protocol):
@@ -51,15 +52,16 @@ class Actions(Protocol):
     def save(self, path: str) -> None: ...  # noqa: D102
     def download_model(self) -> None: ...  # noqa: D102
     def show_python(self) -> None: ...  # noqa: D102
-    def search(self) -> None: ...  # noqa: D102
+    def search(self, space: str) -> None: ...  # noqa: D102
     def stop_search(self) -> None: ...  # noqa: D102
 
 
 class Panel:
     """Fields of the design page; `show` brings them up to date."""
 
-    def __init__(self, server: viser.ViserServer, page: Actions, path: str) -> None:
-        self._page, self._gui = page, server.gui
+    def __init__(self, server: viser.ViserServer, page: Actions, path: Callable[[Rig], str]) -> None:
+        """``path`` gives the file in which a rig is saved if nobody says where."""
+        self._page, self._gui, self._path = page, server.gui, path
         self._rig = page.loaded
         self._dark = False
         gui = self._gui
@@ -83,7 +85,7 @@ class Panel:
         with tabs.add_tab("Search"):
             self._add_search()
         with tabs.add_tab("File"):
-            self._add_file(path)
+            self._add_file()
 
     def _theme(self) -> None:
         self._gui.configure_theme(
@@ -173,19 +175,20 @@ class Panel:
             gui.add_text("space", "", hint="Name of a space, or its file: the walls for modules"), _with_space
         )
         self._walls = gui.add_html(words.space(None, self._rig))
-        pressed(gui.add_button("Search for a layout"), page.search)
+        pressed(gui.add_button("Search for a layout"), lambda: page.search(self._space.value))
         pressed(gui.add_button("Stop", color="gray"), page.stop_search)
         self._progress = gui.add_progress_bar(0.0)
         self._searched = gui.add_html("")
 
-    def _add_file(self, path: str) -> None:
+    def _add_file(self) -> None:
         gui, page = self._gui, self._page
         self._rig_name = self._edits(
             gui.add_text("rig", self._rig.name), lambda new: lambda s: edits.name_rig(s, new)
         )
         pressed(gui.add_button("Make the hand's place home", color="gray"), lambda: page.edit(edits.set_home))
-        where = gui.add_text("file", path)
-        pressed(gui.add_button("Save"), lambda: page.save(where.value))
+        self._file: Any = gui.add_text("file", self._path(self._rig))
+        self._proposed: str = self._file.value
+        pressed(gui.add_button("Save"), lambda: page.save(self._file.value))
         pressed(gui.add_button("Download as MuJoCo model", color="gray"), page.download_model)
         pressed(gui.add_button("Show as Python", color="gray"), page.show_python)
         self._dark_field = self._edits(gui.add_checkbox("dark", False), lambda dark: edits.choose(dark=dark))
@@ -222,6 +225,8 @@ class Panel:
         ):  # fmt: skip
             field.value = value
         self._walls.content = words.space(state.task, state.rig)
+        if self._file.value == self._proposed:  # nobody has written another
+            self._file.value = self._proposed = self._path(state.rig)
         if state.dark is not self._dark:
             self._dark = state.dark
             self._theme()
@@ -294,8 +299,10 @@ def _move_own_frame(state: State, name: str, place: ArrayLike) -> State:
 
 
 def _with_space(word: str) -> Edit:
-    """Return the edit that has anchors snap to the surfaces of a space; none without a word."""
-    return lambda state: replace(state, task=load_task(word.strip()) if word.strip() else None)
+    """Return the edit that has anchors snap to a space's surfaces; to none until its name or file is complete."""
+    name = word.strip()
+    complete = name in list_names("spaces") or name.endswith(SPACE_SUFFIX)
+    return lambda state: replace(state, task=load_task(name) if complete else None)
 
 
 def _set(field: Any, values: Floats) -> None:

@@ -10,9 +10,11 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 import tensionlab as tl
+from tensionlab.errors import TensionlabError
 from tensionlab.view.drawing import Grab
 from tensionlab.view.evaluation import evaluate
 from tensionlab.view.page import dragged, on_plane
+from tensionlab.view.panel import _with_space
 from tensionlab.view.scene import draw, force_scale
 from tensionlab.view.state import HAND, begin
 from tests.support.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
@@ -42,6 +44,15 @@ def saved(tab, name):
     tab.press("Save")
     until(name.exists, "the file")
     return tl.load_rig(name).anchors
+
+
+def test_a_space_whose_name_is_half_written_is_none_yet():
+    state = begin(tl.load_rig("bartels2026-validation"))
+    assert _with_space("four-in-a-room")(state).task.name == "four-in-a-room"
+    for word in ("", "four-in", "/tmp/spaces/my-ro"):
+        assert _with_space(word)(state).task is None
+    with pytest.raises(TensionlabError, match="my-room"):
+        _with_space("/nowhere/my-room.toml")(state)
 
 
 @pytest.mark.slow
@@ -93,6 +104,9 @@ def test_a_rig_is_designed_with_the_mouse(tmp_path):
         # and undone in one step. The charts of the solvers are not in its tab.
         rig = page.state.rig
         tab.click_tab("Search")
+        tab.enter("space", "four-in-the-room")
+        tab.press("Search for a layout")
+        tab.tab.get_by_text(re.compile("did you mean 'four-in-a-room'")).wait_for()
         tab.enter("space", "four-in-a-room")
         tab.press("Search for a layout")
         tab.tab.get_by_text(re.compile(r"^four-in-a-room-4: ")).wait_for()
