@@ -17,6 +17,8 @@ from tensionlab.hardware.protocol.codes import BrakeState, Limit
 from tensionlab.hardware.runner.runner import Runner
 from tensionlab.hardware.runner.settings import RunSettings, WorldClock
 from tensionlab.hardware.simulation.world import World
+from tensionlab.scenarios import load_scenario
+from tensionlab.scenarios.scenery import scenery
 from tensionlab.view import live_words
 from tensionlab.view.instant import Instant
 from tensionlab.view.stop import StopOutcome
@@ -166,3 +168,10 @@ def test_each_text_that_is_sent_is_another_so_that_browsers_know_it_is_new():
     assert live_words.renewed("a", 1, fresh=True) != live_words.renewed("a", 2, fresh=True)
     assert live_words.renewed_heading("a", 1) != live_words.renewed_heading("a", 2)
     assert "NO NEWS" in live_words.renewed_heading("a", 1)
+
+
+def test_the_scenario_and_its_phases_are_named():
+    found = scenery(load_scenario("bow"))
+    assert plain(live_words.phases(found, 1.0)) == "E. Bow, phase: draw, full draw"
+    assert plain(live_words.phases(found, 9.0)) == "E. Bow, phase: none"
+    assert live_words.phases(None, 1.0) == ""
