@@ -89,7 +89,7 @@ def frames(dimension: int, names: list[str], home: list[float]) -> Json:
     bodies = st.dictionaries(st.sampled_from(names), body, max_size=3)
     odd_bodies = st.dictionaries(st.sampled_from([*names, "nobody"]), odd_body | ODD, max_size=3)
     effects = st.dictionaries(st.sampled_from("abcd"), effect(dimension), max_size=3)
-    time = st.floats(0.0, 1e4)
+    time = st.just(1e4) | st.floats(0.0, 1e4)  # one that goes back is refused
     fitting = st.fixed_dictionaries(
         {"type": st.just("frame"), "time": time, "bodies": bodies}, optional={"effects": effects}
     )

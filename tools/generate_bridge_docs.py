@@ -38,20 +38,25 @@ The bridge lets game engines drive a rig: `tensionlab serve RIG` opens a WebSock
 messages. This page is generated from the code, by `make generated`.
 
 - `ws://127.0.0.1:8765{COMMAND_PATH}` takes frames, 50 to 120 a second, and answers each with exactly one message:
-  the state, or why the frame was refused. One client commands, by WebSocket or OSC; a second one is refused.
+  the state, or why the frame was refused. Between the answers come events: read on until `type` is not `event`.
+  One client commands, by WebSocket or OSC; a second one is refused.
   A client in command that sends nothing valid for {SILENCE_S:g} s loses its place.
 - `ws://127.0.0.1:8765{EVENTS_PATH}` sends what happens, and takes nothing; `{STATE_PATH}` sends the state as well,
-  every {STATE_PERIOD_S:g} s. There are at most {MAX_CLIENTS} clients.
+  every {STATE_PERIOD_S:g} s. What limits a module, or softens an effect, is told when it
+  begins, and again only when it has been over for 1 s. There are at most {MAX_CLIENTS} clients.
 - `http://127.0.0.1:8765{PAGE_PATH}` is a page that shows the state live, and `{SCHEMA_PATH}` beside it is the JSON
   Schema of all messages for this rig, with its bodies, its dimension and its defaults. The one for all rigs is
   `examples/bridge/schema.json`.
 - Every message is one JSON object, {MAX_MESSAGE_BYTES // 1024} KiB at most. The first one to every client is a
   `welcome`. Units are SI; axes are those of the rig (the welcome says which one is up; Unity's are left-handed:
   turn one round).
+- Times are in s. That of a frame is by the client's own clock, from any beginning; it never goes back,
+  unless no frame has come for 1 s. All others are on the clock of the run, which is `time` of the state.
 - The rig renders at its own rate, and moves the hand evenly from one frame to the next, a frame behind. One that
   would have to be faster than {MAX_HAND_SPEED_M_S:g} m/s has been put elsewhere, and is at rest there.
 - What is stiff or vibrates runs on the modules whose cables lie within 45 degrees of it. The rest is the host's,
-  no stiffer than `ceiling` in the state; a `stiff` event names an effect that is stiffer.
+  no stiffer than `ceiling` in the state; `softened` there has what is rendered of a stiffness that is too
+  large, and a `stiff` event names it when it begins.
 - `--scenario NAME` plays a scenario over and over: hand and bodies are where the client says, and its effects take
   the place of the scenario's that have their names. Others are rendered all the time.
 - {FADE_DELAY_S:g} s after the latest frame the force begins to fade, and {FADE_DELAY_S + FADE_S:g} s after it
@@ -61,20 +66,24 @@ messages. This page is generated from the code, by `make generated`.
   (beyond {MESSAGES_AT_ONCE:g} at once), {1e-3 * BYTES_PER_S:g} kB a second (beyond {1e-3 * BYTES_AT_ONCE:g} kB),
   or {100 * READ_SHARE:g} % of a processor's time for reading it. {MAX_REFUSED} refusals in a row end the
   connection, and so do as many of what is too much without a calm while between.
-- The desired force is at most twice what all cables together pull. Effects that fail while they are rendered are
-  removed, their force fades, and their client is dismissed with the reason; the loop goes on.
+- The force that modules are asked for is at most twice what all cables together pull. Effects that fail while
+  they are rendered are removed, their force fades, and their client is dismissed with the reason; the loop goes
+  on.
 - Pages of this machine may connect, and programs; other pages only with `--page`. A URL has to call this machine
   `127.0.0.1`, `localhost` or `[::1]`, so that no foreign page can have its own name lead here. Beyond this machine
   (`--host 0.0.0.0`) a token is needed instead: `?token=...` or `Authorization: Bearer ...`. The server has it from
   `--token-file FILE` or the environment, `TENSIONLAB_BRIDGE_TOKEN`.
 - When a client connects, goes or is refused, there is a line on stderr and a `client` event.
 - The same comes in over OSC (`--osc PORT`): `/body/hand x y z`, `/effect/NAME KIND parameter value ...`,
-  `/effect/NAME` alone to take it away, `/stop`. Nothing is answered; what is refused is a line on stderr and a
+  `/effect/NAME` alone to take it away, `/stop`. Parameters have the names of the tables below, such as
+  `/effect/floor wall plane.point 0 0.32 0 plane.normal 0 1 0 stiffness 100`, and `field.kind` a word.
+  Nothing is answered; what is refused is a line on stderr and a
   `refused` event, with the reason. All that one machine sends is one client's. A datagram has {MAX_MESSAGES}
   messages at most, in bundles {MAX_DEPTH} deep. OSC has no token, so only this machine is listened to, unless
   `--osc-host` says otherwise.
 
-`examples/bridge/` has clients in Python, JavaScript and C#; the C# one is not run by the tests.
+`examples/bridge/` has clients in Python, JavaScript and C#, and one in Python over OSC; the C# one is not
+run by the tests.
 """
 
 
@@ -148,7 +157,10 @@ def _range(schema: Mapping[str, Any]) -> str:
         return words + _range(schema["items"]) + (", not 0" if "contains" in schema else "")
     above = "above " if "exclusiveMinimum" in schema else ""
     low = schema.get("exclusiveMinimum", schema.get("minimum", -math.inf))
-    return f"{above}{low:g} to {schema.get('maximum', math.inf):g}"
+    high = schema.get("maximum", math.inf)
+    if math.isinf(low):
+        return f"up to {high:g}"
+    return f"{low:g} or more" if math.isinf(high) else f"{above}{low:g} to {high:g}"
 
 
 if __name__ == "__main__":

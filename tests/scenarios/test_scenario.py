@@ -75,7 +75,7 @@ def test_another_rig_may_take_its_place(bow):
         ('up = "z"', "", 'key "up" is missing'),
         ('up = "z"', 'up = "w"', "key \"up\" is 'w'; give the axis that points up"),
         ('up = "z"', "up = 3", "key \"up\" is '3'"),
-        ('up = "z"', 'up = "z"\nrig = 3', "rig: Input should be a valid string, not 3"),
+        ('up = "z"', 'up = "z"\nrig = 3', "rig: it is 3; give a text"),
         ("seconds = 5.0", "", 'key "seconds" is missing'),
         ("seconds = 5.0", "seconds = -1.0", "give both above 0"),
         ("seconds = 5.0", 'seconds = "long"', "seconds: "),

@@ -29,6 +29,8 @@ EXTRAPOLATION = 1.0
 """How long a hand moves on evenly where the next frame is late, in times between the frames."""
 MIN_CABLE_LENGTH_M = 1e-3
 """Of a cable that bodies may make; at its anchor a cable has no direction."""
+RESTART_S = 1.0
+"""Time without a frame after which a client's clock may begin anew."""
 DELAY_FRAMES = 32
 """Frames of which the one that was quickest on its way shows how late the others came."""
 
@@ -109,7 +111,7 @@ class ClientState:
         Raises
         ------
         FrameRefused
-            The client does not command any more, or the rig has no such bodies.
+            The client does not command any more, the rig has no such bodies, or the frame's time goes back.
         EffectError
             An effect cannot be; names it and its parameter.
         """
@@ -118,6 +120,7 @@ class ClientState:
         effects = self._read(frame)
         with self._lock:
             _require_in_command(commander)  # it may have been dismissed meanwhile
+            self._require_order(frame, now, commander)
             if commander is not self._commander:
                 self._commander, self._frames, self._effects, self._given = commander, (None, None), {}, {}
                 self._ways.clear()
@@ -129,6 +132,17 @@ class ClientState:
                 self._effects, self._given = effects, frame.effects or {}
             if commander is not None:
                 commander.last_seen = now
+
+    def _require_order(self, frame: Frame, now: float, commander: Commander | None) -> None:
+        """Refuse a frame that was before the latest one of the same client."""
+        latest = self._frames[1]
+        if latest is None or commander is not self._commander or now - latest.time >= RESTART_S:
+            return
+        if frame.time < latest.frame.time:
+            raise FrameRefused(
+                f"time is {frame.time:.12g}, before {latest.frame.time:.12g} of the frame before; give s by one "
+                f"clock that never goes back, or no frame for {RESTART_S:g} s where it begins anew"
+            )
 
     def stop(self, now: float, commander: Commander) -> None:
         """End the run; `FrameRefused` if this client does not command."""

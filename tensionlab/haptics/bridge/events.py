@@ -21,7 +21,8 @@ CEILING_CHANGE = 0.25
 DERATING_CHANGE_N = 0.5
 """A change of a module's upper tension limit by so much is an event."""
 REPEAT_S = 1.0
-"""After which there are new rates, and an effect that is stiffer than what is rendered is an event again."""
+"""After which there are new rates. What has not been so for as long is over, and an event if it begins again."""
+NO_LIMITER = "NONE"
 UNKNOWN = "UNKNOWN"
 
 
@@ -75,6 +76,7 @@ class RunEvents:
         self._window: RateWindow | None = None
         self._ceiling = 0.0
         self._stiff: dict[str, float] = {}
+        self._limited: dict[tuple[int, str], float] = {}  # when each limiter of a module was there last
 
     def take(self, state: RigState, demand: Demand, share: float, renderer: Renderer) -> None:
         """Take a cycle: see `OnCycle` in `tensionlab.haptics.bridge.source`."""
@@ -85,6 +87,7 @@ class RunEvents:
         self._send_derating(state)
         if before is not None:
             self._send_modules(before.state, state)
+        self._send_limiters(state)
         self._send_rates(state, 0.0 if before is None else state.time - before.state.time)
 
     def note(self, kind: str, text: str) -> None:
@@ -148,12 +151,23 @@ class RunEvents:
                 continue
             if state.faults[index] & ~before.faults[index]:
                 self._event(state.time, "fault", f"has a fault: {state.faults[index]}", module=name)
-            elif state.limiters[index] != before.limiters[index]:
-                limiter = self._limiters[int(state.limiters[index])]
-                self._event(state.time, "limit", f"limited by: {limiter}", module=name)
             if state.brakes[index] != before.brakes[index]:
                 brake = self._brakes.get(int(state.brakes[index]), UNKNOWN)
                 self._event(state.time, "brake", f"its brake is {brake}", module=name)
+
+    def _send_limiters(self, state: RigState) -> None:
+        """Send what begins to limit a module, and what no longer does: it may come and go each cycle."""
+        for index in np.flatnonzero(state.active):
+            limiter = self._limiters[int(state.limiters[index])]
+            if limiter == NO_LIMITER:
+                continue
+            if (int(index), limiter) not in self._limited:
+                self._event(state.time, "limit", f"limited by: {limiter}", module=self._names[index])
+            self._limited[int(index), limiter] = state.time
+        for (index, limiter), latest in list(self._limited.items()):
+            if state.time - latest >= REPEAT_S:
+                del self._limited[index, limiter]
+                self._event(state.time, "limit", f"no longer limited by: {limiter}", module=self._names[index])
 
     def _send_derating(self, state: RigState) -> None:
         """Send which modules may not pull as hard as before, or may again."""

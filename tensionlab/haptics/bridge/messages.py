@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import json
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, ValidationError, field_validator
 
-from tensionlab.errors import MAX_MESSAGE_CHARACTERS, TensionlabError
+from tensionlab.errors import MAX_MESSAGE_CHARACTERS, ProtocolError, TensionlabError
 from tensionlab.files.reading import brief
+from tensionlab.haptics.effects.refusal import first_problem, shown
 
 PROTOCOL = 3
 """Version of the messages; a `Welcome` has the server's."""
@@ -17,14 +21,16 @@ MAX_ENTRIES = 16
 HAND = "hand"
 """The body that the cables pull on."""
 MAX_COORDINATE_M = 100.0
-MAX_CLOCK_S = 1e12
-"""Largest time by a client's clock: seconds, of any epoch."""
+MAX_CLOCK_S = 1e10
+"""Largest time by a client's clock: seconds since any epoch, but not milliseconds since 1970."""
+MAX_LENGTH_ERROR = 1e-3
+"""Of a unit quaternion."""
 MAX_SEQUENCE = 2**53
 """Programs in any language can count up to this."""
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Coordinate = Annotated[Number, Field(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
-Share = Annotated[Number, Field(ge=-1.0, le=1.0)]
+Share = Annotated[Number, Field(ge=-1.0 - MAX_LENGTH_ERROR, le=1.0 + MAX_LENGTH_ERROR)]
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 
 
@@ -41,14 +47,14 @@ class Body(Message):
         min_length=2, max_length=3, description="in m, in the axes of the rig; two numbers in the plane"
     )
     rotation: tuple[Share, Share, Share, Share] | None = Field(
-        None, description="unit quaternion x, y, z, w; not turned if left out"
+        None, description="unit quaternion x, y, z, w, its length within 0.001; not turned if left out"
     )
 
     @field_validator("rotation")
     @classmethod
     def _turns(cls, rotation: tuple[float, ...] | None) -> tuple[float, ...] | None:
-        if rotation is not None and sum(part * part for part in rotation) < 0.25:
-            raise ValueError("a unit quaternion has length 1")
+        if rotation is not None and abs(math.hypot(*rotation) - 1.0) > MAX_LENGTH_ERROR:
+            raise ValueError(f"has the length {math.hypot(*rotation):.4g}; give a unit quaternion x, y, z, w")
         return rotation
 
 
@@ -62,7 +68,8 @@ class Frame(Message):
     time: Number = Field(
         ge=-MAX_CLOCK_S,
         le=MAX_CLOCK_S,
-        description="when the bodies were there, by the client's own clock, in s",
+        description="when the bodies were there, in s, by the client's own clock, from any beginning; it never "
+        "goes back, unless frames have failed to come for 1 s",
     )
     bodies: dict[Name, Body] = Field(
         default_factory=dict,
@@ -105,7 +112,10 @@ class State(Message):
 
     type: Literal["state"] = "state"
     sequence: int = Field(description="that of the frame; 0 in a stream")
-    time: float = Field(description="of the run, in s; shots and other times of effects are on this clock")
+    time: float = Field(
+        description="of the run, in s since it began, by the clock of the bridge; shots and other times of "
+        "effects, and those of events, are on this clock"
+    )
     position: list[float] = Field(description="of the point or the platform, by the cables or the client, in m")
     desired: list[float] = Field(
         description="wrench of the effects as they are, in the latest cycle, in N and N m; what it differs from "
@@ -142,7 +152,7 @@ class State(Message):
 
 KINDS = {
     "fault": "a module has a fault",
-    "limit": "what limits a module has changed",
+    "limit": "something begins to limit a module, or has not limited it for 1 s",
     "lost": "a module does not take part any more",
     "derated": "a module's upper tension limit has changed, to keep its winding from getting too hot",
     "brake": "what a module's brake does, or what a scenario decides about brakes",
@@ -167,7 +177,7 @@ class Event(Message):
     """
 
     type: Literal["event"] = "event"
-    time: float = Field(description="of the run, in s")
+    time: float = Field(description="of the run, in s: on the clock of `time` of the state")
     kind: str = Field(description="one of those below")
     text: str = Field(description="what happened")
     module: str | None = Field(None, description="its name, if it is one module's")
@@ -192,21 +202,11 @@ class Refused(Message):
 
 def reason_of(error: Exception) -> str:
     """Return in one line why a message was refused."""
-    if isinstance(error, ValidationError):
-        problem = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join(str(step) for step in problem["loc"] if step not in ("frame", "stop"))
-        given = "" if problem["type"] in ("missing", "extra_forbidden") else f", not {brief(problem['input'])}"
-        reason = f"{where}: {problem['msg']}{given}" if where else problem["msg"]
-    elif isinstance(error, TensionlabError):
-        reason = str(error)
-    elif isinstance(error, ValueError | RecursionError):
-        reason = f"not JSON: {error}"
-    else:
-        reason = f"{type(error).__name__}: {error}"
+    reason = str(error) if isinstance(error, TensionlabError) else f"{type(error).__name__}: {error}"
     return reason[:MAX_MESSAGE_CHARACTERS]
 
 
-IN: tuple[type[Message], ...] = (Frame, Stop)
+IN: tuple[type[Frame], type[Stop]] = (Frame, Stop)
 OUT: tuple[type[Message], ...] = (Welcome, State, Event, Refused)
 EXAMPLES: dict[type[Message], dict[str, Any]] = {
     Frame: {
@@ -268,3 +268,50 @@ EXAMPLES: dict[type[Message], dict[str, Any]] = {
     },
 }
 """A complete message of each kind: those of the schema and of BRIDGE.md."""
+
+
+def parse(content: str | bytes) -> Any:
+    """Return what a JSON text holds; `ProtocolError` if it is none, says where."""
+    try:
+        return json.loads(content, parse_constant=_no_constant)
+    except RecursionError:
+        raise ProtocolError("not JSON: nested too deep") from None
+    except UnicodeDecodeError:
+        raise ProtocolError("not JSON: not UTF-8 text") from None
+    except json.JSONDecodeError as error:
+        what = error.msg[:1].lower() + error.msg[1:]
+        raise ProtocolError(f"not JSON: {what}, at character {error.pos + 1}") from None
+    except ValueError:  # Python itself refuses to read so many digits
+        raise ProtocolError("not JSON: a whole number has thousands of digits") from None
+
+
+def _no_constant(word: str) -> NoReturn:
+    raise ProtocolError(f"not JSON, which has no {word}: give a finite number, or leave the key out")
+
+
+def message_of(given: object) -> Frame | Stop:
+    """Return the message of a client that an object is; `ProtocolError` names the key, and what to give."""
+    kinds: dict[str, type[Frame | Stop]] = {"frame": Frame, "stop": Stop}
+    there = " or ".join(f'"{name}"' for name in kinds)
+    if not isinstance(given, Mapping):
+        raise ProtocolError(f"a message is {shown(given)}; give an object whose type is {there}")
+    if "type" not in given:
+        raise ProtocolError(f"type is missing; give {there}")
+    kind = given["type"]
+    if not isinstance(kind, str) or kind not in kinds:
+        raise ProtocolError(f"type is {shown(kind)}; give {there}")
+    _require_known("", kinds[kind], given)
+    bodies = given.get("bodies")
+    for name, body in bodies.items() if isinstance(bodies, Mapping) else ():
+        if isinstance(body, Mapping):
+            _require_known(f"bodies.{name!s:.40}: ", Body, body)
+    try:
+        return kinds[kind].model_validate(given)
+    except ValidationError as error:
+        raise ProtocolError(first_problem(error)) from None
+
+
+def _require_known(where: str, kind: type[Message], given: Mapping[Any, Any]) -> None:
+    for key in given:
+        if key not in kind.model_fields:
+            raise ProtocolError(f"{where}no key {brief(key)}; there are {', '.join(kind.model_fields)}")

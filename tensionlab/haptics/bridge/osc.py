@@ -3,7 +3,7 @@
 ::
 
     /body/hand x y z [qx qy qz qw]        place of a body, in m
-    /effect/NAME KIND [parameter value]*  an effect; a vector takes so many numbers
+    /effect/NAME KIND [parameter value]*  an effect; a vector takes so many numbers, a part's is wall.stiffness
     /effect/NAME                          no more of it
     /stop                                 end the run
 
@@ -25,14 +25,12 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from pydantic import ValidationError
-
 from tensionlab.arrays import Floats
 from tensionlab.errors import EffectError, HardwareError, ProtocolError, TensionlabError, cannot_listen, needs
 from tensionlab.files.reading import brief
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander
-from tensionlab.haptics.bridge.messages import Frame, reason_of
+from tensionlab.haptics.bridge.messages import Frame, message_of, reason_of
 from tensionlab.haptics.bridge.report import LimitedReport
 from tensionlab.haptics.effects import EFFECTS
 from tensionlab.haptics.effects.parameters import Many, bounds
@@ -49,6 +47,8 @@ SINCE_1900_S = 2_208_988_800
 """From the beginning of time tags to 1970."""
 NUMBERS = {"i": ">i", "f": ">f", "h": ">q", "d": ">d"}
 CONSTANTS = {"T": True, "F": False}
+MAX_PARTS = 3
+"""Dots in the name of a parameter, such as ``wall.plane.point``."""
 MAX_DATAGRAM_BYTES = 65_536
 POLL_S = 0.25
 """How often the thread looks whether it is over, where nothing comes."""
@@ -184,6 +184,7 @@ class OscServer:
         self._effects: dict[str, dict[str, Any]] = {}
         self._commander: Commander | None = None
         self._machine, self._latest = "", 0.0
+        self._tag: float | None = None
         self._over = False
         try:
             family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -255,8 +256,9 @@ class OscServer:
                     self._report(f"OSC from {machine}: no address {brief(unknown.address)}; {there}")
             if known:
                 commander = commander or self._begin(machine, now)
-                self._put(known, now if packet.time is None else packet.time, now, commander)
-        except (TensionlabError, ValidationError) as error:
+                self._tag = packet.time or self._tag  # what has no tag among others was not before them
+                self._put(known, self._tag or now, now, commander)
+        except TensionlabError as error:
             self._report(f"OSC from {machine}: {reason_of(error)}")
         except Exception as error:  # one datagram must not end the thread for all that come
             logging.getLogger(__name__).exception("a datagram from %s", machine)
@@ -274,7 +276,7 @@ class OscServer:
         """Let this machine command."""
         self._commander = self._client.command.take(f"OSC from {machine}", now, lambda reason: None)
         self._machine, self._latest = machine, now
-        self._bodies, self._effects = {}, {}
+        self._bodies, self._effects, self._tag = {}, {}, None
         return self._commander
 
     def _put(self, messages: list[OscMessage], when: float, now: float, commander: Commander) -> None:
@@ -285,8 +287,9 @@ class OscServer:
         bodies, effects = dict(self._bodies), dict(self._effects)
         for message in messages:
             _add(message, bodies, effects)
-        frame = {"time": when, "bodies": bodies, "effects": effects}
-        self._client.put(Frame.model_validate(frame), now, commander)
+        frame = message_of({"type": "frame", "time": when, "bodies": bodies, "effects": effects})
+        assert isinstance(frame, Frame)
+        self._client.put(frame, now, commander)
         self._bodies, self._effects = bodies, effects
 
 
@@ -303,24 +306,35 @@ def _add(message: OscMessage, bodies: dict[str, Any], effects: dict[str, Any]) -
 
 
 def _parameters(effect: str, values: list[Any]) -> dict[str, Any]:
-    """Return words, each followed by its number or numbers, as parameters; the first word is the kind."""
+    """Return words, each followed by its number or numbers, as parameters; the first word is the kind.
+
+    Names with dots lead into parts: ``plane.point`` is the point of the plane.
+    """
     lists = [
         name for name, bound in bounds(EFFECTS.get(str(values[0]), object)).items() if isinstance(bound, Many)
     ]
-    found: dict[str, list[float]] = {}
+    found: dict[str, list[Any]] = {}
     name = ""
     for value in values[1:]:
-        if isinstance(value, str):
+        if isinstance(value, str) and not (name.endswith(".kind") and not found[name]):
             name = value
             found[name] = []
         elif name:
             found[name].append(value)
         else:
             raise EffectError(f"effect {effect!r}: a number, {value}, without a parameter before it")
-    return {
-        name: numbers[0] if len(numbers) == 1 and name not in lists else tuple(numbers)
-        for name, numbers in found.items()
-    }
+    table: dict[str, Any] = {}
+    for name, given in found.items():
+        *parts, key = name.split(".", MAX_PARTS)
+        part = table
+        for each in parts:
+            part = part.setdefault(each, {})
+            if not isinstance(part, dict):
+                raise EffectError(
+                    f"effect {effect!r}: {name}: {each} has a value of its own; give that or its parts"
+                )
+        part[key] = given[0] if len(given) == 1 and name not in lists else tuple(given)
+    return table
 
 
 class OscTracker:

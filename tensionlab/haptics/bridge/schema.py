@@ -19,11 +19,24 @@ from tensionlab.haptics.effects.described import effect_of
 from tensionlab.haptics.effects.parameters import MAX_COUNT, Bound, Many, Range, Vector, bounds
 from tensionlab.model.rig import Rig
 
+ABOUT = (
+    "A client gets a welcome first. Each message of the client that commands is answered with exactly one state "
+    "or refused, in order; events come between the answers: read on until the type is not event. Times are in s: "
+    "that of a frame by the client's own clock, all others by that of the run, which is `time` of the state. "
+    "Lengths are in m, forces in N. No number is infinite or NaN."
+)
+"""What a client has to know besides the messages."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 REFERENCE = "#/$defs/"
 PARAMETER = re.compile(r"^(?P<name>\w+) :.*\n(?P<text>(?: {4}.*\n?)+)", re.MULTILINE)
 """Of a docstring in NumPy style."""
 SHORT_LIST = re.compile(r"\[[^\[\]{}]{0,200}\]")
+IN_PYTHON = (
+    (", or -inf for long ago", "; long ago if left out"),
+    (", or inf for not yet", "; not yet if left out"),
+)
+"""What a docstring says that JSON cannot, which has no infinity, and what stands for it."""
+MOTION_CLOCK, STATE_CLOCK = "on the motion's clock", "on the clock of `time` of the state"
 CLAUSE_END = re.compile(r"[.;](\s|$)")
 
 
@@ -67,6 +80,7 @@ def message_schema(rig: Rig | None = None) -> dict[str, Any]:
     return {
         "$schema": DIALECT,
         "title": f"Messages of the tensionlab bridge, version {PROTOCOL}",
+        "description": ABOUT,
         **_by_value("type", {each.model_fields["type"].default: each.__name__ for each in (*IN, *OUT)}),
         "$defs": _without_titles(definitions),
     }
@@ -138,7 +152,10 @@ def _define(
                     properties[each.name]["default"] = value
             elif math.isfinite(value):
                 properties[each.name]["default"] = value
-        properties[each.name]["description"] = meanings[each.name]
+        meaning = meanings[each.name].replace(MOTION_CLOCK, STATE_CLOCK)
+        for python, instead in IN_PYTHON:
+            meaning = meaning.replace(python, instead)
+        properties[each.name]["description"] = meaning
     schema: dict[str, Any] = {"description": first_line(kind), "type": "object", "properties": properties}
     if name is not None:
         schema["required"] = ["kind"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import threading
 import time
@@ -13,10 +12,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from http import HTTPStatus
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Self
 from urllib.parse import urlsplit
-
-from pydantic import Field, TypeAdapter
 
 from tensionlab.admission import LOOPBACK
 from tensionlab.errors import MAX_MESSAGE_CHARACTERS, HardwareError, TensionlabError, cannot_listen, needs
@@ -26,11 +23,12 @@ from tensionlab.haptics.bridge.command import SILENCE_S, Budget, Commander, Fram
 from tensionlab.haptics.bridge.messages import (
     MAX_MESSAGE_BYTES,
     Event,
-    Frame,
     Refused,
     State,
     Stop,
     Welcome,
+    message_of,
+    parse,
     reason_of,
 )
 
@@ -58,7 +56,6 @@ STATE_PERIOD_S = 0.1
 
 QUIET = logging.getLogger(f"{__name__}.connections")
 QUIET.setLevel(logging.CRITICAL)  # whatever connects without being a client leaves no traceback
-READ: TypeAdapter[Frame | Stop] = TypeAdapter(Annotated[Frame | Stop, Field(discriminator="type")])
 
 
 @dataclass
@@ -212,15 +209,17 @@ class Bridge:
         assert connection.request is not None
         path = urlsplit(connection.request.path).path
         if path == COMMAND_PATH:
-            await self._accept_command(connection)
+            if refused := await self._accept_command(connection):
+                self._report(f"{_name(connection)}: refused: {refused}")
+                return
         else:
             self._report(f"{_name(connection)}: watches {path}")
             await self._watch(connection, path == STATE_PATH)
         reason = f": {connection.close_reason}" if connection.close_reason else ""
         self._report(f"{_name(connection)}: has gone{reason}")
 
-    async def _accept_command(self, connection: ServerConnection) -> None:
-        """Let a client command, if no other one does."""
+    async def _accept_command(self, connection: ServerConnection) -> str:
+        """Let a client command until it goes, if no other one does; return why not, or an empty string."""
         tasks: set[asyncio.Task[None]] = set()  # asyncio itself keeps no hold of them
 
         def turn_away(reason: str) -> None:
@@ -236,7 +235,7 @@ class Bridge:
             )
         except FrameRefused as refused:
             await self._turn_away(connection, str(refused))
-            return
+            return str(refused)
         connected = self._commanding = CommandConnection(connection, commander)
         self._clients.add(connection)
         try:
@@ -247,6 +246,7 @@ class Bridge:
             command.leave(commander)
             if self._commanding is connected:
                 self._commanding = None
+        return ""
 
     async def _command(self, connected: CommandConnection) -> None:
         """Answer what a task of its own reads: a flood shows however slow the answers are."""
@@ -330,13 +330,13 @@ class Bridge:
         """Take a message, and return the answer."""
         now, began = self._client.clock(), time.thread_time()
         try:
-            message = READ.validate_python(json.loads(content))
+            message = message_of(parse(content))
             if isinstance(message, Stop):
                 self._client.stop(now, connected.commander)
                 return self._state(0)
             self._client.put(message, now, connected.commander)
             return self._state(message.sequence)
-        except (TensionlabError, ValueError, RecursionError) as error:
+        except TensionlabError as error:
             return Refused(reason=reason_of(error))
         except Exception as error:  # whatever it is that was not foreseen: no message ends the bridge
             logging.getLogger(__name__).exception("a message of %s", connected.commander.name)

@@ -16,6 +16,7 @@ from tensionlab.files.reading import brief
 from tensionlab.haptics.effects import EFFECTS, SOLIDS
 from tensionlab.haptics.effects.effect import Effect
 from tensionlab.haptics.effects.parameters import Vector, bounds, require_dimension
+from tensionlab.haptics.effects.refusal import first_problem, shown
 from tensionlab.haptics.effects.tools import Weight
 from tensionlab.model.kinematics import turn_axes
 from tensionlab.model.rig import Rig
@@ -73,9 +74,11 @@ def _kind(where: str, given: object, known: Mapping[str, type]) -> tuple[type, d
     """Return the class that a table names by its kind, and the rest of the table."""
     if not isinstance(given, Mapping):
         raise EffectError(f"{where} is {brief(given)}; give a table with its kind and parameters")
-    kind = given.get("kind")
+    if "kind" not in given:
+        raise EffectError(f"{where}: kind is missing; give one of {', '.join(known)}")
+    kind = given["kind"]
     if not isinstance(kind, str) or kind not in known:
-        raise EffectError(f"{where}: kind is {brief(kind)}; give one of {', '.join(known)}")
+        raise EffectError(f"{where}: kind is {shown(kind)}; give one of {', '.join(known)}")
     return known[kind], {key: value for key, value in given.items() if key != "kind"}
 
 
@@ -88,11 +91,23 @@ def read(where: str, hint: Any, given: Any) -> Any:
     try:
         return _adapter(hint).validate_python(given)
     except ValidationError as error:
-        problem = error.errors()[0]
-        step = "".join(f"{each}: " for each in problem["loc"])
-        if problem["type"] == "value_error":
-            raise EffectError(f"{where}: {step}{problem['msg'].removeprefix('Value error, ')}") from None
-        raise EffectError(f"{where}: {step}{problem['msg']}, not {brief(problem['input'])}") from None
+        wanted = _wanted(hint, error.errors(include_url=False)[0]["loc"])
+        raise EffectError(f"{where}: {first_problem(error, wanted=wanted)}") from None
+
+
+def _wanted(hint: Any, way: Sequence[int | str]) -> str:
+    """Return the range of the parameter that a way through classes leads to, in words; empty if it has none."""
+    for step in way:
+        if (
+            not is_dataclass(hint)
+            or not isinstance(hint, type)
+            or step not in (each.name for each in fields(hint))
+        ):
+            return ""
+        bound, hint = bounds(hint).get(str(step)), get_type_hints(hint)[str(step)]
+        if bound is not None:
+            return str(bound)
+    return ""
 
 
 @cache

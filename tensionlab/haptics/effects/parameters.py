@@ -43,9 +43,12 @@ class Range:
 
     def __str__(self) -> str:
         """Return the range in words, as messages and BRIDGE.md have it."""
+        if not math.isfinite(self.low):
+            return f"a finite number, {self.high:g} {self.unit} or less, or leave it out"
+        if not math.isfinite(self.high):
+            return f"a finite number, {self.low:g} {self.unit} or more, or leave it out"
         low = f"above {self.low:g}, to" if self.positive else f"{self.low:g} to"
-        finite = "a finite number, " if math.isfinite(self.low) and math.isfinite(self.high) else ""
-        return f"{finite}{low} {self.high:g} {self.unit}".rstrip()
+        return f"a finite number, {low} {self.high:g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@ import pytest
 
 from tensionlab.errors import EffectError
 from tensionlab.haptics.bridge.client_state import ClientState
+from tensionlab.haptics.bridge.command import FrameRefused
 from tensionlab.haptics.bridge.messages import Frame
 from tests.support.runs import four
 
@@ -55,12 +56,23 @@ def test_a_leap_is_no_motion():
     np.testing.assert_allclose(motion.velocity, 0.0)
 
 
-def test_time_that_goes_back_is_no_motion_either():
+def test_time_that_goes_back_is_refused_unless_no_frame_has_come_for_a_second():
     box = ClientState(four())
     box.put(frame(10.0, 0.0, 0.0, 0.0), 100.0)
-    box.put(frame(9.0, 0.01, 0.0, 0.0), 100.01)
-    assert np.isfinite(box.motion("hand", 100.0105).velocity).all()
-    np.testing.assert_allclose(box.motion("hand", 100.02).position, [0.01, 0.0, 0.0])
+    with pytest.raises(FrameRefused, match="time is 9, before 10 of the frame before; give s by one clock"):
+        box.put(frame(9.0, 0.01, 0.0, 0.0), 100.01)
+    box.put(frame(9.0, 0.01, 0.0, 0.0), 101.0)
+    assert np.isfinite(box.motion("hand", 101.0005).velocity).all()
+    np.testing.assert_allclose(box.motion("hand", 101.01).position, [0.01, 0.0, 0.0])
+
+
+def test_a_quaternion_is_made_a_unit_one_within_a_thousandth():
+    box = ClientState(four())
+    box.put(frame(0.0, 0.0, 0.0, 0.0, rotation=(0.0, 0.0, 0.0, 1.0009)), 0.0)
+    np.testing.assert_allclose(box.motion("hand", 0.0).rotation, np.eye(3), atol=1e-12)
+    for wrong in ((0.0, 0.0, 0.0, 0.99), (0.8, 0.8, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)):
+        with pytest.raises(ValueError, match=r"has the length .*; give a unit quaternion"):
+            frame(0.0, 0.0, 0.0, 0.0, rotation=wrong)
 
 
 def test_bodies_that_nobody_mentioned_are_nowhere():

@@ -1,5 +1,6 @@
 """One client commands at a time, by WebSocket or OSC, and within its budget."""
 
+import numpy as np
 import pytest
 from pythonosc.osc_message_builder import build_msg
 
@@ -7,7 +8,8 @@ from tensionlab.errors import EffectError
 from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.command import BYTES_AT_ONCE, BYTES_PER_S, SILENCE_S, Budget, FrameRefused
 from tensionlab.haptics.bridge.messages import Frame
-from tensionlab.haptics.bridge.osc import OscServer
+from tensionlab.haptics.bridge.osc import OscServer, bundle_of
+from tensionlab.haptics.effects import Plane
 from tests.support.runs import four
 
 FRAME = Frame.model_validate({"time": 0.0, "bodies": {"hand": {"position": [0.0, 0.31, 0.0]}}})
@@ -97,8 +99,31 @@ def test_an_unknown_address_or_a_bad_message_changes_nothing(box, door):
     assert any("'pull': centre is (0.0, 0.0); give 3 components" in line for line in door.said)
     assert any("no body 'nobody'; there are: hand" in line for line in door.said)
     door._report.finish()
-    assert door.said[-1] == "2999 more lines like these"
+    assert door.said[-1] == "2999 more times: 7 bytes; OSC has multiples of 4"
     box.put(FRAME, 2.0, door._commander)
+
+
+def test_a_wall_is_placed_over_osc_by_names_with_dots(box, door):
+    floor = ["wall", "plane.point", 0.0, 0.25, 0.0, "plane.normal", 0.0, 1.0, 0.0, "stiffness", 100.0]
+    door._take(build_msg("/effect/floor", floor).dgram, "127.0.0.1", 0.0)
+    assert box.effects["floor"].plane == Plane((0.0, 0.25, 0.0), (0.0, 1.0, 0.0))
+    assert box.effects["floor"].stiffness == 100.0
+    solid = ["shaped", "field.kind", "box", "field.size", 0.1, 0.2, 0.3, "coupling.stiffness", 200.0]
+    door._take(build_msg("/effect/crate", solid).dgram, "127.0.0.1", 0.1)
+    assert box.effects["crate"].field.size == pytest.approx((0.1, 0.2, 0.3))
+    assert box.effects["crate"].coupling.stiffness == 200.0
+    for wrong in (["wall", "plane", 1.0, "plane.point", 0.0, 0.0, 0.0], ["wall", "plane.pint", 0.0]):
+        door._take(build_msg("/effect/floor", wrong).dgram, "127.0.0.1", 0.2)
+    assert "'floor': plane.point: plane has a value of its own; give that or its parts" in door.said[0]
+    assert "no parameter 'pint'; there are point, normal" in door.said[1]
+
+
+def test_what_has_no_time_tag_among_what_has_one_is_not_before_it(box, door):
+    door._take(bundle_of({"hand": np.array([0.0, 0.31, 0.0])}, 1.7e9), "127.0.0.1", 0.0)
+    door._take(PULL, "127.0.0.1", 0.1)
+    door._take(bundle_of({"hand": np.array([0.0, 0.31, 0.0])}, 1.7e9 + 0.2), "127.0.0.1", 0.2)
+    assert door.said == []
+    assert box.count == 3
 
 
 def test_a_single_shot_can_be_fired_over_osc(box, door):

@@ -111,10 +111,27 @@ def test_what_changes_is_sent_of_the_module():
     received.take(first)
     received.take(replace(second, limiters=np.array([0, Limit.UPPER, 0, 0]), faults=np.array([0, 0, 1, 0])))
     received.take(replace(third, active=np.array([False, True, True, True])))
-    assert [event.module for event in received.of("limit")] == ["floor-2", "floor-2"]
+    assert [event.module for event in received.of("limit")] == ["floor-2"]
     assert [event.module for event in received.of("fault")] == ["floor-3"]
     assert [event.module for event in received.of("lost")] == ["floor-1"]
     assert {event.kind for event in received.events} <= set(KINDS)
+
+
+def test_a_limiter_that_comes_and_goes_is_told_when_it_begins_and_when_it_has_ended():
+    received = Received()
+    for state in states(200):
+        limiters = np.zeros(RIG.m, dtype=np.int64)
+        if state.cycle < 80 or state.cycle >= 180:
+            limiters[3] = (Limit.SLEW, Limit.NONE, Limit.UPPER)[state.cycle % 3]
+        received.take(replace(state, limiters=limiters))
+    assert [(round(event.time, 2), event.text) for event in received.of("limit")] == [
+        (0.0, "limited by: SLEW"),
+        (0.04, "limited by: UPPER"),
+        (2.54, "no longer limited by: UPPER"),
+        (2.56, "no longer limited by: SLEW"),
+        (3.6, "limited by: SLEW"),
+        (3.64, "limited by: UPPER"),
+    ]
 
 
 def test_a_module_that_may_not_pull_as_hard_is_sent_and_when_it_may_again():

@@ -79,6 +79,20 @@ def test_the_python_example_runs(bridge):
     )
 
 
+@pytest.mark.realtime  # the example is a program, and OSC a thread in another process
+def test_the_osc_example_places_a_floor():
+    with served("--osc", 0) as (url, running):
+        port = running.stdout.readline().split()[-1]
+        words = [sys.executable, str(ROOT / "examples/bridge/osc_client.py"), port, str(HANGS_S)]
+        with (
+            connect(f"{url}/state", compression=None) as watch,
+            subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as client,
+        ):
+            while json.loads(watch.recv(timeout=HANGS_S)).get("desired", [0.0, 0.0])[1] < 0.5:
+                assert client.poll() is None, client.stderr.read()
+            client.terminate()
+
+
 def heard(watch, *kinds):
     """The next event of one of these kinds."""
     while (found := json.loads(watch.recv(timeout=HANGS_S))).get("kind") not in kinds:
