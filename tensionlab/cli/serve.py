@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from tensionlab.cli.common import options
+from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run
 from tensionlab.cli.common.options import Duration, Log, Modules, Solver, View
 from tensionlab.cli.run import print_summary
@@ -139,24 +139,25 @@ def serve(
 
     inner: Inner = FreeEffects(client) if played is None else ScenarioDemand(played, note, repeat=True)
     with ExitStack() as stack:
-        stack.enter_context(bridge)
-        typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
-        if osc is not None:
-            door = stack.enter_context(OscServer(client, osc_host, osc, partial(report, "refused")))
-            typer.echo(f"OSC at UDP port {door.port}")
-        page_url = bridge.url.replace("ws:", "http:")
-        typer.echo(f"{page_url}{PAGE_PATH} shows the state, {page_url}{SCHEMA_PATH} has the messages' schema")
-        if view:
-            show_run()
-        group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
-        stack.callback(group.close)
-        stack.enter_context(temporary_slew(group, MAX_SLEW_RATE_N_PER_S if played is None else played.slew))
-        inner.renderer.limits = module_limits(loaded, group)
-        demand = BridgedDemand(client, inner, events.take, events.note)
-        tracker = follow if played is not None or needs_tracker(loaded) else None
-        runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-        if log is not None:
-            runner.log = begin_log(log, loaded, solver, settings, links)
+        with output.if_interrupted("before the run began; no module pulls"):
+            stack.enter_context(bridge)
+            typer.echo(f"{bridge.url}/command takes frames, {bridge.url}/events tells what happens")
+            if osc is not None:
+                door = stack.enter_context(OscServer(client, osc_host, osc, partial(report, "refused")))
+                typer.echo(f"OSC at UDP port {door.port}")
+            page_url = bridge.url.replace("ws:", "http:")
+            typer.echo(f"{page_url}{PAGE_PATH} shows the state, {page_url}{SCHEMA_PATH} has the messages' schema")
+            if view:
+                show_run()
+            group, clock, links = reach_modules(loaded, modules, GuidedHand(follow))
+            stack.callback(group.close)
+            stack.enter_context(temporary_slew(group, MAX_SLEW_RATE_N_PER_S if played is None else played.slew))
+            inner.renderer.limits = module_limits(loaded, group)
+            demand = BridgedDemand(client, inner, events.take, events.note)
+            tracker = follow if played is not None or needs_tracker(loaded) else None
+            runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
+            if log is not None:
+                runner.log = begin_log(log, loaded, solver, settings, links)
         failed = not _run(runner, seconds)
         events.note("ended", runner.statistics.ended)
     print_summary(runner)

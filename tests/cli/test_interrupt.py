@@ -123,3 +123,14 @@ def test_while_the_program_is_imported_it_is_one_line(monkeypatch, capsys):
         program.main()
     assert left.value.code == 130
     assert capsys.readouterr() == ("", "tensionlab: interrupted: nothing was begun\n")
+
+
+def test_a_bridge_that_is_interrupted_before_its_run_says_so(run, monkeypatch):
+    monkeypatch.setattr("tensionlab.cli.serve.reach_modules", press)
+    status, _, err = run("serve", "bartels2026-validation", "--port", 0)
+    assert (status, err) == (130, "tensionlab: interrupted: before the run began; no module pulls\n")
+
+
+def test_a_verb_that_writes_nothing_says_no_more_than_that(run, monkeypatch):
+    monkeypatch.setattr("tensionlab.cli.rig.check_rig", press)
+    assert run("rig", "check", "bartels2026-validation") == (130, "", "tensionlab: interrupted: nothing is kept\n")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 120
 """Columns of a table where stdout is no terminal."""
-NOTHING_KEPT = "nothing was written; the same command starts over"
+NOTHING_KEPT = "nothing is kept"
 """What Ctrl-C leaves to say, unless a verb has other words."""
 short, vector = display.short, display.vector
 """Numbers, as notebooks show them too."""

@@ -157,13 +157,13 @@ class RunEvents:
 
     def _send_limiters(self, state: RigState) -> None:
         """Send what begins to limit a module, and what no longer does: it may come and go each cycle."""
-        for index in np.flatnonzero(state.active):
+        for index in map(int, np.flatnonzero(state.active)):
             limiter = self._limiters[int(state.limiters[index])]
             if limiter == NO_LIMITER:
                 continue
-            if (int(index), limiter) not in self._limited:
+            if (index, limiter) not in self._limited:
                 self._event(state.time, "limit", f"limited by: {limiter}", module=self._names[index])
-            self._limited[int(index), limiter] = state.time
+            self._limited[index, limiter] = state.time
         for (index, limiter), latest in list(self._limited.items()):
             if state.time - latest >= REPEAT_S:
                 del self._limited[index, limiter]

@@ -98,13 +98,10 @@ def read(where: str, hint: Any, given: Any) -> Any:
 def _wanted(hint: Any, way: Sequence[int | str]) -> str:
     """Return the range of the parameter that a way through classes leads to, in words; empty if it has none."""
     for step in way:
-        if (
-            not is_dataclass(hint)
-            or not isinstance(hint, type)
-            or step not in (each.name for each in fields(hint))
-        ):
+        key, hints = str(step), get_type_hints(hint) if is_dataclass(hint) else {}
+        if key not in hints:
             return ""
-        bound, hint = bounds(hint).get(str(step)), get_type_hints(hint)[str(step)]
+        bound, hint = bounds(hint).get(key), hints[key]
         if bound is not None:
             return str(bound)
     return ""
