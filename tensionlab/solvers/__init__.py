@@ -58,6 +58,8 @@ SOLVERS: dict[str, type[Any]] = {
 PLUGIN_GROUP = "tensionlab.solvers"
 PARTS: dict[str, Any] = {"objective": str, "policies": tuple, "solve": Callable}
 """Attributes that the class of a solver has, and of which kind."""
+GUIDE = "docs/how-to/add-a-solver.md has one to copy"
+"""What to do about a class that is no solver."""
 
 
 def make(name: str) -> Solver:
@@ -83,6 +85,8 @@ def make(name: str) -> Solver:
             found = _load_only(offered[family])
         elif rest and _is_module(family):
             found, name = _load_class(family, rest.partition(":")[0]), rest
+        elif hint := _as_module_and_class(name):
+            raise UnknownSolver(f"no solver is called {name!r}; a class of a module is {hint}")
         elif rest[:1].isupper():
             raise UnknownSolver(
                 f"no solver and no module is called {family!r}; module:Class, as in my_solver:MySolver, is looked "
@@ -273,6 +277,13 @@ def _is_module(name: str) -> bool:
         return False
 
 
+def _as_module_and_class(name: str) -> str:
+    """Return what ``my_solver.MySolver`` or ``my_solver.py:MySolver`` was meant to be; nothing for other names."""
+    file, colon, cls = name.partition(":") if ".py:" in name else name.rpartition(".")
+    module = Path(file).stem if file.endswith(".py") else file
+    return f"{module}:{cls}" if colon and cls[:1].isupper() and _is_module(module) else ""
+
+
 def _load_class(module: str, name: str) -> type[Any]:
     """Load the class of a module, and check that it is a solver."""
     from importlib.metadata import EntryPoint
@@ -290,10 +301,11 @@ def _load(entry: EntryPoint) -> type[Any]:
             found()
     except Exception as error:  # the code of others may raise anything
         raise PluginError(f"{where} cannot be loaded: {type(error).__name__}: {error}") from error
-    lacks = _lacks(found)
-    if not (isinstance(found, type) and is_dataclass(found)) or lacks:
-        what = f"lacks {', '.join(lacks)}" if lacks else "is no dataclass"
-        raise PluginError(f"{where} {what}; tensionlab.solvers.base says what a solver is")
+    faults = [f"lacks {', '.join(lacks)}"] if (lacks := _lacks(found)) else []
+    if not (isinstance(found, type) and is_dataclass(found)):
+        faults.append("is no dataclass")
+    if faults:
+        raise PluginError(f"{where} {' and '.join(faults)}; {GUIDE}")
     solver_class: type[Any] = found
     if unknown := [each for each in solver_class.policies if each not in POLICIES]:
         raise PluginError(f"{where} has a policy {unknown[0]!r}; there are {', '.join(POLICIES)}")

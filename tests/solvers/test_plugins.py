@@ -219,3 +219,17 @@ def test_the_command_line_lists_and_compares_it(offer, run):
         ["lost", "left"],
     ]
     assert "left out: lost, broken" in out
+
+
+def test_all_that_a_class_lacks_is_said_at_once(beside):
+    name = beside("class Fixed:\n    def solve(self, problem): ...\n")
+    message = rf"solver 'Fixed' \({name}:Fixed\) lacks objective, policies and is no dataclass; docs/how-to/add"
+    with pytest.raises(PluginError, match=message):
+        make(f"{name}:Fixed")
+
+
+@pytest.mark.parametrize("written", ["{}.Fixed", "{}.py:Fixed", "./{}.py:Fixed"])
+def test_a_class_that_is_written_in_another_way_is_hinted_at(beside, written):
+    name = beside()
+    with pytest.raises(UnknownSolver, match=rf"a class of a module is {name}:Fixed"):
+        make(written.format(name))
