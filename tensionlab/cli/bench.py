@@ -128,7 +128,7 @@ def _print(results: Results, out: Path, json: bool) -> None:
     for line in lines:
         name = Text(line.label, "bold" if line.built_in else "")
         if line.absent:
-            grid.add_row(name, line.note, style="dim")
+            grid.add_row(name, "none", style="dim")
             continue
         grid.add_row(
             name,
@@ -145,6 +145,11 @@ def _print(results: Results, out: Path, json: bool) -> None:
     console.print(grid)
     console.print()
     console.print(LEGEND, style="dim")
+    for line in lines:
+        if line.note:
+            console.print(
+                f"{line.label}: {output.clip(line.note)}", style="dim" if line.absent else "yellow", soft_wrap=True
+            )
 
 
 @problems.command("list")

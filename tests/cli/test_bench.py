@@ -43,6 +43,30 @@ def test_it_writes_table_report_figures_and_manifest(run, tmp_path):
     assert str(out / "report.md") in said
 
 
+def test_an_entry_that_breaks_leaves_the_names_of_the_others(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Breaks:
+    objective = "none"
+    policies = ()
+
+    def solve(self, problem):
+        raise ValueError("of a reason that takes " + "very " * 20 + "long to tell")
+"""
+    (tmp_path / "fable_breaks.py").write_text(text)
+    code, said, _ = run("--set", "edge", "--solvers", "fable_breaks:Breaks,newton", "--count", 6, "--quick",
+                        "--out", "own")  # fmt: skip
+    assert code == 0
+    lines = said.splitlines()
+    assert max(map(len, lines[:8])) <= 120
+    assert any(line.startswith("newton ") and "100 %" in line for line in lines)
+    assert any(line.split() == ["fable_breaks:Breaks", "none"] for line in lines)
+    assert any(line.startswith("fable_breaks:Breaks: ") and "of a reason" in line for line in lines)
+
+
 def test_json_is_for_programs(run, tmp_path):
     code, said, _ = run("--set", "edge", "--solvers", "newton,closed-form", "--count", 6, "--quick",
                         "--out", tmp_path, "--json")  # fmt: skip
