@@ -14,7 +14,6 @@ from tensionlab.cli.common.options import At, BodyFrames, Json, Plot, RigArgumen
 from tensionlab.cli.common.required import Gravity, Required, Wrench, with_requirement
 from tensionlab.comparison import compare as comparison
 from tensionlab.comparison.compare import COLUMNS, STATUSES, Column, RowType
-from tensionlab.model import directions as direction_sets
 from tensionlab.model.files import load_rig
 
 STATUS_LEGEND = """\
@@ -77,7 +76,7 @@ def compare(
         result = comparison.compare(
             loaded,
             position=options.parse_position(at, loaded),
-            directions=None if directions is None else direction_sets.parse(directions),
+            directions=directions,
             magnitude=magnitude,
             solvers=names,
             nearest=nearest,  # type: ignore[arg-type]  # checked above
@@ -100,12 +99,13 @@ def compare(
                 magnitude=result.magnitude,
                 rows=rows,
                 left_out=result.missing,
+                failures=result.failures,
                 manifest=manifest,
             )
             return
         shown = comparison.merge_policies(result.rows)
         legend = LEGEND if shown == list(result.rows) else f"{LEGEND}\n{ANY_LEGEND}"
-        print_scores(result.title, shown, COLUMNS, result.missing, legend)
+        print_scores(result.title, shown, COLUMNS, result.missing, legend, failures=result.failures)
 
 
 def print_scores(
@@ -116,8 +116,9 @@ def print_scores(
     legend: str,
     *,
     first_apart: bool = False,
+    failures: Mapping[str, str] | None = None,
 ) -> None:
-    """Print a table of solvers, what its words mean, and which solvers are left out, and why.
+    """Print a table of solvers, what its words mean, and which solvers are left out or failed, and why.
 
     The columns follow `STATUSES`; ``first_apart`` draws a line below the first row.
     """
@@ -135,6 +136,8 @@ def print_scores(
     console.print(legend, style="dim")
     for name, reason in missing.items():
         console.print(f"left out: {name}, {reason}", style="dim", soft_wrap=True)
+    for name, reason in (failures or {}).items():
+        console.print(f"failed: {name}, {output.clip(reason)}", style="yellow", soft_wrap=True)
     if narrow:
         console.print(
             f"A terminal of {output.PIPE_WIDTH} columns shows more of them; --json has all.", style="dim"

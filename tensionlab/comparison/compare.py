@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import MAX_MAGNITUDE, Floats, Integers, angles
+from tensionlab.comparison.guarded import guarded
 from tensionlab.display import duration, short
 from tensionlab.errors import InputError
 from tensionlab.model import directions as direction_sets
@@ -122,12 +123,17 @@ def merge_policies(rows: Sequence[RowType]) -> list[RowType]:
 
 
 def scores_table(
-    title: str, rows: Sequence[RowType], columns: Sequence[Column[RowType]], missing: Mapping[str, str]
+    title: str,
+    rows: Sequence[RowType],
+    columns: Sequence[Column[RowType]],
+    missing: Mapping[str, str],
+    failures: Mapping[str, str] | None = None,
 ) -> str:
-    """Return a table of solvers in HTML: their statuses, and then these columns."""
+    """Return a table of solvers in HTML: their statuses, and then these columns; which are left out, or failed."""
     headings = ["<solver", "<nearest", *(display.status_mark(status).text for status in Status)]
     shown = [*STATUSES, *columns]
     notes = [f"left out: {name}, {reason}" for name, reason in missing.items()]
+    notes += [f"failed: {name}, {reason}" for name, reason in (failures or {}).items()]
     return display.table(
         title,
         [*headings, *(heading for heading, *_ in columns)],
@@ -169,7 +175,16 @@ class Comparison:
         return f"<Comparison of {display.count(len({row.solver for row in self.rows}), 'solver')} on {self.title}>"
 
     def _repr_html_(self) -> str:
-        return scores_table(self.title, merge_policies(self.rows), COLUMNS, self.missing)
+        return scores_table(self.title, merge_policies(self.rows), COLUMNS, self.missing, self.failures)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """By the names of solvers that failed: at how many of the forces, and the first reason."""
+        found: dict[str, str] = {}
+        for row, allocation in zip(self.rows, self.allocations, strict=True):
+            for reason in list(allocation.failures.values())[:1]:
+                found.setdefault(row.solver, f"at {row.failed} of {len(self.wrenches)}: {reason}")
+        return found
 
     def plot(self) -> Figure:
         """Draw statuses, errors and times of the solvers: `tensionlab.plots.plot_comparison`."""
@@ -184,7 +199,7 @@ def compare(
     rig: Rig,
     *,
     position: ArrayLike | None = None,
-    directions: ArrayLike | None = None,
+    directions: ArrayLike | str | None = None,
     magnitude: float | None = None,
     solvers: Sequence[str | Solver] | None = None,
     nearest: Nearest | None = None,
@@ -192,8 +207,10 @@ def compare(
 ) -> Comparison:
     """Compare solvers on the same forces, with the same verification.
 
-    Every answer comes from an `Allocator`. The optimum that ``gap_max`` refers to is newton's answer for the same
-    policy. The solvers are timed in turns of a few calls, so that a slow moment of the machine hits all of them.
+    Every answer comes from an `Allocator`. Where a solver of yours raises an exception, the force counts as
+    failed, and `Comparison.failures` has the reason. The optimum that ``gap_max`` refers to is newton's answer for
+    the same policy. The solvers are timed in turns of a few calls, so that a slow moment of the machine hits all
+    of them.
 
     Parameters
     ----------
@@ -202,8 +219,9 @@ def compare(
         that is a set of wrenches, and no directions are given, its corners are compared.
     position : (d,) array, optional
         Where the forces act, in m; left out: the rig's home.
-    directions : (K, d) array, optional
-        Directions of the forces; left out: the 182 of `grid18`, or 72 on a circle for a planar rig.
+    directions : (K, d) array or str, optional
+        Directions of the forces, or the name of a set: ``"grid18"``, ``"fibonacci:N"``, in the plane
+        ``"circle:N"``, or a CSV file; left out: the 182 of `grid18`, or 72 on a circle for a planar rig.
     magnitude : float, optional
         Size of each force, in N; left out: the ball that the rig requires, or 1.5 as in the published validation.
     solvers : sequence of str or Solver, optional
@@ -241,11 +259,13 @@ def compare(
             raise InputError(f"magnitude {magnitude} is no size of a force; give newtons, finite and above 0")
         if directions is None:
             directions = direction_sets.grid18() if rig.dimension == 3 else direction_sets.circle()
+        if isinstance(directions, str):
+            directions = direction_sets.parse(directions)
         forces = magnitude * np.asarray(directions, dtype=np.float64)
         wrenches = rig.required.middle(rig) + direction_sets.forces(forces, rig.n, rig.dimension)
     elif magnitude is not None:
         raise InputError(f"magnitude {magnitude}: the required wrenches are compared; give directions as well")
-    allocators = [Allocator(rig.limits, solver, nearest=policy) for _, policy, solver in runs]
+    allocators = [Allocator(rig.limits, guarded(solver), nearest=policy) for _, policy, solver in runs]
 
     def seconds(allocator: Allocator, wrench: Floats) -> float:
         start = time.perf_counter()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tensionlab import display, records
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.comparison.compare import Column, Score, finite, score, scores_table
+from tensionlab.comparison.guarded import guarded
 from tensionlab.display import short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers import Selected, Solver, select_solvers
@@ -113,7 +114,7 @@ def replay(
     arrays = {name: values[kept] for name, values in vars(run.allocation).items() if name != "failures"}
     rows = [row(run.setup.solver, run.setup.nearest, Allocation(**arrays), int(run.fallback_used[kept].sum()))]
     for done, (name, policy, solver) in enumerate(own.values(), start=1):
-        found = answer_again(run, kept, solver, policy)
+        found = answer_again(run, kept, guarded(solver), policy)
         rows.append(row(name, policy, found, 0))
         if progress:
             progress(done / len(own))

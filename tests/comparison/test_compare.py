@@ -219,3 +219,48 @@ def test_angles_are_exact_where_arccos_is_not():
 
 def test_a_force_of_nothing_has_no_angle():
     assert np.isnan(angles(np.array([[1.0, 0.0], [1.0, 0.0]]), np.array([[0.0, 0.0], [np.nan, 0.0]]))).all()
+
+
+@dataclasses.dataclass(frozen=True)
+class BreaksUpwards:
+    """Solver that has not thought of forces upwards."""
+
+    objective = "none"
+    policies = ()
+
+    def solve(self, problem):
+        if (problem.wrench[:, 1] > 0).any():
+            raise ZeroDivisionError("no way up")
+        return tl.Newton().solve(dataclasses.replace(problem, nearest="force"))
+
+
+class AnswersNothing(BreaksUpwards):
+    def solve(self, problem):
+        return None
+
+
+def test_where_a_solver_raises_an_exception_only_that_force_fails_and_the_reason_is_kept():
+    rig = tl.load_rig("bartels2026-validation")
+    forces = [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
+    found = compare(rig, directions=forces, solvers=[BreaksUpwards(), "newton"])
+    broken, newton = found.rows[0], found.rows[1]
+    assert (broken.exact, broken.failed) == (2, 1)
+    assert (newton.exact, newton.failed) == (3, 0)
+    reason = found.failures["BreaksUpwards"]
+    assert reason.startswith("at 1 of 3: ZeroDivisionError: no way up (test_compare.py:")
+    assert reason in found._repr_html_()
+
+
+def test_an_answer_that_is_none_is_a_failure_too():
+    rig = tl.load_rig("bartels2026-validation")
+    found = compare(rig, directions=[[0.0, 1.0, 0.0]], solvers=[AnswersNothing(), "newton"])
+    assert found.rows[0].failed == 1
+    assert "the solver returned NoneType; return Answer(tensions, iterations)" in found.failures["AnswersNothing"]
+
+
+def test_directions_may_be_the_name_of_a_set():
+    rig = tl.load_rig("bartels2026-validation")
+    found = compare(rig, directions="fibonacci:5", solvers=["newton"])
+    assert found.wrenches.shape == (5, 3)
+    with pytest.raises(InputError, match="fibonacci:N"):
+        compare(rig, directions="everywhere", solvers=["newton"])
