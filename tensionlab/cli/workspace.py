@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json as json_text
+import math
 from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -280,7 +281,10 @@ def _print(found: Sequence[tuple[str, str, str, Summary]], where: Grid | PoseLis
         rows.append((first, name, "" if unit == "1" else unit, *values, above, missing))
     axes = [each for each in where.coordinates() if each.name in "xyz"]
     region = ", ".join(f"{each.name} {each.values.min():g} to {each.values.max():g} m" for each in axes)
-    output.print_table(f"{found[0][-1].poses:,} poses: {region}", SUMMARY_HEADINGS, rows)
+    poses = found[0][-1].poses
+    places = math.prod(len(each.values) for each in axes) if isinstance(where, Grid) else poses
+    turns = f", {places:,} positions in {poses // places} orientations" if poses > places else ""
+    output.print_table(f"{poses:,} poses{turns}: {region}", SUMMARY_HEADINGS, rows)
     console = output.console()
     console.print()
     for name, metric in metrics.items():

@@ -205,3 +205,13 @@ def test_without_a_requirement_wrench_closure_is_proved_in_all_rotations(run):
     still, turned = (json.loads(run(*words, *more)[1]) for more in ([], ["--rotations", "angle:-10..10:10"]))
     assert still["required"] == turned["required"] == "wrench closure"
     assert turned["volume"]["upper"] < still["volume"]["lower"]
+
+
+def test_metrics_stay_in_their_order_in_a_store_and_orientations_are_counted(run, tmp_path):
+    words = ["cogiro", "--box", -2, 2, -2, 2, 1, 3, "--step", 2, "--rotations", "cone:10:10"]
+    words += ["--metric", "wrench-feasible,capacity-margin", "--out", tmp_path / "a.zarr"]
+    for _ in range(2):
+        code, out, err = run(*words)
+        assert (code, err) == (0, "")
+        assert out.index("wrench-feasible") < out.index("capacity-margin")
+        assert out.startswith("126 poses, 18 positions in 7 orientations: x -2 to 2 m")

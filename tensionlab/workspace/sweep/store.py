@@ -93,6 +93,7 @@ class ZarrStore:
         self._lock: BaseFileLock | None = None
         if not path.exists():
             _create(path, plan, empty)
+        self._metrics = list(plan.metrics)
         sweep = json.loads(empty.attrs["sweep"])
         self._ledger = _open_ledger(path, sweep)
         self.finished: Container[int] = self._ledger.verify()
@@ -128,7 +129,8 @@ class ZarrStore:
         if not self._ledger.complete:
             self._ledger.finish()
         data: xarray.Dataset = records.import_xarray().open_zarr(self._path, chunks=None)
-        return data
+        ordered = {name: data[name] for name in self._metrics}  # a folder has them by the alphabet
+        return data.drop_vars(list(ordered)).assign(ordered)
 
     def close(self) -> None:
         """Release the lock, so that others can write."""
