@@ -142,6 +142,8 @@ def draw_volume(axes: Any, field: Field, number: int, level: float) -> None:
         axis.set_pane_color("white")
         axis.labelpad = 8
         axis.set_major_locator(MaxNLocator(nbins=max(1, round(4 * share))))
+    if field.yes_or_no and level == 0.0:
+        level = 0.5  # half way: the border is somewhere between a pose that is in and one that is out
     triangles = level_surface(field.values[number], tuple(field.axes.values()), level)  # type: ignore[arg-type]
     if len(triangles):
         colours = _shaded(triangles, "xyz".index(field.up))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 NONE_COLOUR = "#E4E4E4"
 """Where a value is zero or less."""
+NO_YES = (NONE_COLOUR, GREEN)
+"""Of a metric that is 0 or 1."""
 PANEL_WIDTH = 3.3
 """Width of a panel, in inches."""
 COLUMNS = 4
@@ -70,7 +72,7 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
     if ax is not None:
         require_one(field)
         with one_panel(ax, (0.0, 0.0)) as (figure, axes):
-            figure.colorbar(draw_slice(axes, field, 0, shade_levels([field])), ax=axes, label=field.label)
+            _colour_bar(figure, draw_slice(axes, field, 0, shade_levels([field])), axes, field)
         return None
     columns = min(COLUMNS, len(field.names))
     rows = -(-len(field.names) // columns)
@@ -81,10 +83,10 @@ def plot_slices(swept: xarray.Dataset, metric: str | None = None, *, ax: Axes | 
             axes.set_axis_off()
         for number, axes in zip(range(len(field.names)), grid.flat, strict=False):
             shades = draw_slice(axes, field, number, levels)
-        figure.colorbar(shades, ax=grid, shrink=0.85, label=field.label)
+        _colour_bar(figure, shades, grid, field, shrink=0.85)
         if title := cut_title(field):
             figure.suptitle(title, fontsize="medium")
-        add_legend(figure, 3, SLICE_LEGEND)
+        add_legend(figure, 3, SLICE_LEGEND[: 2 if field.yes_or_no else 3])
     return figure
 
 
@@ -115,7 +117,7 @@ def plot_metrics(swept: xarray.Dataset) -> Figure:
             for number, axes in enumerate(row):
                 shades = draw_slice(axes, field, number, levels)
                 axes.label_outer()
-            figure.colorbar(shades, ax=row, shrink=0.85, label=field.label)
+            _colour_bar(figure, shades, row, field, shrink=0.85)
         if title := cut_title(fields[0]):
             figure.suptitle(title, fontsize="medium")
         add_legend(figure, 3, SLICE_LEGEND)
@@ -124,6 +126,8 @@ def plot_metrics(swept: xarray.Dataset) -> Figure:
 
 def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     """Draw a metric over the slice of one rig, and the rig; return the shades, for the colour bar."""
+    from matplotlib.colors import ListedColormap
+
     names, middle = list(field.axes), _middle(field)
     across, along, cut = _plane(field)
     picture = field.values[number]
@@ -134,9 +138,12 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     if min(len(x), len(y)) < 2:
         raise InputError(f"a slice needs two positions or more along {across} and {along}; give a smaller step")
     axes.fill_between([x[0], x[-1]], y[0], y[-1], color=NONE_COLOUR, linewidth=0)
-    shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
-    if (picture > 0).any():
-        axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)
+    if field.yes_or_no:  # each pose its own cell: nothing is known of the space between them
+        shades = axes.pcolormesh(x, y, picture, shading="nearest", cmap=ListedColormap(NO_YES), vmin=0, vmax=1)
+    else:
+        shades = axes.contourf(x, y, picture, levels=levels, cmap="viridis", extend="max")
+        if (picture > 0).any():
+            axes.contour(x, y, picture, levels=levels[:1], colors="black", linewidths=0.8)
     shown = [names.index(across), names.index(along)]
     anchors = field.anchors[number][:, shown]
     for anchor, end in zip(anchors, field.ends[number][:, shown], strict=True):
@@ -146,6 +153,14 @@ def draw_slice(axes: Any, field: Field, number: int, levels: Floats) -> Any:
     axes.set(xlabel=f"{across} (m)", ylabel=f"{along} (m)", aspect="equal")
     axes.set_title(field.names[number], fontsize="medium")
     return shades
+
+
+def _colour_bar(figure: Any, shades: Any, panels: Any, field: Field, shrink: float = 1.0) -> None:
+    """Draw what the shades mean: values, or no and yes."""
+    bar = figure.colorbar(shades, ax=panels, shrink=shrink, label=field.label)
+    if field.yes_or_no:
+        bar.set_ticks([0.25, 0.75], labels=["no", "yes"])
+        bar.ax.tick_params(length=0)
 
 
 def cut_title(field: Field) -> str:
@@ -261,6 +276,11 @@ class Field:
     ends: list[Floats]
     label: str
     up: str
+
+    @property
+    def yes_or_no(self) -> bool:
+        """Whether the metric is 0 or 1, such as whether something is feasible."""
+        return bool(np.isin(self.values[np.isfinite(self.values)], (0.0, 1.0)).all())
 
 
 def read_field(swept: xarray.Dataset, metric: str | None = None) -> Field:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -197,4 +198,8 @@ def over_orientations(swept: xarray.Dataset, kind: Literal["total", "inclusive"]
     reduced = (
         swept.min(dims, skipna=False, keep_attrs=True) if kind == "total" else swept.max(dims, keep_attrs=True)
     )
+    count = math.prod(swept.sizes[dim] for dim in dims)
+    words = f"in all {count} orientations" if kind == "total" else f"in one of {count} orientations at least"
+    for values in reduced.data_vars.values():
+        values.attrs["long_name"] = f"{values.attrs['long_name']}, {words}"
     return reduced.assign_attrs(title=f"{swept.attrs.get('title', 'sweep')}, {kind} orientation")

@@ -2,11 +2,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+import xarray as xr
+from matplotlib.collections import QuadMesh
 
 import tensionlab as tl
 from tensionlab.errors import InputError
-from tensionlab.plots import plot_layouts, plot_metrics, plot_shares, plot_slices, plot_volume
+from tensionlab.plots import plot_layouts, plot_metrics, plot_shares, plot_slices, plot_volume, volume
 from tensionlab.plots.style import save_figure
+from tensionlab.plots.volume import level_surface
 from tensionlab.plots.workspace import read_field, share_above
 from tensionlab.workspace.poses import Grid
 from tensionlab.workspace.sweep.plan import vary
@@ -129,3 +132,33 @@ def test_before_and_after_a_search(tmp_path, swept):
     words = words_of(tmp_path / "l.svg")
     for word in ("box-corners", "alternate-corners", "target", "share of the target (%)"):
         assert word in words, word
+
+
+@pytest.fixture(scope="module")
+def tilted():
+    rig = tl.load_rig("cogiro")
+    turns = tl.workspace.cone(np.radians(10.0), np.radians(10.0))
+    poses = tl.workspace.box((-6, 6), (-4, 4), (0, 4), step=2.0, rotations=turns)
+    return tl.sweep(rig, poses, ["wrench-feasible", "capacity-margin"], progress=False)
+
+
+def test_what_is_feasible_or_not_is_drawn_as_yes_and_no(tilted):
+    total = tl.workspace.over_orientations(tilted, "total")
+    figure = plot_slices(total, "wrench-feasible")
+    panel, bar = figure.axes
+    assert bar.get_ylabel() == "wrench feasibility, in all 7 orientations"
+    assert [each.get_text() for each in bar.get_yticklabels()] == ["no", "yes"]
+    (cells,) = [each for each in panel.collections if isinstance(each, QuadMesh)]
+    np.testing.assert_array_equal(cells.get_array(), total["wrench-feasible"].isel(rig=0, y=2).to_numpy().T)
+    margin = plot_slices(total, "capacity-margin").axes[1]
+    assert margin.get_ylabel() == "capacity margin, in all 7 orientations (N)"
+    assert len(margin.get_yticklabels()) > 2
+
+
+def test_a_volume_of_yes_and_no_ends_half_way_between_poses(swept, monkeypatch):
+    inside = (abs(swept.x) < 0.2) & (abs(swept.y) < 0.2) & (abs(swept.z) < 0.2)  # 3 poses of 7, 0.15 m apart
+    truth = (inside * xr.ones_like(swept["capacity-margin"])).assign_attrs(units="1", long_name="truth")
+    drawn = []
+    monkeypatch.setattr(volume, "level_surface", lambda *words: drawn.append(level_surface(*words)) or drawn[-1])
+    plot_volume(swept.assign({"capacity-margin": truth}).isel(rig=[0]))
+    assert abs(drawn[0]).max() == pytest.approx(0.15 + 0.15 / 2)
