@@ -18,6 +18,7 @@ import numpy as np
 from tensionlab.allocation import Solver
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, DemandSource, Pose, RigState
+from tensionlab.display import count
 from tensionlab.errors import HardwareError, LinkTimeout
 from tensionlab.hardware.client import shared_telemetry
 from tensionlab.hardware.client.group import ModuleGroup
@@ -242,7 +243,7 @@ class Runner:
         self._clock.wait_until(self._clock.now())  # simulated modules catch up with that before they are armed
         self._released = guard.ReleasedModules(self.rig.limits.lower, self.modules.slews, self.settings.ttl)
         self.modules.arm(self._before)
-        self.note("armed", f"{self.rig.m} modules")
+        self.note("armed", count(self.rig.m, "module"))
         self._pretension()
 
     def _pretension(self) -> None:
