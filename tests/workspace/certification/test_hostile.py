@@ -132,3 +132,28 @@ def test_nothing_is_said_of_lengths_whose_squares_are_lost():
     rig = tl.Rig("tiny", "planar-point", modules, home=corners.mean(axis=0))
     proved = tl.workspace.certify(rig, [(-1e-160, 2e-160)] * 2, ([0.0, 0.0], 0.1), 1e-161)
     assert not proved.verdict.any()
+
+
+@pytest.mark.parametrize("flaw", FLAWS)
+@pytest.mark.parametrize("kind", ["planar", "platform"])
+def test_what_is_inside_is_so_within_an_angle_of_each_rotation(kind, flaw):
+    rng = np.random.default_rng([7, FLAWS.index(flaw)])
+    for _ in range(many(12, 2) if kind == "planar" else many(4, 1)):
+        rig, region, required = hostile(kind, flaw, rng)
+        angle = float(rng.choice([0.01, 0.05]))
+        rotations = np.array([0.1, -0.15])
+        if kind == "platform":
+            rotations = tl.model.kinematics.exponential(rotations[:, None] * [0.6, 0.0, 0.8])
+        resolution = np.ptp(region, axis=1) / (16 if kind == "planar" else 4)
+        proved = tl.workspace.certify(rig, region, required, resolution, rotations=rotations, angle=angle)
+        cells = np.flatnonzero(proved.verdict == 1)
+        at = poses_in(proved, cells[:200], 8, 2, rng).reshape(-1, rig.dimension)
+        for rotation in rotations:
+            if kind == "planar":
+                turns = rotation + rng.choice([-angle, 0.0, angle], len(at))
+            else:
+                axis = rng.normal(size=(len(at), 3))
+                axis *= angle / np.linalg.norm(axis, axis=1, keepdims=True)
+                turns = tl.model.kinematics.exponential(axis) @ rotation
+            margin = required_margin(rig, rig.structure_matrix(at, turns), required, turns)
+            assert (margin > -1e-9 * float(rig.limits.upper.sum())).all()
