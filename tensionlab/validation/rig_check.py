@@ -9,6 +9,9 @@ from tensionlab.arrays import Floats
 from tensionlab.display import Finding
 from tensionlab.haptics.brakes.choice import brake_strengths
 from tensionlab.haptics.brakes.contact import ImpactCap
+from tensionlab.haptics.rendering.assignment import MIN_COSINE, STANDARD_LIMITS
+from tensionlab.haptics.rendering.renderer import HAND_DAMPING
+from tensionlab.haptics.rendering.stability import stiffness_cap
 from tensionlab.model import directions
 from tensionlab.model.requirement import Requirement
 from tensionlab.model.rig import Rig
@@ -23,6 +26,8 @@ LIKELY_LENGTHS_M = (0.01, 100.0)
 """Of the longest cable. Stadium cameras and telescopes have longer ones, few other rigs."""
 ALONG_FACET = 1e-12
 """Share of a unit vector along a facet's normal below which it does not lead to that facet."""
+CYCLE_S, LATENCY_S = 1.0 / 50.0, 0.02
+"""Of the loop whose stiffness is shown: the runner's standard rate, and a set-point that acts a cycle later."""
 HEAD_FORCE_N = ImpactCap().force
 """Largest force of all cables together on a head."""
 
@@ -33,7 +38,8 @@ def check_rig(rig: Rig) -> list[Finding]:
     Findings are the rank of the structure matrix; limits that leave room; lengths, where their unit may be wrong;
     weight, where it is known; what the rig requires, if anything; balance, that is the zero wrench inside the
     limits; strength, the largest force and torque that the rig renders in its weakest direction, beside what it
-    requires, or its weight where that closes it; and body frames.
+    requires, or its weight where that closes it; how stiff walls may be, where the rig holds a point; and body
+    frames.
     """
     structure = rig.structure_matrix(rig.home, frames=rig.at_rest)
     findings = [_rank(structure), _limits(rig), *_scale(rig)]
@@ -50,6 +56,8 @@ def check_rig(rig: Rig) -> list[Finding]:
     if met and (balanced or held or rig.required):
         beside = rig.required if rig.required or balanced else Requirement(gravity=True)
         findings.append(_strength(rig, structure, beside))
+    if rig.n == rig.dimension:
+        findings.append(_walls(rig, structure))
     if rig.frames:
         names = ", ".join(rig.frames)
         findings.append(Finding("frames", None, f"{names}: must be given at run time; at rest for this check"))
@@ -144,6 +152,22 @@ def _strength(rig: Rig, structure: Floats, beside: Requirement) -> Finding:
     if beside:
         text += f"; beside {beside.describe(rig)}"
     return Finding("strength", bool(strength[weakest] > 0), text)
+
+
+def _walls(rig: Rig, structure: Floats) -> Finding:
+    """Say how stiff a wall may be that pushes along an axis: modules along it render it, elsewhere the host."""
+    host = f"{stiffness_cap(LATENCY_S, CYCLE_S, HAND_DAMPING):.0f} N/m by the host"
+    loop = f"{1.0 / CYCLE_S:g} cycles/s, {1e3 * LATENCY_S:g} ms late"
+    modules = []
+    for axis, name in enumerate("xyz"[: rig.dimension]):
+        for sign in "+-":
+            cosine = float((structure[axis] if sign == "+" else -structure[axis]).max())
+            if cosine >= MIN_COSINE:
+                modules.append(f"{STANDARD_LIMITS.stiffness * cosine**2:.0f} N/m towards {sign}{name}")
+    if not modules:
+        return Finding("walls", True, f"as stiff as {host} ({loop}): no cable is along an axis")
+    elsewhere = "" if len(modules) == 2 * rig.dimension else f", elsewhere {host} ({loop})"
+    return Finding("walls", True, f"as stiff as {', '.join(modules)} by a module{elsewhere}")
 
 
 def _reach(room: Floats, normals: Floats, vectors: Floats) -> Floats:

@@ -43,7 +43,7 @@ def test_the_strength_is_the_edge_of_what_can_be_rendered():
 
 def test_three_modules_on_the_floor_cannot_hold_each_other():
     rig = tl.load_rig(RIGS / "floor-3.toml")
-    assert verdicts(rig) == {"rank": True, "limits": True, "balance": False}
+    assert verdicts(rig) == {"rank": True, "limits": True, "balance": False, "walls": True}
     assert "no wrench closure" in check_rig(rig)[2].text
 
 
@@ -163,3 +163,14 @@ def test_brakes_too_strong_for_a_head_are_reported():
     assert "with brakes 768 N together, so not for a head, which allows 60 N" in limits.text
     gentle = [dataclasses.replace(module, brake=4.0) for module in published().modules]
     assert "head" not in check_rig(dataclasses.replace(published(), modules=tuple(gentle)))[1].text
+
+
+def test_the_stiffness_is_that_of_a_module_along_an_axis_and_elsewhere_of_the_host():
+    rig = published()
+    text = next(finding.text for finding in check_rig(rig) if finding.name == "walls")
+    cosine = rig.structure_matrix(rig.home)[0].max()
+    assert f"{500.0 * cosine**2:.0f} N/m towards +x" in text
+    assert "500 N/m towards +y" in text, "a cable right above"
+    assert "towards -x" not in text
+    assert "elsewhere 33 N/m by the host (50 cycles/s, 20 ms late)" in text
+    assert "walls" not in verdicts(tl.load_rig("cogiro"))
