@@ -104,11 +104,13 @@ class Drawing:
             for name, colour in ARROWS.items()
         }  # fmt: skip
         # Of what is closed, the far side alone is drawn: a browser sorts whole objects, so a near one would hide
-        # what is inside.
+        # what is inside. What is flat has triangles for either side: a mesh of two sides is drawn twice,
+        # each time with another program, which without a graphics card took a third of the work.
         self._meshes = {
             name: scene.add_mesh_simple(
                 f"/{name}", NOTHING.vertices, NOTHING.faces, color=tuple(rgb(colour)), opacity=opacity,
-                side="double" if flat or name == "plane" else "back", flat_shading="workspace" not in name,
+                side="front" if flat or name == "plane" else "back",
+                flat_shading=flat or "workspace" not in name,
                 cast_shadow=False, receive_shadow=False,
             )
             for name, colour, opacity in (
@@ -155,7 +157,7 @@ class Drawing:
         for name, node in self._arrows.items():
             set_arrow(node, scene.arrows.get(name))
         for name, mesh in (("available", scene.available), ("plane", scene.plane)):
-            set_mesh(self._meshes[name], mesh)
+            self._show_mesh(name, mesh)
         self._show_modules(scene, state)
         self._show_sizes()
         self._hand.position, self._tip.position = scene.hand, scene.tip
@@ -163,8 +165,8 @@ class Drawing:
 
     def show_workspace(self, surface: Mesh | None, ghost: Mesh | None, slices: Sequence[Slice]) -> None:
         """Bring the surface of the workspace, that of the other rig, and the slices up to date."""
-        set_mesh(self._meshes["workspace"], surface)
-        set_mesh(self._meshes["ghost workspace"], ghost)
+        self._show_mesh("workspace", surface)
+        self._show_mesh("ghost workspace", ghost)
         for node, shown in zip_longest(self._slices, slices):
             node.visible = shown is not None
             if shown is not None:
@@ -177,6 +179,10 @@ class Drawing:
         self._study.visible = bool(len(points))
         if len(points):
             self._study.points, self._study.colors = points.astype(np.float32), colours
+
+    def _show_mesh(self, name: str, mesh: Mesh | None) -> None:
+        node = self._meshes[name]
+        set_mesh(node, both_sides(mesh) if mesh is not None and node.side == "front" else mesh)
 
     def _show_modules(self, scene: Scene, state: State) -> None:
         self._names = tuple(module.name for module in state.rig.modules)
@@ -338,6 +344,11 @@ def set_arrow(node: Any, arrow: Arrow | None) -> None:
     if arrow is not None and there:
         node.points = np.stack([arrow.start, arrow.end])[None]
     node.visible = there
+
+
+def both_sides(mesh: Mesh) -> Mesh:
+    """Return a mesh with its triangles seen from either side."""
+    return Mesh(mesh.vertices, np.concatenate([mesh.faces, mesh.faces[:, ::-1]]))
 
 
 def set_mesh(node: Any, mesh: Mesh | None) -> None:

@@ -11,12 +11,13 @@ from websockets.sync.client import connect
 
 import tensionlab as tl
 from tensionlab.errors import TensionlabError
-from tensionlab.view.drawing import Grab
+from tensionlab.view.drawing import Grab, both_sides
 from tensionlab.view.evaluation import evaluate
 from tensionlab.view.page import dragged, on_plane
 from tensionlab.view.panel import _with_space
 from tensionlab.view.scene import draw, force_scale
 from tensionlab.view.state import HAND, begin
+from tensionlab.view.volume import Mesh
 from tests.support.browsers import HANGS_S, VISER, Tab, chromium, needs_browser, served, until
 
 VISERS_OWN = "Unable to preventDefault inside passive event listener"
@@ -44,6 +45,11 @@ def saved(tab, name):
     tab.press("Save")
     until(name.exists, "the file")
     return tl.load_rig(name).anchors
+
+
+def test_what_is_flat_has_triangles_for_either_side():
+    mesh = both_sides(Mesh(np.eye(3), np.array([[0, 1, 2]])))
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
 
 
 def test_a_space_whose_name_is_half_written_is_none_yet():
