@@ -45,7 +45,7 @@ def hostile(kind, flaw, rng):
     elif flaw == "fixed":
         lower[n:] = upper[n:]
     elif flaw == "anchor-within":
-        anchors[0] = arms[0] if n > d else 0.0
+        anchors[0] = (arms[0] if n > d else 0.0) + 0.0123  # at no corner of a cell: no cable has a direction there
     elif flaw == "slack":
         lower[:] = 0.0
     modules = tuple(
