@@ -118,6 +118,8 @@ def _in_folder(folder: Path) -> Iterator[Program]:
 
 def _in_parquet(path: str | PathLike[str]) -> Iterator[Program]:
     """Yield the programs in the rows of a Parquet file."""
+    if Path(path).suffix == ".npz":
+        raise DataError(f"{path}: one program; give the folder that it is in")
     for number, row in enumerate(read_parquet(path, KIND, DataError).columns.to_pylist(), start=1):
         where = f"{path}: row {number}"
         arrays = {key: _numbers(row[key], f"{where}: {key}") for key in KEYS if row.get(key) is not None}

@@ -161,7 +161,8 @@ class Results:
     manifest: dict[str, Any]
 
     def __repr__(self) -> str:
-        return f"<Results of {len({row.label for row in self.rows})} entries on {len(self.sets)} problem sets>"
+        sets = display.count(len(self.sets), "problem set")
+        return f"<Results of {len({row.label for row in self.rows})} entries on {sets}>"
 
     def _repr_html_(self) -> str:
         headings = ["<solver", "solved\nto 1e-6 N", "\nto 1e-9 N", "other sets\nto 1e-6 N", "gap\nmax N",

@@ -101,6 +101,9 @@ def test_a_damaged_program_is_refused_by_its_row(tmp_path, changed, message):
 def test_nothing_to_read_is_refused(tmp_path):
     with pytest.raises(DataError, match="no programs; give quadratic programs: a Parquet file, or a folder"):
         read_problem_set(tmp_path)
+    np.savez(tmp_path / "one.npz", b=np.ones(1))
+    with pytest.raises(DataError, match=r"one\.npz: one program; give the folder that it is in"):
+        read_problem_set(tmp_path / "one.npz")
     with pytest.raises(InputError, match=r"no problem set is called 'edgy'; choose one of .*, or give quadratic"):
         find_problem_set("edgy", 1)
 
