@@ -341,7 +341,10 @@ def test_the_ports_that_were_asked_for_are_taken_in_turn(simulate):
         (["--listen", "192.0.2.1"], "cannot listen at 192.0.2.1"),
         (["none.toml"], "none.toml: no such file"),
         (["--modules", "none/modules.toml"], "no folder"),
-        ([str(ROOT / "datasets" / "rigs" / "cogiro.toml")], "tension_upper is from 0.5 to 12 N; got 5000"),
+        (
+            [str(ROOT / "datasets" / "rigs" / "cogiro.toml")],
+            "its upper limit is 5000 N, and a module pulls with 12 N at most; give the rig",
+        ),
     ],
 )
 def test_bad_input_is_status_2_and_says_what_to_do(words, message, capsys):

@@ -59,6 +59,12 @@ def simulated_module(
             f'module "{module.name}": its cable would be {length:.4g} m long, and a module takes {longest:g} m at '
             "most; move the pose or the anchor"
         )
+    strongest = PARAMETERS["tension_upper"].upper
+    if module.upper > strongest:
+        raise HardwareError(
+            f'module "{module.name}": its upper limit is {module.upper:g} N, and a module pulls with '
+            f"{strongest:g} N at most; give the rig lower limits, or make a smaller one to simulate"
+        )
     built = plant_of(module)
     made = built | ({} if plant is None else dict(plant))
     simulated = SimulatedModule(serial_number, plant=made, distance=length, seed=seed, settings=settings)

@@ -85,7 +85,11 @@ def test_settings_that_were_stored_take_the_place_of_the_rigs():
 @pytest.mark.parametrize(
     ("module", "length", "message"),
     [
-        (Module("winch", [0, 0, 0], 1.0, 200.0), 1.0, '"winch": tension_upper is from 0.5 to 12 N; got 200'),
+        (
+            Module("winch", [0, 0, 0], 1.0, 200.0),
+            1.0,
+            '"winch": its upper limit is 200 N, and a module pulls with 12 N at most',
+        ),
         (
             Module("winch", [0, 0, 0], 1.0, 6.0),
             25.0,
