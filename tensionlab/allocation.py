@@ -5,6 +5,7 @@ Input is checked and broadcast, the chosen solver chooses, and its answer is ver
 
 from __future__ import annotations
 
+import atexit
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -453,6 +454,8 @@ def _allocator_of(lower: bytes, upper: bytes, reference: Any, nearest: Any) -> A
     """Return an allocator of the exact solver, with limits by their bytes."""
     return Allocator((np.frombuffer(lower), np.frombuffer(upper)), "newton", reference, nearest)
 
+
+atexit.register(_allocator_of.cache_clear)  # a native object that is still there at the end is reported as leaked
 
 _STATUSES = tuple(np.int8(status) for status in sorted(Status))
 _COUNTS = tuple(np.int64(count) for count in range(64))
