@@ -27,8 +27,8 @@ struct Settings {
   }
 };
 
-// The exact solver with its verification, block after block: a sweep, and what is sure for those that it leaves. One
-// for each thread.
+// The exact solver with its verification, block after block: a sweep, and what is sure for those that it leaves.
+// One for each thread.
 class Allocation {
  public:
   Allocation(const Batch& batch, const Settings& settings, const SweepAnswer& answer, std::atomic<bool>& flawed)
@@ -58,7 +58,8 @@ class Allocation {
     const auto inside = [&](double number) { return std::abs(number) < settings_.largest; };
     for (std::size_t j = 0; j < rows.count; ++j) {
       const double *structure = batch_.structure[rows[j]], *wrench = batch_.wrench[rows[j]];
-      if (!std::all_of(structure, structure + n * m, inside) || !std::all_of(wrench, wrench + n, inside)) return false;
+      if (!std::all_of(structure, structure + n * m, inside) || !std::all_of(wrench, wrench + n, inside))
+        return false;
     }
     return true;
   }
@@ -79,12 +80,9 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
   const Settings settings{static_cast<Policy>(policy), largest, tolerance, rank_tolerance};
   const auto n = static_cast<std::size_t>(batch.n), m = static_cast<std::size_t>(batch.m);
   std::atomic<bool> flawed{false}, strange{false};
-  const SweepAnswer answer{allocate<double>(batch.size * m),
-                           allocate<double>(batch.size * n),
-                           allocate<double>(batch.size * n),
-                           allocate<double>(batch.size),
-                           allocate<double>(batch.size),
-                           allocate<std::int8_t>(batch.size),
+  const SweepAnswer answer{allocate<double>(batch.size * m),  allocate<double>(batch.size * n),
+                           allocate<double>(batch.size * n),  allocate<double>(batch.size),
+                           allocate<double>(batch.size),      allocate<std::int8_t>(batch.size),
                            allocate<std::int64_t>(batch.size)};
   {
     nb::gil_scoped_release unlocked;
@@ -144,7 +142,8 @@ class Single {
     std::int8_t status;
     std::atomic<bool> flawed{false};
     double* out = numbers.data();
-    const SweepAnswer answer{out, out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1, &status, &iterations};
+    const SweepAnswer answer{out,     out + m + n, out + m, out + m + 2 * n, out + m + 2 * n + 1,
+                             &status, &iterations};
     if (!Allocation(batch, settings_, answer, flawed).solve(0, 1)) return nb::none();
     return nb::make_tuple(static_cast<int>(status), iterations);
   }

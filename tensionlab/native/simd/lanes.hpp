@@ -185,7 +185,8 @@ inline void store_rows(const Lanes<Real, L>* values, int count, Real* const (&ro
     for (; i + 4 <= count; i += 4) {
       for (int half = 0; half < L; half += 4) {
         __m256d four[4];
-        for (int k = 0; k < 4; ++k) four[k] = _mm256_loadu_pd(reinterpret_cast<const double*>(values + i + k) + half);
+        for (int k = 0; k < 4; ++k)
+          four[k] = _mm256_loadu_pd(reinterpret_cast<const double*>(values + i + k) + half);
         exchange_four(four);
         for (int k = 0; k < 4; ++k) _mm256_storeu_pd(row[half + k] + i, four[k]);
       }

@@ -1,11 +1,11 @@
-// Which cables are at their limits, found in the null space of W where that has one or two dimensions: for m = n + 1
-// or n + 2 cables.
+// Which cables are at their limits, found in the null space of W where that has one or two dimensions: for m = n +
+// 1 or n + 2 cables.
 //
-// The tensions that render the wrench are u + Z s, with u those without limits and Z an orthonormal basis of the null
-// space, which is square to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s <= b: on a line
-// the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set (Goldfarb and
-// Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983). What is found
-// here is a guess: rounding, or a W that lacks a rank, may spoil it, and others judge.
+// The tensions that render the wrench are u + Z s, with u those without limits and Z an orthonormal basis of the
+// null space, which is square to u - t0. So the optimum is the s nearest to the origin with a <= u + Z s <= b: on
+// a line the nearest end of an interval, in a plane the nearest point of a polygon, by a dual active set (Goldfarb
+// and Idnani, "A numerically stable dual method for solving strictly convex quadratic programs", 1983). What is
+// found here is a guess: rounding, or a W that lacks a rank, may spoil it, and others judge.
 #pragma once
 
 #include "simd/factor.hpp"
@@ -142,7 +142,8 @@ class NullSpace {
     const V inverse = V{} + 1 / (a.n[0] * b.n[1] - a.n[1] * b.n[0]);
     s[0] = (a.c * b.n[1] - a.n[1] * b.c) * inverse;
     s[1] = (a.n[0] * b.c - a.c * b.n[0]) * inverse;
-    const V price_a = (s[0] * b.n[1] - s[1] * b.n[0]) * inverse, price_b = (a.n[0] * s[1] - a.n[1] * s[0]) * inverse;
+    const V price_a = (s[0] * b.n[1] - s[1] * b.n[0]) * inverse,
+            price_b = (a.n[0] * s[1] - a.n[1] * s[0]) * inverse;
     return (price_a >= V{}) & (price_b >= V{});
   }
 

@@ -2,10 +2,10 @@
 //
 //   minimise |t - t0|^2 / 2   subject to   W t = w,  a <= t <= b
 //
-// Any multiplier y fixes tensions t = clip(t0 + W'y, a, b), and where these render w they are the optimum, whatever
-// led to y. So steps may be bold, and only their end is judged. The first step goes without limits; the others keep
-// the pivots above a floor that falls, because too few cables may be free at first. What has not come to its end by
-// then, such as what cannot be rendered, is left to the solver that is sure (solvers/newton.hpp).
+// Any multiplier y fixes tensions t = clip(t0 + W'y, a, b), and where these render w they are the optimum,
+// whatever led to y. So steps may be bold, and only their end is judged. The first step goes without limits; the
+// others keep the pivots above a floor that falls, because too few cables may be free at first. What has not come
+// to its end by then, such as what cannot be rendered, is left to the solver that is sure (solvers/newton.hpp).
 #pragma once
 
 #include <algorithm>
@@ -83,9 +83,9 @@ class Sweep {
     }
   };
 
-  // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all magnitudes;
-  // other: of the dual without limits and that of a guess, the one that is not in use; settled: whether the guess is
-  // right.
+  // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all
+  // magnitudes; other: of the dual without limits and that of a guess, the one that is not in use; settled:
+  // whether the guess is right.
   struct Group {
     V structure[N * M], wrench[N], dual[N], other[N], settled, diagonal[N], gain, size;
     std::size_t first;
@@ -232,7 +232,8 @@ class Sweep {
   }
 
   // Writes the answers that are proved exact: their wrench is recomputed from the tensions as they are written. If
-  // this is not the last attempt and some are not, writes none, and has those begin again without limits; false then.
+  // this is not the last attempt and some are not, writes none, and has those begin again without limits; false
+  // then.
   bool judge(int g, bool last) {
     Group& group = group_[g];
     const Limits& limit = limits(g);
@@ -306,8 +307,8 @@ class Sweep {
     return true;
   }
 
-  // d'w - h(d) for the multiplier d, less what rounding may make of it: above nought, d separates w from all that can
-  // be rendered.
+  // d'w - h(d) for the multiplier d, less what rounding may make of it: above nought, d separates w from all that
+  // can be rendered.
   V how_far_outside(const Group& group, const Limits& limit, V (&d)[N]) const {
     V sum = V{}, size = V{};
     TENSIONLAB_UNROLL

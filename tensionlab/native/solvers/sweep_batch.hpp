@@ -14,8 +14,8 @@ struct SweepSettings {
   double largest, tolerance;
 };
 
-// Rows that a sweep leaves to others: those of which it has shown that their wrench is out of reach, with a direction
-// that separates it in the answer's separation, and those of which it knows nothing.
+// Rows that a sweep leaves to others: those of which it has shown that their wrench is out of reach, with a
+// direction that separates it in the answer's separation, and those of which it knows nothing.
 struct SweepRest {
   std::size_t *apart, *unsure;
   std::size_t aparts = 0, unsures = 0;

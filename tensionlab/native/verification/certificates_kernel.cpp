@@ -24,7 +24,8 @@ void verify_of_size(const Batch& batch, const VerificationSettings& settings, co
   if (flawed) *findings.flawed = true;
 }
 
-void verify(const Batch& batch, const VerificationSettings& settings, const Selection& rows, const Findings& findings) {
+void verify(const Batch& batch, const VerificationSettings& settings, const Selection& rows,
+            const Findings& findings) {
   static constexpr decltype(&verify) kVerify[] = {verify_of_size<1>, verify_of_size<2>, verify_of_size<3>,
                                                   verify_of_size<4>, verify_of_size<5>, verify_of_size<6>};
   kVerify[batch.n - 1](batch, settings, rows, findings);
