@@ -44,11 +44,11 @@ STEPS = 40
 STORE_SUFFIX = ".zarr"
 
 
-def _output(path: Path | None) -> Path | None:
+@options.checked
+def _output(path: Path) -> None:
     """Check that a sweep, or a proof, can be written there."""
-    if path is not None and path.suffix.lower() == PROOF_SUFFIX:
-        return options.output_file(PROOF_SUFFIX)(path)
-    return options.output_folder(STORE_SUFFIX)(path)
+    proof = path.suffix.lower() == PROOF_SUFFIX
+    (options.output_file(PROOF_SUFFIX) if proof else options.output_folder(STORE_SUFFIX))(path)
 
 
 class View(StrEnum):

@@ -125,7 +125,7 @@ def writes(parameter):
     while hasattr(callback, "__wrapped__"):
         callback = callback.__wrapped__
     name = getattr(callback, "__qualname__", "")
-    return name.startswith("_checked.")
+    return name.startswith("checked.")
 
 
 def test_every_option_that_writes_is_tried_here_and_every_path_is_known():

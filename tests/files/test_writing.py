@@ -19,7 +19,7 @@ IN_PLACE = {
     "workspace/sweep/store.py",
 }
 WRITES = re.compile(
-    r"\.write_(?:text|bytes)\(|\bopen\([^)]*[\"'][rb]*[wxa]|savefig\((?!file)|np\.save|\.to_netcdf\([^e]"
+    r"\.write_(?:text|bytes)\(|\bopen\([^)]*[\"'][rb]*[wxa]|savefig\((?!file)|np\.save\w*\((?!\s*file)|\.to_netcdf\([^e]"
 )
 
 

@@ -94,7 +94,7 @@ def check_components(option: str, values: list[float], names: list[str], owner: 
         )
 
 
-def _checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | None]:
+def checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | None]:
     """Return a check as the callback of an option that may be left out; the parser says which option it was."""
 
     def callback(path: Path | None) -> Path | None:
@@ -110,7 +110,7 @@ def _checked(check: Callable[[Path], None]) -> Callable[[Path | None], Path | No
 
 def output_file(*suffixes: str) -> Callable[[Path | None], Path | None]:
     """Return a callback for an option that names a file to write, with one of the suffixes, if there are any."""
-    return _checked(lambda path: writing.require_writable(path, suffixes))
+    return checked(lambda path: writing.require_writable(path, suffixes))
 
 
 def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path | None], Path | None]:
@@ -121,10 +121,10 @@ def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path 
             raise WriteError(f"{path}: the name must end in {suffix}")
         writing.require_folder(path, parents=parents)
 
-    return _checked(check)
+    return checked(check)
 
 
-@_checked
+@checked
 def picture_file(path: Path) -> None:
     """Check that a picture can be written there."""
     from tensionlab.plots import METADATA
@@ -132,7 +132,7 @@ def picture_file(path: Path) -> None:
     writing.require_writable(path, tuple(METADATA))
 
 
-@_checked
+@checked
 def log_file(path: Path) -> None:
     """Check that a log can be begun there: it takes the place of nothing."""
     writing.require_writable(path, (".mcap",))

@@ -62,7 +62,7 @@ def test_brakes_belong_to_a_step(rig, write):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", 'program.toml: 2 problems\n  key "name" is missing'),
+        ("", 'program.toml: 2 problems:\n  key "name" is missing'),
         ('name = "a"\nsteps = []', 'program.toml: key "steps"'),
         ('name = "a"\n' + step(0.0), "program.toml: step 1: seconds is 0; give a time above 0"),
         ('name = "a"\n' + step("inf"), "step 1: seconds is inf"),
