@@ -203,8 +203,9 @@ def main() -> None:
             print("  the mouse moves all the time, with the surface")
             steadily(page, 6 * given.moves, offset)
             page.tab.mouse.up()
-            page.tab.wait_for_timeout(FINE_MS)
-            page.tab.get_by_role("button", name="Undo", exact=True).click()
+            for _ in ("with the surface", "without"):
+                page.tab.wait_for_timeout(FINE_MS)
+                page.tab.get_by_role("button", name="Undo", exact=True).click()
             page.tab.wait_for_timeout(FINE_MS)
             released(page, 5)
         print(f"    load at the end: {os.getloadavg()[0]:.1f}")
