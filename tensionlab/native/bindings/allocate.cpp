@@ -6,6 +6,7 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "solvers/newton_batch.hpp"
 #include "solvers/sweep_batch.hpp"
 #include "verification/certificates_batch.hpp"
@@ -14,6 +15,7 @@ namespace tensionlab {
 namespace {
 
 constexpr std::size_t kBlock = 512;
+constexpr std::size_t kEntriesEnough = 65'536;  // of structure matrices, for a thread
 
 struct Settings {
   Policy policy;
@@ -86,12 +88,15 @@ nb::object allocate_batch(const In<3>& structure, const In<2>& wrench, const In<
                            allocate<std::int64_t>(batch.size)};
   {
     nb::gil_scoped_release unlocked;
-    share_out(batch.size, [&](std::size_t begin, std::size_t end) {
-      Allocation rows(batch, settings, answer, flawed);
-      for (std::size_t row = begin; row < end && !strange; row += kBlock) {
-        if (!rows.solve(row, std::min(row + kBlock, end))) strange = true;
-      }
-    });
+    share_out(
+        batch.size,
+        [&](std::size_t begin, std::size_t end) {
+          Allocation rows(batch, settings, answer, flawed);
+          for (std::size_t row = begin; row < end && !strange; row += kBlock) {
+            if (!rows.solve(row, std::min(row + kBlock, end))) strange = true;
+          }
+        },
+        kEntriesEnough / (n * m));
   }
   nb::tuple found =
       nb::make_tuple(table_of(answer.tensions, batch.size, m), table_of(answer.rendered, batch.size, n),

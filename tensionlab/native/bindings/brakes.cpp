@@ -1,6 +1,7 @@
 // The choice of brakes to lock for Python.
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "hardware/lock_sets.hpp"
 
 namespace tensionlab {

@@ -1,6 +1,7 @@
 // The proofs of cells of positions for Python.
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "workspace/certify_batch.hpp"
 
 namespace tensionlab {

@@ -1,6 +1,7 @@
 // The distances between cables and bodies for Python.
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "workspace/clearance_batch.hpp"
 
 namespace tensionlab {

@@ -4,6 +4,7 @@
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "solvers/closed_form.hpp"
 #include "solvers/dykstra_batch.hpp"
 #include "solvers/newton_batch.hpp"

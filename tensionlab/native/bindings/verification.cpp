@@ -1,6 +1,7 @@
 // Certificates of answers for Python.
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "solvers/scale_search.hpp"
 #include "verification/certificates_batch.hpp"
 

@@ -1,6 +1,7 @@
 // The workspace measures for Python.
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "bindings/share_out.hpp"
 #include "workspace/workspace_batch.hpp"
 
 namespace tensionlab {

@@ -1,11 +1,7 @@
-// A batch of problems as the Python side passes it, and the threads that share it out.
+// A batch of problems as the Python side passes it.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
-#include <cstdlib>
-#include <thread>
-#include <vector>
 
 namespace tensionlab {
 
@@ -42,33 +38,5 @@ struct Selection {
     return list == nullptr ? first + j : list[j];
   }
 };
-
-// TENSIONLAB_NUM_THREADS, or as many as the machine has.
-inline unsigned thread_count() {
-  if (const char* text = std::getenv("TENSIONLAB_NUM_THREADS")) {
-    const long count = std::strtol(text, nullptr, 10);
-    if (count > 0) return static_cast<unsigned>(std::min(count, 1024L));
-  }
-  return std::max(1U, std::thread::hardware_concurrency());
-}
-
-// work(begin, end) over [0, size), on threads when there is enough of it to pay for them.
-template <class Work>
-void share_out(std::size_t size, const Work& work) {
-  constexpr std::size_t kWorthAThread = 1024;
-  // Counting the processors costs more than a problem does, so ask only when it matters.
-  const std::size_t worth = size / kWorthAThread;
-  const std::size_t threads = worth < 2 ? 1 : std::min<std::size_t>(thread_count(), worth);
-  if (threads < 2) {
-    work(std::size_t{0}, size);
-    return;
-  }
-  std::vector<std::thread> others;
-  for (std::size_t t = 1; t < threads; ++t) {
-    others.emplace_back([&, t] { work(size * t / threads, size * (t + 1) / threads); });
-  }
-  work(std::size_t{0}, size / threads);
-  for (std::thread& other : others) other.join();
-}
 
 }  // namespace tensionlab
