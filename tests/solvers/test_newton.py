@@ -93,7 +93,7 @@ def test_proves_every_answer(n, cables, nearest):
 
 @pytest.mark.parametrize("nearest", ["force", "tension", "direction"])
 def test_the_share_of_lanes_and_threads_does_not_change_an_answer(nearest, monkeypatch):
-    structure, wrench = random_problems(np.random.default_rng(0), 5000, 3, 6, 1.4)
+    structure, wrench = random_problems(np.random.default_rng(0), 12_000, 3, 6, 1.4)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "1")
     one = tl.allocate(structure, wrench, (LOWER, UPPER), nearest=nearest)
     monkeypatch.setenv("TENSIONLAB_NUM_THREADS", "3")
