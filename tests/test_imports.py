@@ -69,7 +69,6 @@ DOORS = {
     "osqp": {"solvers/quadratic.py"},
     "clarabel": {"solvers/quadratic.py"},
     "cvxpy": {"solvers/convex.py"},
-    "cobs": {"hardware/protocol/frames.py"},
     "filelock": {"files/writing.py"},
     "serial": {"hardware/client/links.py"},
     "websockets": {"haptics/bridge/server.py", "haptics/bridge/client.py", "view/server.py"},
@@ -99,6 +98,7 @@ NATIVE = {
     "workspace/structure_metrics.py",
     "workspace/wrench_set.py",
     "haptics/brakes/choice.py",
+    "hardware/protocol/frames.py",
     "hardware/protocol/parameters.py",
     "hardware/runner/state_estimation.py",
     "hardware/runner/watchdog.py",
@@ -236,9 +236,9 @@ def test_no_optional_library_is_imported_before_it_is_used(name: str) -> None:
 
 
 def test_the_rules_see_what_is_imported_in_the_open() -> None:
-    text = "try:\n    from cobs import cobs\nexcept ImportError:\n    import serial\ndef f():\n    import mcap\n"
+    text = "try:\n    import filelock\nexcept ImportError:\n    import serial\ndef f():\n    import mcap\n"
     text += "if TYPE_CHECKING:\n    import zarr\nelse:\n    import rich.table\nclass A:\n    import xarray\n"
-    assert set(at_import(ast.parse(text).body)) == {"cobs", "serial", "rich", "xarray"}
+    assert set(at_import(ast.parse(text).body)) == {"filelock", "serial", "rich", "xarray"}
 
 
 def test_the_rules_see_the_package() -> None:

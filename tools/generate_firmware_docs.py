@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
+from binascii import crc_hqx
 from collections.abc import Iterable, Mapping
 from enum import IntEnum, IntFlag
 from inspect import get_annotations, getdoc
@@ -17,7 +18,7 @@ from typing import get_type_hints
 from tensionlab.errors import HardwareError
 from tensionlab.hardware.protocol import codes
 from tensionlab.hardware.protocol.codes import DESCRIPTIONS, EVENTS
-from tensionlab.hardware.protocol.frames import CHECKSUM_BYTES, DELIMITER, checksum, crc16
+from tensionlab.hardware.protocol.frames import CHECKSUM_BYTES, DELIMITER
 from tensionlab.hardware.protocol.messages import MESSAGES, Message, SetTension
 from tensionlab.hardware.protocol.parameters import PARAMETER_DESCRIPTIONS, PARAMETERS
 from tensionlab.hardware.simulation.simulated_module import PLANT, TRANSITIONS
@@ -76,8 +77,9 @@ def example() -> str:
     frame = command.frame(sequence)
     body = bytes([frame.type, frame.sequence]) + frame.payload
     packed = frame.pack()
+    checksum = packed[-CHECKSUM_BYTES - len(DELIMITER) : -len(DELIMITER)]
     stuffed = packed[: -CHECKSUM_BYTES - len(DELIMITER)]
-    crc = crc16(stuffed)
+    crc = crc_hqx(stuffed, 0xFFFF)
     rows = [
         ("type, sequence number", spaced(body[:2])),
         ("session 0x1234", spaced(body[2:4])),
@@ -85,7 +87,7 @@ def example() -> str:
         ("brake 0", spaced(body[8:9])),
         ("ttl_ms 250", spaced(body[9:])),
         ("stuffed, upper bits set", spaced(stuffed)),
-        (f"CRC 0x{crc:04X}: {crc >> 9:07b} {crc >> 2 & 0x7F:07b} {crc & 3:02b}", spaced(checksum(stuffed))),
+        (f"CRC 0x{crc:04X}: {crc >> 9:07b} {crc >> 2 & 0x7F:07b} {crc & 3:02b}", spaced(checksum)),
         ("on the wire", spaced(packed)),
     ]
     return table(("Part", "Bytes"), rows)

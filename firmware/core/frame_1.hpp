@@ -21,18 +21,25 @@ inline size_t write_frame_1(const Frame& frame, uint8_t* out) {
   return write_delimiter(out, cobs_encode(body, writer.size(), out));
 }
 
+// Takes a frame of protocol 1 from what was before a zero, which it overwrites; false if it is damaged, or none.
+inline bool read_frame_1(uint8_t* piece, size_t size, Frame& frame) {
+  const size_t body = cobs_decode(piece, size);
+  if (body < 4 || body > kMaxBody + 2) return false;
+  Reader crc(piece + body - 2, 2);
+  if (crc.u16() != crc16(piece, body - 2)) return false;
+  frame.type = piece[0];
+  frame.sequence = piece[1];
+  frame.size = static_cast<uint8_t>(body - 4);
+  memcpy(frame.payload, piece + 2, frame.size);
+  return true;
+}
+
 // Whether these bytes before a zero are HELLO in protocol 1.
 inline bool read_hello_1(const uint8_t* piece, size_t size, Frame& frame) {
   if (size != kHello1) return false;
-  uint8_t body[kHello1];
-  memcpy(body, piece, kHello1);
-  if (cobs_decode(body, kHello1) != 4) return false;
-  Reader crc(body + 2, 2);
-  if (body[0] != static_cast<uint8_t>(Type::hello) || crc.u16() != crc16(body, 2)) return false;
-  frame.type = body[0];
-  frame.sequence = body[1];
-  frame.size = 0;
-  return true;
+  uint8_t copy[kHello1];
+  memcpy(copy, piece, kHello1);
+  return read_frame_1(copy, kHello1, frame) && frame.type == static_cast<uint8_t>(Type::hello);
 }
 
 }  // namespace firmware

@@ -40,6 +40,8 @@ READ_TIMEOUT_S = 0.1
 SAVE_TIMEOUTS_S = (2.0, 2.0, 2.0)
 """How long each try waits for an answer to a command that takes the module long."""
 SET_POINTS = (messages.SetTension.type, messages.SetImpedance.type)
+UNREQUESTED = (Telemetry, messages.Event, messages.Log)
+"""Messages that a module sends by itself."""
 ANSWERS = (messages.Info.type, messages.ParameterValue.type, messages.Pong.type)
 """Frames whose damage is an error of the request that waits for them."""
 
@@ -432,7 +434,7 @@ class ModuleClient:
                 if frame.type in ANSWERS:
                     self._keep({frame.sequence: error})
                 continue
-            if not isinstance(message, Telemetry | messages.Event | messages.Log):
+            if not isinstance(message, UNREQUESTED):
                 if isinstance(message, Acknowledge | messages.Info):
                     self.state = message.state
                 if isinstance(message, Acknowledge) and message.command in SET_POINTS:
@@ -451,7 +453,7 @@ class ModuleClient:
                 since = (message.sequence - self._armed) % 256
                 if message.state in FOLLOWING_STATES and since <= (self._set_point - self._armed) % 256:
                     self.followed_since_arm = True
-            if isinstance(message, Telemetry | messages.Event):
+            if not isinstance(message, messages.Log):
                 self.state, self.faults = message.state, message.faults
             if self.on_message is not None:
                 self.on_message(Received(message, now))

@@ -65,12 +65,15 @@ class Message:
     _finite: ClassVar[bool] = True
     _layout: ClassVar[struct.Struct]
     _kinds: ClassVar[dict[str, Callable[[Any], Any]]]
+    _codes: ClassVar[tuple[tuple[int, Callable[[Any], Any]], ...]]
 
     def __init_subclass__(cls, type: Type) -> None:  # noqa: A002 - it is the frame's type
         hints = get_type_hints(cls, include_extras=True)
         fields = {name: hints[name] for name in get_annotations(cls)}
         cls.type = type
         cls._kinds = {name: hint.__origin__ for name, hint in fields.items()}
+        kinds = enumerate(cls._kinds.values())
+        cls._codes = tuple((at, kind) for at, kind in kinds if kind not in (int, float, bool))
         cls._layout = struct.Struct("<" + "".join(hint.__metadata__[0] for hint in fields.values()))
         MESSAGES[type] = cls
 
@@ -78,7 +81,7 @@ class Message:
         """Return the payload; a number that is not finite, or too large, is a `ProtocolError`."""
         values = [getattr(self, name) for name in self._kinds]
         try:
-            if all(math.isfinite(value) for value in values):
+            if all(map(math.isfinite, values)):
                 return self._layout.pack(*values)
         except (struct.error, OverflowError, TypeError) as error:
             raise ProtocolError(f"{self} cannot be sent: {error}") from error
@@ -89,14 +92,16 @@ class Message:
         """Read a payload. A wrong length, and a value that has no name or is not finite, is a `ProtocolError`."""
         if len(payload) != cls._layout.size:
             raise ProtocolError(f"{cls.__name__} has {cls._layout.size} bytes of payload; got {len(payload)}")
-        values = cls._layout.unpack(payload)
+        values = list(cls._layout.unpack(payload))
         if cls._finite and not all(map(math.isfinite, values)):
             name, value = next(each for each in zip(cls._kinds, values, strict=True) if not math.isfinite(each[1]))
             raise ProtocolError(f"{cls.__name__}: {name} is {value}; all its numbers must be finite")
         try:
-            return cls(*(kind(value) for kind, value in zip(cls._kinds.values(), values, strict=True)))
+            for at, kind in cls._codes:
+                values[at] = kind(values[at])
         except ValueError as error:
             raise ProtocolError(f"{cls.__name__}: {error}; does the module speak protocol {PROTOCOL}?") from error
+        return cls(*values)
 
     def frame(self, sequence: int) -> Frame:
         """Return the frame of this message."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ TELEMETRY_UNITS = {
     "thermal": "of the budget",
 }
 """Quantities of a telemetry that must be finite, and their units."""
+MEASURED = attrgetter(*TELEMETRY_UNITS)
+"""Their values."""
 MAX_LENGTH_JUMP_M = 0.05
 """A length may differ by so much from where the cable's speeds take it."""
 MAX_ACCELERATION_M_S2 = 100.0
@@ -176,14 +179,14 @@ def require_plausible(name: str, before: Received[Telemetry] | None, heard: Rece
     It came after the one `before`, of a module that follows set-points.
     """
     now = heard.message
-    for field, unit in TELEMETRY_UNITS.items():
-        value = getattr(now, field)
-        if not math.isfinite(value):
-            raise ModuleFault(
-                f'module "{name}" reports a {field} of {value} {unit}: its firmware or its link is broken',
-                name,
-                Code.BAD_VALUE,
-            )
+    if not all(map(math.isfinite, MEASURED(now))):
+        field = next(name for name in TELEMETRY_UNITS if not math.isfinite(getattr(now, name)))
+        raise ModuleFault(
+            f'module "{name}" reports a {field} of {getattr(now, field)} {TELEMETRY_UNITS[field]}: its firmware '
+            "or its link is broken",
+            name,
+            Code.BAD_VALUE,
+        )
     if now.faults:
         raise ModuleFault(
             f'module "{name}" reports a fault ({now.faults.name or int(now.faults)}) and goes on pulling '

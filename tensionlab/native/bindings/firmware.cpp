@@ -103,16 +103,41 @@ nb::tuple parse_frames(const nb::bytes& stream) {
   return nb::make_tuple(frames, parser.bad_frames());
 }
 
-nb::bytes build_frame(std::uint8_t type, std::uint8_t sequence, const nb::bytes& payload) {
-  if (payload.size() > firmware::kMaxPayload) throw std::invalid_argument("a payload has at most 56 bytes");
+std::uint8_t one_byte(const char* what, long long number) {
+  if (number < 0 || number > 0xFF) {
+    throw std::invalid_argument("a frame's " + std::string(what) + " is one byte, 0 to 255; got " +
+                                std::to_string(number));
+  }
+  return static_cast<std::uint8_t>(number);
+}
+
+// A frame on the wire, written by the firmware's function for protocol 2 or 1.
+template <std::size_t most, std::size_t (*write)(const Frame&, std::uint8_t*)>
+nb::bytes build(long long type, long long sequence, const nb::bytes& payload) {
+  if (payload.size() > firmware::kMaxPayload) {
+    throw std::invalid_argument("a payload has at most " + std::to_string(firmware::kMaxPayload) + " bytes; got " +
+                                std::to_string(payload.size()));
+  }
   Frame frame;
-  frame.type = type;
-  frame.sequence = sequence;
+  frame.type = one_byte("type", type);
+  frame.sequence = one_byte("sequence", sequence);
   frame.size = static_cast<std::uint8_t>(payload.size());
   std::memcpy(frame.payload, payload.c_str(), payload.size());
-  std::uint8_t bytes[firmware::kMaxFrame];
-  const std::size_t size = firmware::write_frame(frame, bytes);
+  std::uint8_t bytes[most];
+  const std::size_t size = write(frame, bytes);
   return nb::bytes(reinterpret_cast<const char*>(bytes), size);
+}
+
+// The frame in a piece of a stream as (type, sequence, payload), or None.
+template <bool (*read)(std::uint8_t*, std::size_t, Frame&)>
+nb::object frame_in(const nb::bytes& piece) {
+  std::uint8_t bytes[firmware::kMaxPiece];
+  if (piece.size() > sizeof bytes) return nb::none();
+  std::memcpy(bytes, piece.c_str(), piece.size());
+  Frame frame;
+  if (!read(bytes, piece.size(), frame)) return nb::none();
+  return nb::make_tuple(frame.type, frame.sequence,
+                        nb::bytes(reinterpret_cast<const char*>(frame.payload), frame.size));
 }
 
 nb::list parameters(const SimulatedModule& self) {
@@ -162,7 +187,12 @@ nb::list transition_table() {
 
 void bind_firmware(nb::module_& module) {
   module.def("parse_frames", &parse_frames);
-  module.def("build_frame", &build_frame);
+  module.attr("MAX_PAYLOAD") = firmware::kMaxPayload;
+  module.attr("MAX_PIECE") = firmware::kMaxPiece;
+  module.def("build_frame", &build<firmware::kMaxFrame, firmware::write_frame>);
+  module.def("build_frame_1", &build<firmware::kMaxFrame1, firmware::write_frame_1>);
+  module.def("read_frame", &frame_in<firmware::read_frame>);
+  module.def("read_frame_1", &frame_in<firmware::read_frame_1>);
   module.def("parameter_table", &parameter_table);
   module.def("plant_table", &plant_table);
   module.def("plant_parts", &plant_parts);
