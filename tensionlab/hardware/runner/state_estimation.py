@@ -69,26 +69,12 @@ class SetPointDelays:
     """
 
     def __init__(self, count: int, rate: float) -> None:
-        self._kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * rate / SEQUENCE_NUMBERS)
-        self._times = np.full((self._kept, count), np.nan)
-        self._indices = np.arange(count)
-        self._sent: Integers = np.full(
-            count, -1, dtype=np.int64
-        )  # the latest, counted through; -1 before the first
-        self._first = np.full(count, np.nan)  # when that was, in s
-        self._own: Integers = np.zeros(count, dtype=np.int64)  # the first one
-        self._followed: Integers = np.full(count, -1, dtype=np.int64)
-        self._sent_then: Integers = np.zeros(count, dtype=np.int64)  # the latest when `_followed` changed
+        kept = SEQUENCE_NUMBERS * math.ceil(HISTORY_S * rate / SEQUENCE_NUMBERS)
+        self._native = _native.SetPointDelays(count, kept)
 
     def send(self, sequences: Integers, now: float) -> None:
         """Note numbers (m,) of set-points that were sent at a time in s; -1 where none was."""
-        new = sequences >= 0
-        first = new & (self._sent < 0)
-        self._own[first] = sequences[first] + SEQUENCE_NUMBERS
-        self._first[first] = now
-        following = self._sent + (sequences - self._sent) % SEQUENCE_NUMBERS
-        self._sent = np.where(first, self._own, np.where(new, following, self._sent))
-        self._times[self._sent[new] % self._kept, self._indices[new]] = now
+        self._native.send(sequences, now)
 
     def delays(self, last_sequence: Integers, now: float) -> tuple[Floats, Floats]:
         """Return how old the set-points are, in s, that modules report to follow by their numbers; -1: none yet.
@@ -96,18 +82,7 @@ class SetPointDelays:
         Returned twice (m,): NaN where a module has not reported to follow one of these, and with the time since
         the first was sent there.
         """
-        newest = self._sent - (self._sent - last_sequence) % SEQUENCE_NUMBERS
-        step = (last_sequence - self._followed) % SEQUENCE_NUMBERS
-        step = step + SEQUENCE_NUMBERS * np.rint((self._sent - self._sent_then - step) / SEQUENCE_NUMBERS).astype(
-            np.int64
-        )
-        likely = np.minimum(self._followed + np.maximum(step, 0), newest)
-        known = (last_sequence >= 0) & (newest >= self._own) & (self._sent >= 0)
-        found = np.where(known, np.where(self._followed >= self._own, likely, newest), self._followed)
-        self._sent_then = np.where(found != self._followed, self._sent, self._sent_then)
-        self._followed = found
-        ages = np.where(known, now - self._times[found % self._kept, self._indices], np.nan)
-        return ages, np.where(known, ages, now - self._first)
+        return self._native.delays(last_sequence, now)
 
 
 MAX_STEPS = 3

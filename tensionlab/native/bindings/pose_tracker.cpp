@@ -1,8 +1,9 @@
-// The follower of poses for Python.
+// What a run knows of its modules from cycle to cycle, for Python: the pose, and how old set-points are.
 #include "hardware/pose_tracker.hpp"
 
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
+#include "hardware/set_point_delays.hpp"
 
 namespace tensionlab {
 namespace {
@@ -57,6 +58,21 @@ Out<double, 1> velocity(const PoseTracker& tracker, const Lengths& speeds, const
   return one_row(found.data(), static_cast<std::size_t>(tracker.freedoms()));
 }
 
+using Numbers = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+void send(SetPointDelays& delays, const Numbers& sequences, double now) {
+  require(sequences.size() == delays.size(), "one entry for each module");
+  delays.send(sequences.data(), now);
+}
+
+nb::tuple delays_of(SetPointDelays& delays, const Numbers& last, double now) {
+  require(last.size() == delays.size(), "one entry for each module");
+  auto* ages = allocate<double>(last.size());
+  auto* at_least = allocate<double>(last.size());
+  delays.delays(last.data(), now, ages, at_least);
+  return nb::make_tuple(vector_of(ages, last.size()), vector_of(at_least, last.size()));
+}
+
 }  // namespace
 
 void bind_pose_tracker(nb::module_& module) {
@@ -71,6 +87,14 @@ void bind_pose_tracker(nb::module_& module) {
            })
       .def("follow", &follow)
       .def("velocity", &velocity);
+  nb::class_<SetPointDelays>(module, "SetPointDelays")
+      .def("__init__",
+           [](SetPointDelays* self, std::size_t modules, std::int64_t kept) {
+             require(kept > 0 && kept % SetPointDelays::kSequenceNumbers == 0, "whole rounds of numbers are kept");
+             new (self) SetPointDelays(modules, kept);
+           })
+      .def("send", &send)
+      .def("delays", &delays_of);
 }
 
 }  // namespace tensionlab
