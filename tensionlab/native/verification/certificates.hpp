@@ -323,14 +323,23 @@ class Verifier {
     const auto most = line.moved_as_allowed(kEnough * allowed, length);
     if (!(most.along > 0)) return false;
     const double scale = dot(rendered, problem.wrench) / (length * length);
-    double off = 0;
-    for (int k = 0; k < N; ++k) {
-      const double miss = rendered[k] - scale * problem.wrench[k];
-      off += miss * miss;
-    }
+    double missing[N];
+    for (int k = 0; k < N; ++k) missing[k] = scale * problem.wrench[k] - rendered[k];
+    const double off = std::sqrt(dot(missing, missing));
     const double near = tolerance_ * larger(1.0, std::sqrt(dot(rendered, rendered)));
-    off = std::sqrt(off);
-    if (off > (most.reach > line.reach ? larger(near, allowed) : near) || scale * length < -near) return false;
+    if (off > (most.reach > line.reach ? larger(near, allowed) : near)) {
+      // More is allowed where w grazes another face, at which tensions end, too: the one that keeps s w away, but
+      // for what it has of d.
+      if (off > allowed) return false;
+      remove_free(problem, tensions, missing);
+      if (!(normalise(missing) > 0)) return false;
+      const double beyond = dot(missing, problem.wrench) - 0.999 * kGrazing * length;
+      if (beyond > 0) subtract(d, beyond / s.wrench, missing);
+      normalise(missing);
+      const Side face = side(problem, tensions, missing);
+      if (face.gap > allowed || std::abs(face.wrench) > kGrazing * length) return false;
+    }
+    if (scale * length < -near) return false;
     // The wrench nearest to s w is a little shorter along w than s w is.
     if ((most.largest() - scale) * length > near + off * line.along / length) return false;
     finding->scale = scale < 0 ? 0 : scale;
