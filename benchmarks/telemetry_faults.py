@@ -89,6 +89,7 @@ class TamperedLink:
     """
 
     lockstep = True
+    file: int | None = None
 
     def __init__(self, inner: SimulatedLink, kind: str, begin: float, seed: int) -> None:
         self.inner, self.url, self.clock = inner, inner.url, inner.clock

@@ -11,7 +11,7 @@ from tensionlab.errors import LinkError
 class PairedLink:
     """One end of a socket pair; `far` is the other, and `heard` what came out there."""
 
-    lockstep = False
+    lockstep, file = False, None
     url = "pair:"
 
     def __init__(self) -> None:

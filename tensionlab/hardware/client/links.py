@@ -53,10 +53,14 @@ class SerialPort:
 
 
 class Link(Protocol):
-    """Link to one module. If it is in `lockstep`, time passes only while somebody waits: no thread may read it."""
+    """Link to one module. If it is in `lockstep`, time passes only while somebody waits: no thread may read it.
+
+    `file` is the number of what the system can wait for; None where it can't.
+    """
 
     url: str
     lockstep: bool
+    file: int | None
 
     def send(self, content: bytes) -> None:
         """Send bytes; raise a `LinkError` if the link is broken."""
@@ -136,9 +140,9 @@ class SerialLink:
                 f"{url} cannot be opened: {why}; is it there, and is no other program using it?"
             ) from None
         try:
-            self._file: int | None = self._port.fileno()
+            self.file: int | None = self._port.fileno()
         except io.UnsupportedOperation:  # which every port has on Windows
-            self._file = None
+            self.file = None
 
     def send(self, content: bytes) -> None:
         """Send bytes without waiting."""
@@ -151,9 +155,10 @@ class SerialLink:
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
         try:
-            if self._file is None:
+            if self.file is None:
                 return self._read(timeout)
-            select.select([self._file], [], [], timeout)  # pyserial's own waiting configures the port each time
+            if timeout > 0.0:  # pyserial's own waiting configures the port each time
+                select.select([self.file], [], [], timeout)
             return bytes(self._port.read(READ_BYTES))
         except self._broken as error:
             raise LinkError(f"{self.url} broke: {error}") from None
@@ -182,6 +187,7 @@ class SocketLink:
 
     def __init__(self, url: str, lock: LinkLock, connected: socket.socket) -> None:
         self.url, self._lock, self._socket = url, lock, connected
+        self.file: int | None = connected.fileno()
         connected.setblocking(False)
 
     def send(self, content: bytes) -> None:
@@ -197,7 +203,7 @@ class SocketLink:
     def receive(self, timeout: float) -> bytes:
         """Wait for bytes."""
         try:
-            if not select.select([self._socket], [], [], timeout)[0]:
+            if timeout > 0.0 and not select.select([self._socket], [], [], timeout)[0]:
                 return b""
             content = self._socket.recv(READ_BYTES)
         except BlockingIOError:

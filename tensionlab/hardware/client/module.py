@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Generic, Self, TypeVar
 
 from tensionlab.errors import HardwareError, LinkError, LinkTimeout, ModuleFault, ProtocolError
+from tensionlab.hardware.client.link_reader import link_reader
 from tensionlab.hardware.client.links import Link, open_link
 from tensionlab.hardware.client.shared_telemetry import Report, publisher
 from tensionlab.hardware.protocol import messages
@@ -60,8 +61,9 @@ class Received(Generic[MessageType_co]):
 class ModuleClient:
     """Client of one module: commands, their answers, and messages that the module sends by itself.
 
-    A thread reads the link. Of a simulated module in this process, messages are read by each request and `listen`.
-    It is a context manager, which closes the link; after an error it stops the module first.
+    A thread reads all links of the process: what `on_message` does must not take long. Of a simulated module in
+    this process, messages are read by each request and `listen`. It is a context manager, which closes the link;
+    after an error it stops the module first.
 
     Parameters
     ----------
@@ -123,8 +125,11 @@ class ModuleClient:
         self._closing = False
         self._reader: threading.Thread | None = None
         if not self.link.lockstep:
-            self._reader = threading.Thread(target=self._read, name=f"reader of {name}", daemon=True)
-            self._reader.start()
+            if self.link.file is not None:
+                link_reader().add(self.link.file, self._read)
+            else:
+                self._reader = threading.Thread(target=self._read_on, name=f"reader of {name}", daemon=True)
+                self._reader.start()
             if (published := publisher()) is not None:
                 published.reports[self.link.url] = self.report
 
@@ -144,8 +149,10 @@ class ModuleClient:
     def close(self) -> None:
         """Close the link; a module that was pulling notices, and releases its cable."""
         self._closing = True
-        if self._reader is not None and (published := publisher()) is not None:
+        if not self.link.lockstep and (published := publisher()) is not None:
             published.reports.pop(self.link.url, None)
+        if not self.link.lockstep and self.link.file is not None:
+            link_reader().remove(self.link.file, self._read)
         self.link.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=1.0)
@@ -233,7 +240,7 @@ class ModuleClient:
 
     def listen(self, seconds: float = 0.0) -> None:
         """Let a simulated module run for some seconds and read its messages; others are read all the time."""
-        if self._reader is not None or self._broken is not None:
+        if not self.link.lockstep or self._broken is not None:
             return
         try:
             end = self.link.clock() + seconds if seconds else 0.0
@@ -390,7 +397,7 @@ class ModuleClient:
 
     def _wait(self, sequence: int, seconds: float) -> bool:
         """Wait for an answer; return False if nothing came in time."""
-        if self._reader is None:
+        if self.link.lockstep:
             content = self.link.receive(seconds)
             self._take(content)
             return bool(content)
@@ -408,16 +415,22 @@ class ModuleClient:
             self._set_point = (self._set_point + 1) % 256
             return self._set_point
 
-    def _read(self) -> None:
-        while not self._closing:
-            try:
-                content = self.link.receive(READ_TIMEOUT_S)
-            except LinkError as error:
-                with self._arrived:
-                    self._broken = error
-                    self._arrived.notify_all()
-                return
-            self._take(content)
+    def _read_on(self) -> None:
+        """Read a link that the system cannot wait for, until it ends."""
+        while not self._closing and self._read(READ_TIMEOUT_S):
+            pass
+
+    def _read(self, timeout: float = 0.0) -> bool:
+        """Read what has come, or comes in so many s; False if the link has broken."""
+        try:
+            content = self.link.receive(timeout)
+        except LinkError as error:
+            with self._arrived:
+                self._broken = error
+                self._arrived.notify_all()
+            return False
+        self._take(content)
+        return True
 
     def _take(self, content: bytes) -> None:
         """Decode received bytes: answers for those who wait, the rest for `on_message`."""

@@ -9,6 +9,7 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from inspect import get_annotations
 from typing import Annotated, Any, ClassVar, Self, get_type_hints
 
@@ -73,7 +74,7 @@ class Message:
         cls.type = type
         cls._kinds = {name: hint.__origin__ for name, hint in fields.items()}
         kinds = enumerate(cls._kinds.values())
-        cls._codes = tuple((at, kind) for at, kind in kinds if kind not in (int, float, bool))
+        cls._codes = tuple((at, cache(kind)) for at, kind in kinds if kind not in (int, float, bool))
         cls._layout = struct.Struct("<" + "".join(hint.__metadata__[0] for hint in fields.values()))
         MESSAGES[type] = cls
 
@@ -101,7 +102,10 @@ class Message:
                 values[at] = kind(values[at])
         except ValueError as error:
             raise ProtocolError(f"{cls.__name__}: {error}; does the module speak protocol {PROTOCOL}?") from error
-        return cls(*values)
+        message = object.__new__(cls)
+        # All at once: one by one, as the initialiser of a frozen class sets them, takes longer than all else.
+        message.__dict__.update(zip(cls._kinds, values, strict=True))
+        return message
 
     def frame(self, sequence: int) -> Frame:
         """Return the frame of this message."""

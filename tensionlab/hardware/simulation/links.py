@@ -78,6 +78,7 @@ class SimulatedLink:
     """Link to a simulated module of this process, whose time passes while somebody waits, and in `advance`."""
 
     lockstep = True
+    file: int | None = None
 
     def __init__(self, module: SimulatedModule, url: str = "sim:") -> None:
         self.module = module
@@ -126,6 +127,8 @@ class FaultyLink:
     Bytes move on while somebody receives or sends: there is a thread that reads each real link, and the time of a
     simulated module passes only while somebody waits. The seed is that of the damage.
     """
+
+    file: int | None = None  # bytes that come late come from here
 
     def __init__(self, inner: Link, conditions: Conditions | None = None, *, seed: int = 0) -> None:
         self.inner = inner

@@ -109,7 +109,7 @@ def test_the_note_of_a_lock_leads_to_the_telemetry_and_is_nobody_elses(locks_fol
 class ReadLink(SimulatedLink):
     """Link that a client reads in a thread of its own, as real ones are."""
 
-    lockstep = False
+    lockstep, file = False, None
 
     def __init__(self, module, url):
         super().__init__(module, url)
