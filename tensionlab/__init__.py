@@ -19,6 +19,7 @@ from tensionlab.errors import (
     UnknownSolver,
     Unreachable,
 )
+from tensionlab.jacobian import AllocationGradients, AllocationJacobian, allocation_jacobian
 from tensionlab.model.files import load_requirement, load_rig, save_rig
 from tensionlab.model.kinematics import PoseEstimate
 from tensionlab.model.layouts import alternate_corners, box_corners, ring_plus_top
@@ -43,6 +44,8 @@ __version__ = "0.1.0"
 __all__ = [
     "SOLVERS",
     "Allocation",
+    "AllocationGradients",
+    "AllocationJacobian",
     "Allocator",
     "AnalyticCentre",
     "ClosedForm",
@@ -79,6 +82,7 @@ __all__ = [
     "UnknownSolver",
     "Unreachable",
     "allocate",
+    "allocation_jacobian",
     "alternate_corners",
     "benchmark",
     "box_corners",

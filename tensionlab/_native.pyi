@@ -22,6 +22,34 @@ def newton(
     rank_tolerance: float,
     tolerance: float,
 ) -> tuple[NDArray[float64], NDArray[int64], NDArray[float64]]: ...
+def allocation_jacobian(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    tensions: NDArray[float64],
+    scale: NDArray[float64],
+    status: NDArray[int8],
+    policy: int,
+    rank_tolerance: float,
+    by_structure: bool,
+) -> tuple[NDArray[float64], NDArray[float64] | None, NDArray[bool_]]: ...
+def allocation_gradients(
+    structure: NDArray[float64],
+    wrench: NDArray[float64],
+    lower: NDArray[float64],
+    upper: NDArray[float64],
+    reference: NDArray[float64],
+    weights: NDArray[float64],
+    tensions: NDArray[float64],
+    scale: NDArray[float64],
+    status: NDArray[int8],
+    policy: int,
+    rank_tolerance: float,
+    cotangent: NDArray[float64],
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]: ...
 def closed_form(
     structure: NDArray[float64],
     wrench: NDArray[float64],

@@ -316,7 +316,7 @@ class Allocator:
             if allocation is not None:
                 return allocation
         matrices, vectors = numbers("structure", structure, 2), numbers("wrench", wrench, 1)
-        problem, shape = self._problem(matrices, vectors)
+        problem, shape = self.problem(matrices, vectors)
         verified = self._fused.solve_verified(problem) if self._fused else None
         if verified is None:
             check("structure", matrices)
@@ -324,7 +324,8 @@ class Allocator:
             verified = verify(problem, self.solver.solve(problem))
         return _shaped(verified, shape)
 
-    def _problem(self, structure: Floats, wrench: Floats) -> tuple[Problem, tuple[int, ...]]:
+    def problem(self, structure: Floats, wrench: Floats) -> tuple[Problem, tuple[int, ...]]:
+        """Return the batch of problems that a call stands for, in one axis, and the leading axes of its answer."""
         n, m = structure.shape[-2:]
         if wrench.shape[-1] != n:
             raise ShapeError(

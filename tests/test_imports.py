@@ -42,6 +42,9 @@ ALLOWED = {
     "solvers": {"_native"},
     "verification": {"solvers", "_native"},
     "allocation": {"verification", "solvers"},
+    "jacobian": {"allocation", "solvers", "_native"},
+    "jax": {"jacobian", "solvers"},
+    "torch": {"jacobian", "solvers"},
     "demand": {"model"},
     "workspace": CORE,
     "hardware": CORE,
@@ -55,7 +58,7 @@ ALLOWED = {
     "plots": ABOVE | {"comparison", "benchmarking", "validation"},
     "view": ABOVE | {"comparison", "validation"},
     "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots", "view"},
-    "__init__": ABOVE | {"comparison", "benchmarking", "plots"},
+    "__init__": ABOVE | {"comparison", "benchmarking", "jacobian", "plots"},
     "__main__": {"cli"},
 }
 # Folders of a room that may not enter these of its others.
@@ -81,6 +84,8 @@ DOORS = {
     "pandas": {"records.py"},
     "zarr": {"workspace/sweep/store.py"},
     "distributed": {"workspace/sweep/executors.py"},
+    "jax": {"jax.py"},
+    "torch": {"torch.py"},
     "matplotlib": {"plots"},
     "mpl_toolkits": {"plots"},
 }
@@ -90,6 +95,7 @@ NATIVE = {
     "solvers/closed_form.py",
     "solvers/penalty.py",
     "arrays.py",
+    "jacobian.py",
     "verification.py",
     "benchmarking/speed.py",
     "workspace/certification/problem.py",

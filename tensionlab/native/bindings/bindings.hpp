@@ -10,6 +10,7 @@ void bind_brakes(nanobind::module_&);
 void bind_certification(nanobind::module_&);
 void bind_clearance(nanobind::module_&);
 void bind_firmware(nanobind::module_&);
+void bind_jacobian(nanobind::module_&);
 void bind_verification(nanobind::module_&);
 void bind_pose_tracker(nanobind::module_&);
 void bind_solvers(nanobind::module_&);

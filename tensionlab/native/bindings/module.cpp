@@ -20,6 +20,7 @@ NB_MODULE(_native, module) {
   bind_certification(module);
   bind_clearance(module);
   bind_firmware(module);
+  bind_jacobian(module);
   bind_verification(module);
   bind_pose_tracker(module);
   bind_solvers(module);

@@ -1,0 +1,191 @@
+"""Derivatives of the tensions that the exact solver chooses, by what they are chosen for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tensionlab import _native
+from tensionlab.allocation import Allocation, Allocator
+from tensionlab.arrays import Floats, Limits, finite, numbers, rows
+from tensionlab.errors import InputError, ShapeError
+from tensionlab.solvers.base import POLICIES, RANK_TOLERANCE, Nearest, Problem, Solver
+from tensionlab.solvers.least_squares import Newton
+
+
+class AllocationGradients(NamedTuple):
+    """Gradients of a number by what its tensions were chosen for.
+
+    Leading axes are those of the allocation, also where an argument had fewer: sum over the others.
+
+    Attributes
+    ----------
+    structure : (..., n, m) array
+    wrench : (..., n) array
+    lower, upper : (..., m) arrays
+        By the tension limits: zero where the cable is not held by it.
+    reference : (..., m) array
+        Zero where the wrench is infeasible: the reference then chooses nothing.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> jacobian = tl.allocation_jacobian([[1.0, -1.0]], [2.0], (1.0, 5.0))  # the second cable is at 1 N
+    >>> gradients = jacobian.pull_back([1.0, 0.0])  # of the first cable's tension
+    >>> gradients.wrench, gradients.lower
+    (array([1.]), array([0., 1.]))
+    """
+
+    structure: Floats
+    wrench: Floats
+    lower: Floats
+    upper: Floats
+    reference: Floats
+
+
+@dataclass(frozen=True)
+class AllocationJacobian:
+    """How the tensions of an allocation change with what they were chosen for; each array is made when first used.
+
+    While no cable meets a limit or leaves one, the tensions are a smooth function, and these are its derivatives.
+    At a *kink* they are not: a cable is just at its limit with nothing that holds it there, or the cables that are
+    free do not determine the tensions. The arrays are then those with every cable at a limit held there: where
+    only one cable is in doubt, the derivative to one side; else finite, and no more.
+
+    Attributes
+    ----------
+    allocation : Allocation
+        The tensions, and what is proved about them.
+
+    Notes
+    -----
+    With F the free cables and W⁺ the pseudo-inverse of their columns, ``dt_F = W⁺ (dw - dW t) + (1 - W⁺ W_F)
+    dW_F' y`` where the wrench is rendered, y being its multiplier. `concepts/infeasible-wrenches` says what the
+    policies minimise elsewhere; all are differentiated in the same way, ``direction`` with its scale
+    (``native/solvers/allocation_jacobian.hpp``).
+
+    Sources: Amos and Kolter (2017), "OptNet: differentiable optimization as a layer in neural networks"; Golub and
+    Pereyra (1973), "The differentiation of pseudo-inverses and nonlinear least squares problems whose variables
+    separate".
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> rig = tl.load_rig("bartels2026-validation")
+    >>> structure = rig.structure_matrix(rig.home)
+    >>> jacobian = tl.allocation_jacobian(structure, [1.0, 0.5, 1.0], rig.limits)
+    >>> jacobian.kink
+    np.False_
+    >>> change = jacobian.wrench @ [0.1, 0.0, 0.0]
+    >>> (jacobian.allocation.tensions + change).round(3)
+    array([2.316, 1.795, 0.5  , 2.631])
+    >>> tl.allocate(structure, [1.1, 0.5, 1.0], rig.limits).tensions.round(3)
+    array([2.316, 1.795, 0.5  , 2.631])
+    """
+
+    allocation: Allocation
+    _problem: Problem
+    _shape: tuple[int, ...]
+
+    @cached_property
+    def wrench(self) -> Floats:
+        """Derivatives d tensions / d wrench, (..., m, n)."""
+        return self._shaped(self._without_structure[0])
+
+    @cached_property
+    def structure(self) -> Floats:
+        """Derivatives d tensions / d structure, (..., m, n, m); `pull_back` needs no such array."""
+        by_structure = _native.allocation_jacobian(*self._solved, True)[1]
+        assert by_structure is not None
+        return self._shaped(by_structure)
+
+    @cached_property
+    def kink(self) -> NDArray[np.bool_]:
+        """Whether the tensions have no derivative there, (...,)."""
+        return self._without_structure[2].reshape(self._shape)[()]
+
+    def pull_back(self, cotangent: ArrayLike) -> AllocationGradients:
+        """Return the gradients of a number, of which ``cotangent``, (..., m), is the gradient by the tensions.
+
+        These are the vector-Jacobian products of reverse-mode differentiation. ShapeError if the cotangent is not
+        finite, or does not broadcast to the tensions.
+        """
+        given, tensions = finite("cotangent", cotangent, 1), self.allocation.tensions
+        try:
+            spread = np.broadcast_to(given, tensions.shape)
+        except ValueError:
+            raise ShapeError(
+                f"cotangent has shape {given.shape}, which does not broadcast to the tensions' {tensions.shape}"
+            ) from None
+        flat = rows(spread, self._shape, 1)
+        return AllocationGradients(*map(self._shaped, _native.allocation_gradients(*self._solved, flat)))
+
+    @cached_property
+    def _without_structure(self) -> tuple[Floats, Floats | None, NDArray[np.bool_]]:
+        return _native.allocation_jacobian(*self._solved, False)
+
+    @property
+    def _solved(self) -> tuple[Any, ...]:
+        """Arguments of the compiled kernels."""
+        found, size = self.allocation, len(self._problem)
+        return (
+            *self._problem.arrays,
+            found.tensions.reshape(size, -1),
+            np.reshape(found.scale, size),
+            np.reshape(found.status, size),
+            POLICIES.index(self._problem.nearest or "force"),
+            RANK_TOLERANCE,
+        )
+
+    def _shaped(self, found: Floats) -> Floats:
+        return found.reshape(*self._shape, *found.shape[1:])
+
+
+def allocation_jacobian(
+    structure: ArrayLike,
+    wrench: ArrayLike,
+    limits: Limits | tuple[ArrayLike, ArrayLike],
+    solver: str | Solver = "newton",
+    reference: ArrayLike | Literal["lower", "middle"] | None = None,
+    nearest: Nearest | None = None,
+    wrench_weights: ArrayLike | None = None,
+) -> AllocationJacobian:
+    """Choose tensions, as `allocate` does, and return them with their derivatives.
+
+    Parameters are those of `allocate`. All its policies are covered, with weights and reference; of the solvers
+    only ``"newton"`` is, whose answers tell exactly which cables are held.
+
+    Returns
+    -------
+    AllocationJacobian
+
+    Raises
+    ------
+    InputError
+        If the solver is another one.
+    ShapeError
+        As `allocate`.
+
+    Examples
+    --------
+    >>> import tensionlab as tl
+    >>> tug_of_war = [[1.0, -1.0]]  # two cables pull against each other, with 1 N to 5 N each
+    >>> jacobian = tl.allocation_jacobian(tug_of_war, [[2.0], [4.0], [7.0]], (1.0, 5.0))
+    >>> jacobian.wrench[:, 0, 0]  # d first tension / d wrench: feasible, at the edge, infeasible
+    array([1., 0., 0.])
+    >>> jacobian.kink
+    array([False,  True, False])
+    """
+    allocator = Allocator(limits, solver, reference, nearest, wrench_weights)
+    if type(allocator.solver) is not Newton:
+        raise InputError(
+            f"solver is {solver!r:.60}, which minimises {allocator.solver.objective!r}; allocation_jacobian "
+            f"differentiates the answers of 'newton' alone ({Newton.objective}): leave solver out"
+        )
+    allocation = allocator(structure, wrench)
+    problem, shape = allocator.problem(numbers("structure", structure, 2), numbers("wrench", wrench, 1))
+    return AllocationJacobian(allocation, problem, shape)
