@@ -95,8 +95,8 @@ class Agreement:
     largest: float = 0.0
 
     def __add__(self, other: Agreement) -> Agreement:
-        counts = (getattr(self, name) + getattr(other, name) for name in list(vars(self))[:-1])
-        return Agreement(*counts, max(self.largest, other.largest))
+        counts = {name: value + getattr(other, name) for name, value in vars(self).items() if name != "largest"}
+        return Agreement(**counts, largest=max(self.largest, other.largest))
 
 
 def draw(n: int, m: int, count: int, nearest: Nearest, seed: int) -> Problems:
@@ -192,7 +192,9 @@ def polished(
         for name, own in (("structure", problems.structure.shape[1:]), ("wrench", (n,)))
     )
     index = np.argsort(~free[kept], axis=1, kind="stable")[:, : n - 1]
-    held = np.where(free[kept][:, None], 0.0, tensions[kept])
+    side = problems.held(tensions, **changed)[kept]
+    lower, upper = (changed.get(name, getattr(problems, name)[:, None])[kept] for name in ("lower", "upper"))
+    held = np.where(side < 0, lower, np.where(side > 0, upper, 0.0))
     columns = np.take_along_axis(structure, index[:, None, None, :], axis=3)
     matrix = np.concatenate([columns, -wrench[..., None]], axis=3)
     solved = np.linalg.solve(matrix, -np.einsum("bknm,bkm->bkn", structure, held)[..., None])[..., :-1, 0]

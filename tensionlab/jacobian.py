@@ -99,7 +99,7 @@ class AllocationJacobian:
     @cached_property
     def structure(self) -> Floats:
         """Derivatives d tensions / d structure, (..., m, n, m); `pull_back` needs no such array."""
-        by_structure = _native.allocation_jacobian(*self._solved, True)[1]
+        by_structure = _native.allocation_jacobian(*self._given(True))[1]
         assert by_structure is not None
         return self._shaped(by_structure)
 
@@ -122,23 +122,23 @@ class AllocationJacobian:
                 f"cotangent has shape {given.shape}, which does not broadcast to the tensions' {tensions.shape}"
             ) from None
         flat = rows(spread, self._shape, 1)
-        return AllocationGradients(*map(self._shaped, _native.allocation_gradients(*self._solved, flat)))
+        return AllocationGradients(*map(self._shaped, _native.allocation_gradients(*self._given(flat))))
 
     @cached_property
     def _without_structure(self) -> tuple[Floats, Floats | None, NDArray[np.bool_]]:
-        return _native.allocation_jacobian(*self._solved, False)
+        return _native.allocation_jacobian(*self._given(False))
 
-    @property
-    def _solved(self) -> tuple[Any, ...]:
-        """Arguments of the compiled kernels."""
+    def _given(self, last: object) -> tuple[Any, ...]:
+        """Return the arguments of the compiled kernels."""
         found, size = self.allocation, len(self._problem)
         return (
             *self._problem.arrays,
-            found.tensions.reshape(size, -1),
+            found.tensions.reshape(size, found.tensions.shape[-1]),
             np.reshape(found.scale, size),
             np.reshape(found.status, size),
             POLICIES.index(self._problem.nearest or "force"),
             RANK_TOLERANCE,
+            last,
         )
 
     def _shaped(self, found: Floats) -> Floats:

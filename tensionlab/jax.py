@@ -75,7 +75,8 @@ def allocate(
         for each, own in zip((matrices, *vectors), inner, strict=True)
     ]
     weights = None if wrench_weights is None else tuple(np.asarray(wrench_weights, dtype=float).tolist())
-    return _function(nearest, weights)(*spread)
+    found: jax.Array = _function(nearest, weights)(*spread)
+    return found
 
 
 @cache

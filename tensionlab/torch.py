@@ -59,14 +59,19 @@ def allocate(
     """
     with needs("torch", "tensionlab.torch"):
         import torch
-    lower, upper = limits if isinstance(limits, tuple) else (limits.lower, limits.upper)
-    lower, upper = torch.as_tensor(lower), torch.as_tensor(upper)
+
+    def tensor(given: Any) -> Any:
+        # A copy of arrays: those of a rig may not be written to, and PyTorch knows no such tensors.
+        return given if isinstance(given, torch.Tensor) else torch.tensor(np.asarray(given))
+
+    lower, upper = map(tensor, limits if isinstance(limits, tuple) else (limits.lower, limits.upper))
     words = {"lower": lower, "middle": (lower + upper) / 2}
     if isinstance(reference, str) and reference not in words:
         raise InputError(f"reference {reference!r} is unknown; give tensions, 'lower' or 'middle'")
     near = words[reference] if isinstance(reference, str) else 0.0 if reference is None else reference
-    tensors = [torch.as_tensor(each) for each in (structure, wrench, lower, upper, near)]
-    return _function().apply(*tensors, nearest, wrench_weights)
+    tensors = map(tensor, (structure, wrench, lower, upper, near))
+    found: torch.Tensor = _function().apply(*tensors, nearest, wrench_weights)
+    return found
 
 
 @cache
@@ -94,7 +99,7 @@ def _function() -> Any:
             return torch.tensor(ctx.jacobian.allocation.tensions, dtype=dtype, device=first.device)
 
         @staticmethod
-        @torch.autograd.function.once_differentiable  # type: ignore[misc]
+        @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
         def backward(ctx: Any, cotangent: Any) -> Any:
             gradients = ctx.jacobian.pull_back(cotangent.to("cpu", torch.float64).numpy())
             own = [
