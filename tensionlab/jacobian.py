@@ -64,8 +64,8 @@ class AllocationJacobian:
     Notes
     -----
     With F the free cables and W⁺ the pseudo-inverse of their columns, ``dt_F = W⁺ (dw - dW t) + (1 - W⁺ W_F)
-    dW_F' y`` where the wrench is rendered, y being its multiplier. `concepts/infeasible-wrenches` says what the
-    policies minimise elsewhere; all are differentiated in the same way, ``direction`` with its scale
+    dW_F' y`` where the wrench is rendered, y being its multiplier. *Infeasible wrenches*, among the concepts, says
+    what the policies minimise elsewhere; all are differentiated in the same way, ``direction`` with its scale
     (``native/solvers/allocation_jacobian.hpp``).
 
     Sources: Amos and Kolter (2017), "OptNet: differentiable optimization as a layer in neural networks"; Golub and
@@ -82,9 +82,9 @@ class AllocationJacobian:
     np.False_
     >>> change = jacobian.wrench @ [0.1, 0.0, 0.0]
     >>> (jacobian.allocation.tensions + change).round(3)
-    array([2.316, 1.795, 0.5  , 2.631])
+    array([2.39 , 1.801, 0.5  , 2.663])
     >>> tl.allocate(structure, [1.1, 0.5, 1.0], rig.limits).tensions.round(3)
-    array([2.316, 1.795, 0.5  , 2.631])
+    array([2.39 , 1.801, 0.5  , 2.663])
     """
 
     allocation: Allocation
@@ -156,8 +156,8 @@ def allocation_jacobian(
 ) -> AllocationJacobian:
     """Choose tensions, as `allocate` does, and return them with their derivatives.
 
-    Parameters are those of `allocate`. All its policies are covered, with weights and reference; of the solvers
-    only ``"newton"`` is, whose answers tell exactly which cables are held.
+    Parameters are the same as those of `allocate`. All its policies are covered, with weights and reference; of the
+    solvers only ``"newton"`` is, whose answers tell exactly which cables are held.
 
     Returns
     -------

@@ -89,6 +89,18 @@ assert result.desired[worst][0] < -1.0
 half = lift(0.5)
 assert half.force[:, 2].min() > 0.58 * rendered.force[:, 2].min()
 """,
+    "09_gradients": """
+slope = jax.grad(missing)(start)[3, 1]
+difference = (missing(start.at[3, 1].add(0.01)) - missing(start.at[3, 1].add(-0.01))) / 0.02
+assert abs(slope - difference) < 0.02 * abs(slope)
+def stronger(upper):
+    W = structure_matrix(anchors)
+    tensions = tensionlab.jax.allocate(W, forces, (0.5, upper))
+    return ((forces - jnp.einsum("...nm,...m->...n", W, tensions)) ** 2).sum(axis=-1).mean()
+assert jax.grad(stronger)(6.0) < -0.01
+held = tl.allocate(structure, [1.0, 0.5, 1.0], rig.limits).tensions
+assert tl.allocation_jacobian(structure, [1.0, 0.5, 1.0], rig.limits, reference=held).kink
+""",
 }
 """Solutions of the exercises that take no long search or play, and what they find."""
 
