@@ -156,8 +156,8 @@ def allocation_jacobian(
 ) -> AllocationJacobian:
     """Choose tensions, as `allocate` does, and return them with their derivatives.
 
-    Parameters are the same as those of `allocate`. All its policies are covered, with weights and reference; of the
-    solvers only ``"newton"`` is, whose answers tell exactly which cables are held.
+    Parameters are the same as those of `allocate`. All its policies are covered, with weights and reference; of
+    the solvers only ``"newton"`` is, whose answers tell exactly which cables are held.
 
     Returns
     -------
