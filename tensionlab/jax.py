@@ -26,10 +26,10 @@ def allocate(
     nearest: Nearest | None = None,
     wrench_weights: ArrayLike | None = None,
 ) -> jax.Array:
-    """Return the tensions of `tensionlab.allocate`, for `jax.grad`, `jax.vmap` and `jax.jit`.
+    """Return the tensions of `tensionlab.allocate`, for ``jax.grad``, ``jax.vmap`` and ``jax.jit``.
 
-    Each call is a callback to the processor, for the whole batch, also under `jax.vmap`: in float64, whatever the
-    type of the arrays. Gradients are of reverse mode; going back chooses the tensions a second time.
+    Each call is a callback to the processor, for the whole batch, also under ``jax.vmap``: in float64, whatever
+    the type of the arrays. Gradients are of reverse mode; going back chooses the tensions a second time.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def allocate(
     Raises
     ------
     InputError, ShapeError
-        As `tensionlab.allocate`; under `jax.jit` inside an error of JAX.
+        As `tensionlab.allocate`; under ``jax.jit`` inside an error of JAX.
     MissingDependency
         If JAX is not installed.
     """

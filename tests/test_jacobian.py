@@ -1,5 +1,8 @@
 """Derivatives of the tensions against differences, known ones, and what is said at kinks."""
 
+import importlib
+import sys
+
 import numpy as np
 import pytest
 
@@ -138,3 +141,11 @@ def test_a_cotangent_must_fit():
         jacobian.pull_back(np.ones(3))
     with pytest.raises(tl.ShapeError, match=r"cotangent\[1\] is nan"):
         jacobian.pull_back([1.0, np.nan])
+
+
+@pytest.mark.parametrize("library", ["jax", "torch"])
+def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch, library):
+    monkeypatch.setitem(sys.modules, library, None)
+    wrapper = importlib.import_module(f"tensionlab.{library}")
+    with pytest.raises(tl.MissingDependency, match=rf'needs {library}.*: pip install "tensionlab\[{library}\]"'):
+        wrapper.allocate(TUG_OF_WAR, [2.0], (1.0, 5.0))
