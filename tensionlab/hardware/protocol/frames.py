@@ -69,14 +69,15 @@ class Decoder:
     def feed(self, content: bytes) -> list[Frame]:
         """Return the frames that these bytes complete."""
         frames = []
-        # More zeros than three belong to the delimiter before.
-        *ended, rest = (piece.lstrip(b"\0") for piece in (self._rest + content).split(DELIMITER))
-        for piece in ended:
+        *ended, rest = (self._rest + content).split(DELIMITER)
+        for zeros_and_piece in ended:
+            piece = zeros_and_piece.lstrip(b"\0")  # more zeros than three belong to the delimiter before
             frame = unpack(piece)
             if frame is not None:
                 frames.append(frame)
             elif piece and unpack_1(piece) is None:
                 self.bad_frames += 1
+        rest = rest.lstrip(b"\0")
         # Of what is too long already only its last zeros matter, with which a delimiter may begin.
         self._rest = rest if len(rest) <= MAX_PIECE + 2 else OVERLONG_START + rest[-2:]
         return frames

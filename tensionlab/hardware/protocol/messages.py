@@ -80,7 +80,7 @@ class Message:
 
     def pack(self) -> bytes:
         """Return the payload; a number that is not finite, or too large, is a `ProtocolError`."""
-        values = [getattr(self, name) for name in self._kinds]
+        values = vars(self).values()  # its fields, in their order
         try:
             if all(map(math.isfinite, values)):
                 return self._layout.pack(*values)

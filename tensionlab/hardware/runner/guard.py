@@ -128,8 +128,8 @@ class Derating:
 
     def require_taut(self, index: int, thermal: float) -> None:
         """Refuse, by a `ModuleFault`, a module whose hot winding cannot hold even its lower limit without end."""
-        stands, lower = float(self._continuous[index]), float(self._own.lower[index])
-        if thermal >= 1.0 and stands < lower:
+        if thermal >= 1.0 and self._continuous[index] < self._own.lower[index]:
+            stands, lower = float(self._continuous[index]), float(self._own.lower[index])
             raise ModuleFault(
                 f'module "{self._names[index]}" is too hot: its winding stands {stands:.2f} N for ever, less than '
                 f"its lower limit of {lower:g} N; lower the rig's limit, or let it cool",

@@ -65,17 +65,18 @@ class ModuleMonitor:
         """
         self._stall.update(now)
         self._late_since = np.where(delays > self._ttl, np.fmin(self._late_since, now), np.nan)
+        ages, thermal, late = seen.ages.tolist(), seen.thermal.tolist(), (now - self._late_since).tolist()
         for index, client in enumerate(self._clients):
             if self.active[index]:
                 try:
-                    self._require_healthy(index, client, float(seen.ages[index]))
-                    if not self._stall.seconds and now - self._late_since[index] > self._ttl:
+                    self._require_healthy(index, client, ages[index])
+                    if not self._stall.seconds and late[index] > self._ttl:
                         raise LinkTimeout(
                             f'module "{client.name}" is late: the newest set-point that it reports to follow was '
                             f"sent {delays[index]:.2f} s ago, and lives {self._ttl:g} s; its link is slow or "
                             "crowded"
                         )
-                    derating.require_taut(index, float(seen.thermal[index]))
+                    derating.require_taut(index, thermal[index])
                 except HardwareError as error:
                     self._lose(index, error)
 
