@@ -61,7 +61,7 @@ class Received(Generic[MessageType_co]):
 class ModuleClient:
     """Client of one module: commands, their answers, and messages that the module sends by itself.
 
-    A thread reads all links of the process: what `on_message` does must not take long. Of a simulated module in
+    A thread reads all links of the process: what ``on_message`` does must not take long. Of a simulated module in
     this process, messages are read by each request and `listen`. It is a context manager, which closes the link;
     after an error it stops the module first.
 
