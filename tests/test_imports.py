@@ -46,6 +46,7 @@ ALLOWED = {
     "jax": {"jacobian", "solvers"},
     "torch": {"jacobian", "solvers"},
     "demand": {"model"},
+    "mujoco": CORE,
     "workspace": CORE,
     "hardware": CORE,
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
@@ -88,6 +89,7 @@ DOORS = {
     "torch": {"torch.py"},
     "matplotlib": {"plots"},
     "mpl_toolkits": {"plots"},
+    "mujoco": {"mujoco.py"},
 }
 NATIVE = {
     "solvers/linear_program.py",

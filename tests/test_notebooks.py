@@ -89,6 +89,14 @@ assert result.desired[worst][0] < -1.0
 half = lift(0.5)
 assert half.force[:, 2].min() > 0.58 * rendered.force[:, 2].min()
 """,
+    "08_mujoco": """
+mujoco.mj_resetData(model, data)
+mujoco.mj_forward(model, data)
+weight = gravity(model, data, "mass")
+wrong = around @ tl.allocate(points, -weight, (1.0, 60.0)).tensions + weight
+assert 1.4 < np.linalg.norm(wrong) < 2.2
+heaviest = {kg: allocate(data, kg / 2.0 * -weight).status for kg in (12, 15)}
+assert heaviest == {12: tl.Status.EXACT, 15: tl.Status.NEAREST}
     "09_gradients": """
 slope = jax.grad(missing)(start)[3, 1]
 difference = (missing(start.at[3, 1].add(0.01)) - missing(start.at[3, 1].add(-0.01))) / 0.02

@@ -29,6 +29,7 @@ MODULES = (
     "tensionlab.hardware",
     "tensionlab.haptics.effects",
     "tensionlab.scenarios",
+    "tensionlab.mujoco",
 )
 """Where every name is in the reference, with an example."""
 CONSTANTS = {"tensionlab.plots.METADATA", "tensionlab.workspace.MEASURES"}
