@@ -97,6 +97,7 @@ wrong = around @ tl.allocate(points, -weight, (1.0, 60.0)).tensions + weight
 assert 1.4 < np.linalg.norm(wrong) < 2.2
 heaviest = {kg: allocate(data, kg / 2.0 * -weight).status for kg in (12, 15)}
 assert heaviest == {12: tl.Status.EXACT, 15: tl.Status.NEAREST}
+""",
     "09_gradients": """
 slope = jax.grad(missing)(start)[3, 1]
 difference = (missing(start.at[3, 1].add(0.01)) - missing(start.at[3, 1].add(-0.01))) / 0.02
