@@ -168,7 +168,11 @@ def hanging(joints="<freejoint/>", actuators="", tendon=""):
         ('<motor tendon="a" gear="-2" ctrlrange="-3 6"/>', "", (0.0, 12.0)),  # it cannot push
         ('<motor tendon="a" ctrlrange="-7 -2"/>', "", (2.0, 7.0)),
         ('<motor tendon="a" gear="-2" ctrlrange="0 6" forcerange="0.5 4"/>', "", (1.0, 8.0)),
-        ('<motor tendon="a" gear="-1" ctrlrange="0 9"/>', 'actuatorfrcrange="-1 5"', (0.0, 5.0)),
+        (
+            '<motor tendon="a" gear="-1" ctrlrange="0 9"/>',
+            'actuatorfrclimited="true" actuatorfrcrange="-1 5"',
+            (0.0, 5.0),
+        ),
         ('<general tendon="a" gear="-0.5" gainprm="10" ctrlrange="0.2 1"/>', "", (1.0, 5.0)),
     ],
 )
