@@ -66,22 +66,20 @@ WORK = [
     "problems list",
     "problems show robots --count 4",
     "layout search space.toml --out found.toml",
+    "run RIG --seconds 0.1",
+    "module info sim:",
+    "module config dump sim:",
+    "module calibrate gain sim: --mass 0.1 --mass 0.2",
 ]
 """What needs no extra."""
 REFUSED = {
     "workspace RIG --step 0.5": "workspace",
     "workspace RIG --step 0.5 --out sweep.zarr": "workspace",
-    "run RIG": "hardware",
     "run RIG --log run.mcap": "hardware",
-    "simulate RIG": "hardware",
-    "simulate RIG --sensor-port 0": "hardware",
     "scenario bow": "hardware",
-    "validate RIG --out validation": "hardware",
+    "validate RIG --out validation": "data",
     "estop socket://127.0.0.1:1": "hardware",
     "module discover": "hardware",
-    "module info sim:": "hardware",
-    "module config dump sim:": "hardware",
-    "module calibrate gain sim: --mass 0.1 --mass 0.2": "hardware",
     "log info run.mcap": "hardware",
     "serve RIG": "haptics",
     "compare RIG --solvers qp:daqp": "solvers",
@@ -181,7 +179,9 @@ def call(program: Path, *words: str | Path) -> subprocess.CompletedProcess[str]:
     """Run a program of the environment outside the source tree."""
     env = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     command = [str(word) for word in (program, *words)]
-    return subprocess.run(command, cwd=program.parents[2], env=env, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        command, cwd=program.parents[2], env=env, capture_output=True, text=True, check=False, timeout=600
+    )
 
 
 @pytest.fixture(scope="module")
@@ -209,7 +209,7 @@ def test_it_draws(installed: Path, told: dict[str, tuple[int, str, str]]) -> Non
 @pytest.mark.parametrize("command", WORK)
 def test_what_needs_no_extra_works(told: dict[str, tuple[int, str, str]], command: str) -> None:
     code, out, err = told[command]
-    assert (code, err) == (0, "")
+    assert (code, "install" in err, "Traceback" in err) == (0, False, False)
     assert out
 
 
