@@ -71,9 +71,9 @@ def test_a_sweep_goes_on_where_it_was(run, tmp_path, monkeypatch):
     code, out, err = run(*SWEEP.split(), "--out", store)
     assert (code, out) == (130, "")
     go_on = f"the same command goes on with what is in {store}\n"
-    assert err.endswith(f"tensionlab: interrupted: 2 of 101 chunks are written; {go_on}")
+    assert err.endswith(f"tensionlab: interrupted: 2 of 17 chunks are written; {go_on}")
     code, _, _ = run(*SWEEP.split(), "--out", store)
-    assert (code, len(chunks)) == (0, 3 + 99)
+    assert (code, len(chunks)) == (0, 3 + 15)
     monkeypatch.setattr("tensionlab.cli.workspace.summary", press)
     assert run(*SWEEP.split(), "--out", store)[2] == f"tensionlab: interrupted: {go_on}"
     assert "with --out DIR.zarr, the same command goes on" in run(*SWEEP.split())[2]
