@@ -127,6 +127,13 @@ def box_price(
     reference: NDArray[float64],
     row_roots: NDArray[float64],
 ) -> tuple[NDArray[float64], NDArray[int64]]: ...
+def structure_matrices(
+    anchors: NDArray[float64],
+    attachments: NDArray[float64] | None,
+    position: NDArray[float64],
+    rotation: NDArray[float64] | None,
+    least_share: float,
+) -> tuple[NDArray[float64], NDArray[bool_]]: ...
 def capacity_margin(
     structure: NDArray[float64],
     lower: NDArray[float64],

@@ -106,10 +106,12 @@ def required_margin(
     characteristic length of the requirement. The rotation, whose leading axes are those of the matrices, is as in
     `Rig.structure_matrix`.
     """
-    unit = np.ones(rig.n)
-    unit[rig.dimension :] /= required.length_for(rig)
-    corners = required.at(rig, rotation) * unit
-    return capacity_margin(structure * unit[:, None], rig.limits, corners) - required.ball
+    corners = required.at(rig, rotation)
+    if rig.n > rig.dimension:
+        unit = np.ones(rig.n)
+        unit[rig.dimension :] /= required.length_for(rig)
+        structure, corners = structure * unit[:, None], corners * unit
+    return capacity_margin(structure, rig.limits, corners) - required.ball
 
 
 def margin_gradient(

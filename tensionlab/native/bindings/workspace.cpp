@@ -1,4 +1,8 @@
 // The workspace measures for Python.
+#include <nanobind/stl/optional.h>
+
+#include <optional>
+
 #include "bindings/arrays.hpp"
 #include "bindings/bindings.hpp"
 #include "bindings/share_out.hpp"
@@ -19,6 +23,34 @@ Poses poses_of(const In<3>& structure, const In<2>& lower, const In<2>& upper, d
                     rows_of(upper),
                     rank_tolerance};
   return poses;
+}
+
+// Anchors and attachments (m, d), position (B, d), rotation (B, d, d).
+nb::tuple matrices_at(const In<2>& anchors, const std::optional<In<2>>& attachments, const In<2>& position,
+                      const std::optional<In<3>>& rotation, double least_share) {
+  const std::size_t size = position.shape(0), m = anchors.shape(0), d = anchors.shape(1);
+  const std::size_t n = attachments ? 3 * (d - 1) : d;
+  require(d == 2 || d == 3, "space has two or three dimensions");
+  require_size(n, m);
+  require(has_shape(position, size, d), "positions do not fit the anchors");
+  require(!attachments || has_shape(*attachments, m, d), "attachments do not fit the anchors");
+  require(!rotation || (attachments && has_shape(*rotation, size, d, d)), "rotations do not fit the positions");
+  require(rows_of(anchors).stride == static_cast<std::int64_t>(d) || m < 2, "anchors must be contiguous");
+  require(!attachments || rows_of(*attachments).stride == static_cast<std::int64_t>(d) || m < 2,
+          "attachments must be contiguous");
+  const Cables cables{static_cast<int>(d), static_cast<int>(m), anchors.data(),
+                      attachments ? attachments->data() : nullptr};
+  const Rows turns = rotation ? rows_of(*rotation) : Rows{};
+  const Places places{rows_of(position), rotation ? &turns : nullptr};
+  const Structures found{allocate<double>(size * n * m), allocate<bool>(size)};
+  {
+    nb::gil_scoped_release unlocked;
+    const auto kernel = structure_matrices_for_this_processor();
+    share_out(size,
+              [&](std::size_t begin, std::size_t end) { kernel(cables, places, least_share, begin, end, found); });
+  }
+  return nb::make_tuple(Out<double, 3>(found.matrices, {size, n, m}, owner(found.matrices)),
+                        vector_of(found.sound, size));
 }
 
 // Wrenches (B, any number, n).
@@ -112,6 +144,8 @@ nb::tuple all_half_spaces(const In<3>& structure, const In<2>& lower, const In<2
 }  // namespace
 
 void bind_workspace(nb::module_& module) {
+  module.def("structure_matrices", &matrices_at, nb::arg("anchors"), nb::arg("attachments").none(),
+             nb::arg("position"), nb::arg("rotation").none(), nb::arg("least_share"));
   module.def("capacity_margin", &margins);
   module.def("tension_factor", &factors);
   module.def("isotropic_force", &forces);

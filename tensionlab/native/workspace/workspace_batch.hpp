@@ -34,6 +34,26 @@ struct Facets {
   double *count, *normals, *offsets;
 };
 
+// Where m cables begin and end: d coordinates each, one cable after the other. No attachments where none turns.
+struct Cables {
+  int d, m;
+  const double *anchors, *attachments;
+};
+
+// Of each pose, d coordinates, and d x d of its rotation, if there is one.
+struct Places {
+  Rows position;
+  const Rows* rotation;
+};
+
+// For each pose, n x m numbers, and whether all cables have a length.
+struct Structures {
+  double* matrices;
+  bool* sound;
+};
+
+TENSIONLAB_KERNEL(structure_matrices, const Cables&, const Places&, double least_share, std::size_t begin,
+                  std::size_t end, const Structures&)
 TENSIONLAB_KERNEL(capacity_margin, const Poses&, const Wrenches&, std::size_t begin, std::size_t end,
                   double* margin)
 TENSIONLAB_KERNEL(tension_factor, const Poses&, std::size_t begin, std::size_t end, double* factor)

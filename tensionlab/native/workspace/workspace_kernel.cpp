@@ -1,5 +1,6 @@
 // The workspace measures over a batch of poses; compiled once for each instruction set (simd/instruction_set.hpp).
 #include "workspace/single_wrench_set.hpp"
+#include "workspace/structure_matrices.hpp"
 #include "workspace/workspace_batch.hpp"
 #include "workspace/workspace_facets.hpp"
 #include "workspace/workspace_metrics.hpp"
@@ -56,6 +57,15 @@ void measure_any(const Poses& poses, std::size_t begin, std::size_t end, const M
       measure_poses<1, Measure>, measure_poses<2, Measure>, measure_poses<3, Measure>,
       measure_poses<4, Measure>, measure_poses<5, Measure>, measure_poses<6, Measure>};
   kMeasure[poses.n - 1](poses, begin, end, measure, found);
+}
+
+void structure_matrices(const Cables& cables, const Places& places, double least_share, std::size_t begin,
+                        std::size_t end, const Structures& found) {
+  if (cables.d == 2) {
+    StructureMatrices<kLanes, 2>(cables, least_share).place(places, begin, end, found);
+  } else {
+    StructureMatrices<kLanes, 3>(cables, least_share).place(places, begin, end, found);
+  }
 }
 
 void capacity_margin(const Poses& poses, const Wrenches& wrenches, std::size_t begin, std::size_t end,

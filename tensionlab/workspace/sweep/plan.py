@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tensionlab import _native
 from tensionlab.arrays import Floats, as_floats
 from tensionlab.errors import RigError, SweepError
 from tensionlab.model import kinematics, layouts, pose
@@ -198,6 +199,8 @@ Block = tuple[slice, ...]
 
 MIN_LENGTH_RATIO = 1e-12
 """A cable shorter than this share of the longest one is at its anchor but for rounding, and has no direction."""
+PART_ENTRIES = 1 << 17
+"""Entries of the structure matrices that are evaluated together: 1 MB stays in a processor's cache."""
 MIN_CHUNKS = 16
 """Chunks of a small sweep, at least, so that all processors have work."""
 MIN_CHUNK_VALUES = 1_024
@@ -222,9 +225,13 @@ class Task:
         position, rotation = self.poses.arrays()
         values = np.full((len(self.metrics), len(self.rigs), len(position)), np.nan)
         for number, rig in enumerate(self.rigs):
-            batch, sound = _batch(rig, position, rotation, self.frames, self.required[number])
-            for row, metric in enumerate(self.metrics):
-                values[row, number, sound] = metric.evaluate(batch)
+            step = max(1, PART_ENTRIES // (rig.n * rig.m))
+            for start in range(0, len(position), step):
+                part = slice(start, start + step)
+                turn = None if rotation is None else rotation[part]
+                batch, sound = _batch(rig, position[part], turn, self.frames, self.required[number])
+                for row, metric in enumerate(self.metrics):
+                    values[row, number, part][sound] = metric.evaluate(batch)
         return values.reshape(len(self.metrics), *(part.stop - part.start for part in self.block))
 
 
@@ -325,13 +332,9 @@ def _batch(
     """Return the poses of a rig whose cables have a length, and which of those given they are."""
     own = {name: frames[name] for name in rig.frames if name in frames}
     anchors = pose.place_anchors(rig.modules, rig.anchors, own)
-    arms = None
-    if rig.n > rig.dimension:
-        turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
-        arms = rig.attachments if turn is None else kinematics.rotate(turn, rig.attachments)
-    lengths, directions = kinematics.cables(anchors, position, arms)
-    sound = np.asarray((lengths > MIN_LENGTH_RATIO * lengths.max(axis=-1, keepdims=True)).all(axis=-1))
-    structure = kinematics.structure_matrix(directions, arms)
+    attachments = rig.attachments if rig.n > rig.dimension else None
+    turn = kinematics.planar_rotation(rotation) if rotation is not None and rig.dimension == 2 else rotation
+    structure, sound = _native.structure_matrices(anchors, attachments, position, turn, MIN_LENGTH_RATIO)
     if not sound.all():
         position, structure = position[sound], structure[sound]
         rotation = None if rotation is None else rotation[sound]

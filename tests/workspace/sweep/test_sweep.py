@@ -11,9 +11,10 @@ import pytest
 import xarray as xr
 
 import tensionlab as tl
+from tensionlab import _native
 from tensionlab.errors import RigError, ShapeError, SweepError
 from tensionlab.model.directions import fibonacci
-from tensionlab.model.kinematics import exponential
+from tensionlab.model.kinematics import exponential, planar_rotation
 from tensionlab.workspace.interference import Capsule, body_distance, cable_distance
 from tensionlab.workspace.margin import capacity_margin
 from tensionlab.workspace.metrics import METRICS, BodyDistance, CapacityMargin, ReachableShare
@@ -27,10 +28,11 @@ CUBE = tl.box_corners([2.0, 1.0, 3.0])
 
 
 def held(kind, dimension):
-    """A body held from the corners of a box, in the plane or in space."""
+    """A point or body held from the corners of a box, in the plane or in space."""
+    arm = np.array([0.1, 0.2, -0.1])[:dimension] * (not kind.endswith("point"))
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=dimension)))
     modules = [
-        tl.Module(str(i), corner * [2, 3, 1][:dimension], 1.0, 50.0, corner * [0.1, 0.2, -0.1][:dimension])
+        tl.Module(str(i), corner * [2, 3, 1][:dimension], 1.0, 50.0, corner * arm)
         for i, corner in enumerate(corners)
     ]
     return tl.Rig(kind, kind, tuple(modules), np.zeros(dimension))
@@ -51,8 +53,31 @@ def test_values_are_those_of_a_direct_call_whatever_the_chunks():
     }
     for name, values in expected.items():
         assert data[name].dims == ("rig", "x", "y", "z")
-        np.testing.assert_array_equal(data[name].sel(rig="box-corners"), values)
+        np.testing.assert_allclose(data[name].sel(rig="box-corners"), values, rtol=1e-12, atol=1e-12)
     xr.testing.assert_equal(data, tl.sweep(CUBE, poses, names))
+
+
+@pytest.mark.parametrize(
+    ("kind", "dimension"), [("planar-point", 2), ("point", 3), ("planar", 2), ("platform", 3)]
+)
+@pytest.mark.parametrize("count", [1, 8, 13])
+def test_structure_matrices_of_a_batch_are_those_of_the_rig(kind, dimension, count):
+    rng = np.random.default_rng(count)
+    rig = held(kind, dimension) if kind != "point" else CUBE if dimension == 3 else tl.load_rig("two-cable-plane")
+    position = rng.uniform(-0.4, 0.4, (count, dimension))
+    turns, matrices = None, None
+    if rig.n > rig.dimension:
+        turns = rng.normal(size=count) if dimension == 2 else exponential(rng.normal(size=(count, 3)))
+        matrices = planar_rotation(turns) if dimension == 2 else turns
+    attachments = rig.attachments if rig.n > rig.dimension else None
+    for given, turn in ((turns, matrices), (None, None)):
+        found, sound = _native.structure_matrices(rig.anchors, attachments, position, turn, 1e-12)
+        np.testing.assert_allclose(found, rig.structure_matrix(position, given), rtol=0, atol=2e-15)
+        assert sound.all()
+    position[count // 2] = rig.anchors[0] - (0 if attachments is None else attachments[0])
+    found, sound = _native.structure_matrices(rig.anchors, attachments, position, None, 1e-12)
+    assert np.flatnonzero(~sound).tolist() == [count // 2]
+    assert np.isfinite(found).all()
 
 
 def test_platforms_are_swept_over_orientations_too():
@@ -61,7 +86,7 @@ def test_platforms_are_swept_over_orientations_too():
     assert data["tension-factor"].dims == ("rig", "x", "y", "z", "orientation")
     one = data.sel(rig="platform", x=0.3, y=0.1, z=-0.2, orientation=1)
     here = ([0.3, 0.1, -0.2], turns[1])
-    assert one["tension-factor"] == tension_factor(rig.structure_matrix(*here))
+    assert one["tension-factor"] == pytest.approx(tension_factor(rig.structure_matrix(*here)), rel=1e-12)
     assert one["cable-distance"] == cable_distance(rig, *here).distance
     np.testing.assert_array_equal(one.rotation, turns[1])
 
@@ -69,7 +94,7 @@ def test_platforms_are_swept_over_orientations_too():
     flat = tl.sweep(rig, grid, "tension-factor")["tension-factor"]
     assert flat.dims == ("rig", "x", "y", "angle")
     expected = tension_factor(rig.structure_matrix([0.3, 0.1], 0.1))
-    assert flat.sel(rig="planar", x=0.3, y=0.1, angle=0.1) == expected
+    assert flat.sel(rig="planar", x=0.3, y=0.1, angle=0.1) == pytest.approx(expected, rel=1e-12)
 
 
 def test_lists_and_paths_have_one_axis():
@@ -114,7 +139,7 @@ def test_layouts_with_other_numbers_of_modules_share_one_dataset():
         rig = rigs.rig([i, j, k])
         position = np.stack(np.meshgrid(data.x, data.y, data.z, indexing="ij"), axis=-1)
         expected = capacity_margin(rig.structure_matrix(position), rig.limits)
-        np.testing.assert_array_equal(margin[i, j, k], expected)
+        np.testing.assert_allclose(margin[i, j, k], expected, rtol=1e-12, atol=1e-12)
         here = data.isel(side=i, count=j, limits=k)
         np.testing.assert_array_equal(here.anchor[: rig.m], rig.anchors)
         assert here.anchor[rig.m :].isnull().all()
@@ -136,7 +161,7 @@ def test_anchors_that_ride_on_a_body_are_where_it_is():
     frames = {"hip": ([0.3, 0.0, 0.0], exponential(np.array([0.0, np.pi / 2, 0.0])))}
     data = tl.sweep([rig, CUBE], [[0.1, 0.2, 0.3]], "capacity-margin", frames=frames)
     expected = capacity_margin(rig.structure_matrix([0.1, 0.2, 0.3], frames=frames), rig.limits)
-    assert data["capacity-margin"].sel(rig="worn").item() == expected
+    assert data["capacity-margin"].sel(rig="worn").item() == pytest.approx(expected, rel=1e-12)
     np.testing.assert_allclose(data.anchor.sel(rig="worn")[0], [0.4, 0.0, 0.0], atol=1e-12)
 
 
