@@ -104,6 +104,7 @@ NATIVE = {
     "workspace/interference.py",
     "workspace/margin.py",
     "workspace/structure_metrics.py",
+    "workspace/sweep/plan.py",
     "workspace/wrench_set.py",
     "haptics/brakes/choice.py",
     "hardware/protocol/frames.py",
