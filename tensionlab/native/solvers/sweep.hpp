@@ -45,8 +45,8 @@ class Sweep {
       for (int g = 0; g < groups; ++g) {
         if (!guessed_ || !judge(g, false)) open[left++] = g;
       }
-      for (const double floor : kFloors) {
-        for (int j = 0; j < left; ++j) step(open[j], floor);
+      for (int s = 0; s < kSteps; ++s) {
+        for (int j = 0; j < left; ++j) step(open[j], s);
       }
       for (int j = 0; j < left; ++j) {
         if (guessed_) settle(group_[open[j]]);
@@ -60,7 +60,8 @@ class Sweep {
 
   static constexpr int kGroups = 4;  // the processor works on one while it waits for another
   // Least pivots of each step with limits, against the diagonal of W W'; and of the step without.
-  static constexpr double kFloors[] = {0.5, 0.2, 0.02, 1e-10}, kTight = 1e-10;
+  static constexpr int kSteps = 4;
+  static constexpr double kFloors[kSteps] = {0.5, 0.2, 0.02, 1e-10}, kTight = 1e-10;
   static constexpr std::int64_t kEvaluations = 6;
   // Error of a rendered wrench, against structure and tensions.
   static constexpr double kConverged = 4 * std::numeric_limits<double>::epsilon();
@@ -84,10 +85,10 @@ class Sweep {
   };
 
   // L problems. structure: row by row; diagonal: of W W', or 1; gain: its largest entry; size: sum of all
-  // magnitudes; other: of the dual without limits and that of a guess, the one that is not in use; settled:
-  // whether the guess is right.
+  // magnitudes; other: of the dual without limits and that of a guess, the one that is not in use; before: the
+  // dual before each step; settled: whether the guess is right.
   struct Group {
-    V structure[N * M], wrench[N], dual[N], other[N], settled, diagonal[N], gain, size;
+    V structure[N * M], wrench[N], dual[N], other[N], before[kSteps][N], settled, diagonal[N], gain, size;
     std::size_t first;
     int count;
   };
@@ -189,13 +190,13 @@ class Sweep {
   }
 
   // A Newton step from where the limits let the tensions be.
-  void step(int g, double floor) {
+  void step(int g, int s) {
     Group& group = group_[g];
     const Limits& limit = limits(g);
     V dual[N], matrix[N][N], residual[N];
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      dual[k] = group.dual[k];
+      dual[k] = group.before[s][k] = group.dual[k];
       residual[k] = group.wrench[k];
       TENSIONLAB_UNROLL
       for (int j = 0; j <= k; ++j) matrix[k][j] = V{};
@@ -219,7 +220,7 @@ class Sweep {
     }
     V least[N], path[N];
     TENSIONLAB_UNROLL
-    for (int k = 0; k < N; ++k) least[k] = floor * group.diagonal[k];
+    for (int k = 0; k < N; ++k) least[k] = kFloors[s] * group.diagonal[k];
     Factor<V, N>(matrix, least).solve(residual, path);
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) group.dual[k] = dual[k] + path[k];
@@ -290,13 +291,13 @@ class Sweep {
     }
     rest_.strange = rest_.strange || any(!(group.size < V{} + settings_.largest));
     V direction[N];
-    const V outside = how_far_outside(group, limit, direction);
+    const auto separated = separate(group, limit, !proved, direction);
     for (int l = 0; l < group.count; ++l) {
       const std::size_t row = group.first + static_cast<std::size_t>(l);
       if (holds(proved, l)) {
         answer_.residual[row] = read<double>(residual, l);
         finish(row, 1);
-      } else if (read<double>(outside, l) > 0) {
+      } else if (holds(separated, l)) {
         for (int k = 0; k < N; ++k) answer_.separation[row * N + k] = read<double>(direction[k], l);
         answer_.iterations[row] = kEvaluations;
         rest_.apart[rest_.aparts++] = row;
@@ -307,13 +308,27 @@ class Sweep {
     return true;
   }
 
-  // d'w - h(d) for the multiplier d, less what rounding may make of it: above nought, d separates w from all that
-  // can be rendered.
-  V how_far_outside(const Group& group, const Limits& limit, V (&d)[N]) const {
+  // In which of the lanes that are open a multiplier on the way separates the wrench from all that can be
+  // rendered. Where there is no answer they soon point away from it, and then overshoot.
+  template <class Mask>
+  auto separate(const Group& group, const Limits& limit, const Mask& open, V (&direction)[N]) const {
+    TENSIONLAB_UNROLL
+    for (int k = 0; k < N; ++k) direction[k] = group.dual[k];
+    auto found = open & (how_far_outside(group, limit, direction) > V{});
+    for (int s = kSteps - 1; s >= 0 && any(open & !found); --s) {
+      const auto now = open & !found & (how_far_outside(group, limit, group.before[s]) > V{});
+      TENSIONLAB_UNROLL
+      for (int k = 0; k < N; ++k) direction[k] = now ? group.before[s][k] : direction[k];
+      found = found | now;
+    }
+    return found;
+  }
+
+  // d'w - h(d), less what rounding may make of it: above nought, d separates w from all that can be rendered.
+  V how_far_outside(const Group& group, const Limits& limit, const V (&d)[N]) const {
     V sum = V{}, size = V{};
     TENSIONLAB_UNROLL
     for (int k = 0; k < N; ++k) {
-      d[k] = group.dual[k];
       sum += d[k] * group.wrench[k];
       size += magnitude(V(d[k] * group.wrench[k]));
     }
