@@ -16,9 +16,9 @@ export class Bridge {
         else this.waiting.shift()?.reject(new Error(message.reason));
       };
       this.socket.onclose = ({ reason }) => {
-        const gone = new Error(reason || `the bridge has gone: ${this.ended ?? "no reason given"}`);
-        reject(gone);
-        this.waiting.forEach((each) => each.reject(gone));
+        this.gone = new Error(reason || `the bridge has gone: ${this.ended ?? "no reason given"}`);
+        reject(this.gone);
+        this.waiting.forEach((each) => each.reject(this.gone));
         this.waiting = [];
       };
     });
@@ -27,6 +27,7 @@ export class Bridge {
   // Where the bodies are at a time in s, by name: { hand: { position: [x, y, z] } }; effects, by name.
   frame(time, bodies, effects = null, sequence = 0) {
     return new Promise((resolve, reject) => {
+      if (this.gone) return reject(this.gone); // a socket that is closed takes what is sent without a word
       this.waiting.push({ resolve, reject });
       this.socket.send(JSON.stringify({ type: "frame", time, bodies, effects, sequence }));
     });

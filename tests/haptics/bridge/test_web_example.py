@@ -1,0 +1,91 @@
+"""The web page of `examples/web`, in a real browser, with a real bridge."""
+
+import http.server
+import os
+import signal
+import threading
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from benchmarks.processes import process
+from tools.site.browser import browser, installed
+
+ROOT = Path(__file__).parents[3]
+RIG = ROOT / "datasets/rigs/bartels2026-validation.toml"
+NEWTONS = "[...document.getElementById('measured').textContent.matchAll(/-?[0-9.]+/g)].map(Number)"
+STATUS = "document.getElementById('status').textContent"
+
+
+@contextmanager
+def served(port=0):
+    """A bridge in another process, to simulated modules; gives its URL, and the process."""
+    with process("serve", RIG, "--port", port) as running:
+        first = running.stdout.readline()
+        assert first.startswith("ws://"), running.stderr.read()
+        yield first.split("/command")[0], running
+
+
+@contextmanager
+def examples():
+    """The examples on a server; gives its URL."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    handler = partial(Quiet, directory=ROOT / "examples")
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+        thread.join()
+
+
+def drag(page, canvas, begin, end):
+    """Press the pointer at a place of a canvas, in shares of its size, and release it at another."""
+    x, y, size = page.ask(
+        f"(({{x, y, width}}) => [x, y, width])(document.getElementById('{canvas}').getBoundingClientRect())"
+    )
+    for kind, (across, down) in (("mousePressed", begin), ("mouseMoved", end), ("mouseReleased", end)):
+        place = {"x": x + across * size, "y": y + down * size}
+        page.call("Input.dispatchMouseEvent", type=kind, button="left", buttons=1, clickCount=1, **place)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(installed() is None, reason="no Chromium here")
+@pytest.mark.realtime  # a real browser, and a bridge in another process
+def test_a_hand_in_a_web_page_feels_a_wall_and_the_page_finds_the_bridge_again():
+    folder = os.environ.get("TENSIONLAB_PICTURES")
+    with examples() as site, browser() as page:
+        page.width(1200, 800)
+        with served() as (url, running):
+            page.open(f"{site}/web/index.html?bridge={url}")
+            page.wait(f"{STATUS}.startsWith('connected')")
+            # The wall is 5 cm below the hand, which goes 7 cm down: 2 cm into it, at 100 N/m.
+            drag(page, "front", (0.5, 0.5), (0.5, 0.5 + 0.07 / 0.4))
+            up = page.wait(f"(([x, y, z]) => y > 1.8 && y < 2.2 && [x, y, z])({NEWTONS})")
+            assert up[0] == pytest.approx(0.0, abs=0.1)
+            assert up[2] == pytest.approx(0.0, abs=0.1)
+            if folder:
+                page.picture(Path(folder) / "web-example.png")
+            # Up again, and a soft spring to where it began pulls it back from the side.
+            drag(page, "front", (0.5, 0.5 + 0.07 / 0.4), (0.5, 0.5))
+            page.ask("document.getElementById('kind').value = 'spring'")
+            page.ask("document.getElementById('strength').value = 30")
+            drag(page, "side", (0.5, 0.5), (0.5 + 0.03 / 0.4, 0.5))
+            page.wait(f"(([x, y, z]) => z < -0.8 && Math.hypot(x, y) < 0.1)({NEWTONS})")
+            if folder:
+                page.picture(Path(folder) / "web-example-spring.png")
+            running.send_signal(signal.SIGINT)
+            page.wait(f"{STATUS}.endsWith('trying again')")
+            port = int(url.rsplit(":", 1)[1])
+        with served(port):
+            page.wait(f"{STATUS}.startsWith('connected')")
+            page.wait(f"(([x, y, z]) => z < -0.8)({NEWTONS})")
+            page.ask("document.getElementById('stop').click()")
+            page.wait("document.getElementById('events').textContent.includes('stop')")
+        assert [each for each in page.complaints if "WebSocket" not in each] == []
