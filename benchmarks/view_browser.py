@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.processes import process
 from tensionlab.arrays import Floats
 from tensionlab.model.files import load_rig
+from tensionlab.model.kinematics import in_space
 from tensionlab.view.drawing import place_camera
-from tensionlab.view.scene import in_space
 from tensionlab.view.state import begin
 from tools.site.browser import installed
 

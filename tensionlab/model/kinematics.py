@@ -42,6 +42,12 @@ def exponential(vector: Floats) -> Floats:
     return turn
 
 
+def in_space(points: Floats) -> Floats:
+    """Return points (..., d) in space, (..., 3): those in the plane have z = 0."""
+    missing = 3 - points.shape[-1]
+    return np.concatenate([points, np.zeros((*points.shape[:-1], missing))], axis=-1)
+
+
 def turn_axes(before: Floats, after: Floats) -> Floats:
     """Return the rotation (d, d) that turns one axis, a signed unit vector (d,), to another.
 

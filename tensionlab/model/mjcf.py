@@ -9,6 +9,7 @@ import numpy as np
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import RigError
+from tensionlab.model.kinematics import in_space
 from tensionlab.model.module import GRAVITY_M_S2, KINDS, WORLD
 from tensionlab.model.rig import Rig
 
@@ -41,13 +42,13 @@ def rig_to_mjcf(rig: Rig) -> str:
         if text:
             root.append(Xml.Comment(f" {text.replace('--', '- -')} "))
     Xml.SubElement(root, "compiler", angle="radian")
-    Xml.SubElement(root, "option", gravity=_row(_in_space(-GRAVITY_M_S2 * rig.upward) if rig.up else np.zeros(3)))
+    Xml.SubElement(root, "option", gravity=_row(in_space(-GRAVITY_M_S2 * rig.upward) if rig.up else np.zeros(3)))
     world = Xml.SubElement(root, "worldbody")
     frames = {WORLD: world}
     for name in rig.frames:
         frames[name] = Xml.SubElement(world, "body", name=f"frame {name}", mocap="true")
     for rest in rig.rest:
-        frames[rest.name].set("pos", _row(_in_space(rest.position)))
+        frames[rest.name].set("pos", _row(in_space(rest.position)))
         if rest.rotation is not None:
             turn = rest.rotation if rest.rotation.size == 3 else np.array([0.0, 0.0, rest.rotation[0]])
             angle = float(np.linalg.norm(turn))
@@ -65,7 +66,7 @@ def rig_to_mjcf(rig: Rig) -> str:
         cable = Xml.SubElement(tendons, "spatial", name=module.name, width=_row([size / 3]))
         for end, (body, place) in ends.items():
             name = f"{module.name} {end}"
-            Xml.SubElement(body, "site", name=name, pos=_row(_in_space(place)), size=_row([size]))
+            Xml.SubElement(body, "site", name=name, pos=_row(in_space(place)), size=_row([size]))
             Xml.SubElement(cable, "site", site=name)
         motor = Xml.SubElement(motors, "motor", name=module.name, tendon=module.name, gear="-1")
         motor.attrib.update(ctrllimited="true", ctrlrange=_row([module.lower, module.upper]))
@@ -75,7 +76,7 @@ def rig_to_mjcf(rig: Rig) -> str:
 
 def _platform(world: Xml.Element, rig: Rig, size: float) -> Xml.Element:
     """Add the body that the cables hold."""
-    body = Xml.SubElement(world, "body", name="platform", pos=_row(_in_space(rig.home)))
+    body = Xml.SubElement(world, "body", name="platform", pos=_row(in_space(rig.home)))
     if rig.kind == "platform":
         Xml.SubElement(body, "freejoint", name="pose")
     else:
@@ -107,11 +108,7 @@ def _inertia(rig: Rig) -> tuple[float, Floats, Floats]:
             f'[platform]: key "inertia" has the principal moments {_row(moments)} kg·m²; no body has one '
             "above the sum of the others, so correct it"
         )
-    return mass, _in_space(com), inertia
-
-
-def _in_space(point: Floats) -> Floats:
-    return np.append(point, np.zeros(3 - point.size))
+    return mass, in_space(com), inertia
 
 
 def _row(values: Iterable[float]) -> str:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED
+from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, Colours, rgb
+from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
-from tensionlab.view.scene import ARROWS, Arrow, Colours, Lines, Scene, in_space, rgb, size
+from tensionlab.view.scene import ARROWS, Arrow, Lines, Scene, size
 from tensionlab.view.snapping import outlines
 from tensionlab.view.state import HAND, State
 from tensionlab.view.volume import Mesh, Slice, bounds

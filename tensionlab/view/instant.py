@@ -10,27 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, short
+from tensionlab.display import BLUE, FORCE_COLOURS, GREY, ORANGE, PURPLE, RED, Colours, ramp, rgb, short
+from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
 from tensionlab.view.scene import (
     Arrow,
-    Colours,
     Label,
     Lines,
     arms,
     both_ends,
     force_scale,
-    in_space,
-    ramp,
-    rgb,
     size,
 )
 
-FORCES = {"desired": ORANGE, "commanded": BLUE, "measured": GREEN}
-"""Colour of the arrow of each force."""
 BESIDE_COLOUR = PURPLE
 """Of what another solver would have commanded."""
-ARROW_COLOURS = FORCES | {"beside": BESIDE_COLOUR}
+ARROW_COLOURS = FORCE_COLOURS | {"beside": BESIDE_COLOUR}
 ENLARGED = 2.0
 """Forces are drawn larger than on the design page, where they share the picture with the set of available ones."""
 APART = 0.012
@@ -133,7 +128,7 @@ class InstantScene:
     labels : tuple of Label
         Name and tension of each module, or that it is slack or lost.
     arrows : dict of str to Arrow
-        Of `FORCES`, those that are known; "beside", what another solver would have commanded.
+        Of `FORCE_COLOURS`, those that are known; "beside", what another solver would have commanded.
     """
 
     cables: Lines
@@ -156,7 +151,7 @@ def draw(rig: Rig, instant: Instant, *, fresh: bool = True) -> InstantScene:
     if not fresh:
         colours = np.broadcast_to(rgb(GREY), colours.shape)
     return InstantScene(
-        cables=_cables(ends, anchors, ramp(rig, tensions), dashed),
+        cables=_cables(ends, anchors, ramp(tensions, rig.limits.lower, rig.limits.upper), dashed),
         platform=arms(hand, ends),
         anchors=anchors,
         colours=np.where(instant.active[:, None], colours, rgb(RED)),
@@ -196,7 +191,7 @@ def _cables(ends: Floats, anchors: Floats, colours: Colours, dashed: NDArray[np.
 def _arrows(rig: Rig, instant: Instant, hand: Floats) -> dict[str, Arrow]:
     """Return the arrows of the forces from the hand, to scale, beside one another."""
     scale, d = ENLARGED * force_scale(rig), rig.dimension
-    wrenches: dict[str, Floats] = {name: getattr(instant, name) for name in FORCES}
+    wrenches: dict[str, Floats] = {name: getattr(instant, name) for name in FORCE_COLOURS}
     if instant.beside is not None:
         wrenches["beside"] = instant.beside.wrench
     forces = {name: in_space(wrench[:d]) for name, wrench in wrenches.items()}

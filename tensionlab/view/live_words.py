@@ -8,14 +8,14 @@ from html import escape
 import numpy as np
 
 from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, RED, count, duration, short
+from tensionlab.display import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, RED, count, duration, ramp, short
 from tensionlab.hardware.log.shared_run import Condition, RunInfo, RunReport
 from tensionlab.hardware.protocol.codes import BrakeState, Fault, Limit, State
 from tensionlab.hardware.runner.statistics import DEMAND_STOPPED, DURATION_REACHED
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
-from tensionlab.view.instant import BESIDE_COLOUR, ENLARGED, FORCES, Instant
-from tensionlab.view.scene import force_scale, ramp
+from tensionlab.view.instant import BESIDE_COLOUR, ENLARGED, Instant
+from tensionlab.view.scene import force_scale
 from tensionlab.view.stop import StopOutcome
 from tensionlab.view.words import box, number, rows, vector
 
@@ -124,7 +124,7 @@ def forces(rig: Rig, instant: Instant) -> str:
     """Return desired, commanded and measured wrench, as HTML."""
     d = rig.dimension
     wrenches: list[tuple[str, str, Floats]] = [
-        (name, colour, getattr(instant, name)) for name, colour in FORCES.items()
+        (name, colour, getattr(instant, name)) for name, colour in FORCE_COLOURS.items()
     ]
     if instant.beside is not None:
         wrenches.append((escape(instant.beside.solver), BESIDE_COLOUR, instant.beside.wrench))
@@ -152,7 +152,7 @@ def modules(info: RunInfo, report: RunReport, instant: Instant, *, fresh: bool =
     assert report.cycle is not None
     rig = info.rig
     most = float(rig.limits.upper.max()) or 1.0
-    colours = ramp(rig, np.where(instant.active & fresh, instant.tensions, np.nan))
+    colours = ramp(np.where(instant.active & fresh, instant.tensions, np.nan), rig.limits.lower, rig.limits.upper)
     slack = instant.slack(rig)
     lines = []
     for i, module in enumerate(rig.modules):

@@ -9,10 +9,10 @@ import numpy as np
 
 from tensionlab.allocation import Allocation
 from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREEN, GREY, ORANGE, count, short
+from tensionlab.display import BLUE, FORCE_COLOURS, GREEN, GREY, ORANGE, count, short
 from tensionlab.hardware.log.reader import Run
 from tensionlab.solvers.base import Status
-from tensionlab.view.instant import BESIDE_COLOUR, FORCES
+from tensionlab.view.instant import BESIDE_COLOUR
 from tensionlab.view.live_words import DECIMALS, SMALL
 from tensionlab.view.playback import Playback
 from tensionlab.view.run_marks import KINDS, Band, Mark
@@ -83,11 +83,11 @@ def curves(run: Run) -> str:
     sizes = {"desired": np.linalg.norm(run.desired[:, :d], axis=1), "measured": measured}
     most = max((float(np.nanmax(each)) for each in sizes.values() if np.isfinite(each).any()), default=0.0) or 1.0
     lines = "".join(
-        f'<path d="{_path(run.time, each / most)}" fill="none" stroke="{FORCES[name]}" stroke-width="1.2" '
+        f'<path d="{_path(run.time, each / most)}" fill="none" stroke="{FORCE_COLOURS[name]}" stroke-width="1.2" '
         'vector-effect="non-scaling-stroke"/>'
         for name, each in sizes.items()
     )
-    legend = " ".join(f'<span style="color:{FORCES[name]}">■</span> {name}' for name in sizes)
+    legend = " ".join(f'<span style="color:{FORCE_COLOURS[name]}">■</span> {name}' for name in sizes)
     return (
         f'<svg viewBox="0 0 1 1" preserveAspectRatio="none" style="display:block;width:100%;'
         f'height:{CURVES_PIXELS}px;background:rgba(128,128,128,.08)">{lines}</svg>'

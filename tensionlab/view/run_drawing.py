@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tensionlab.display import GREY, RED
+from tensionlab.display import GREY, RED, rgb
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery
 from tensionlab.scenarios.stick_figure import HEAD_M
@@ -24,7 +24,7 @@ from tensionlab.view.drawing import (
     set_mesh,
 )
 from tensionlab.view.instant import ARROW_COLOURS, Instant, draw
-from tensionlab.view.scene import rgb, size
+from tensionlab.view.scene import size
 from tensionlab.view.scenery import PERSON_COLOUR, SceneryScene, draw_scenery
 
 if TYPE_CHECKING:

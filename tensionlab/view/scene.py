@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.display import BLUE, GREY, ORANGE, PURPLE, RED, short
+from tensionlab.display import BLUE, GREY, ORANGE, PURPLE, Colours, ramp, rgb, short
+from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
 from tensionlab.solvers.base import Status
 from tensionlab.view.evaluation import Evaluation
@@ -22,16 +22,12 @@ from tensionlab.view.snapping import outlines
 from tensionlab.view.state import State, of_ghost
 from tensionlab.view.volume import Mesh, bounds
 
-Colours = NDArray[np.uint8]
-
 FORCE_SHARE = 0.25
 """Of the size of a rig: about as long is the arrow of a force of the strongest module."""
 TIP_SHARE = 0.045
 """Of the size of a rig: at least so far from the hand is where a force is grabbed."""
 ARROWS = {"desired": ORANGE, "rendered": BLUE, "error": GREY, "certificate": PURPLE}
 """Colour of each arrow."""
-RAMP = (BLUE, PURPLE, RED)
-"""Colours of tensions from the lower limit to the upper one."""
 SLACK_N = 1e-9
 PLANE_SHARE = 0.7
 """Half of the edge of the plane of a certificate, as a share of the arrow of the strongest tension."""
@@ -133,12 +129,6 @@ def _tip(hand: Floats, force: Floats, reach: float) -> Floats:
     return np.asarray(hand + TIP_SHARE * reach * np.array([0.8, 0.6, 0.0]))
 
 
-def in_space(points: Floats) -> Floats:
-    """Return points (..., d) in space, (..., 3): those in the plane have z = 0."""
-    missing = 3 - points.shape[-1]
-    return np.concatenate([points, np.zeros((*points.shape[:-1], missing))], axis=-1)
-
-
 def size(rig: Rig) -> float:
     """Return the longest edge of the box around a rig, in m."""
     low, high = bounds(rig)
@@ -152,24 +142,10 @@ def force_scale(rig: Rig) -> float:
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1 + 1e-12))
 
 
-def rgb(colour: str) -> Colours:
-    """Return the colour of a text such as "#0072B2" as numbers (3,)."""
-    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
-
-
 def tension_colours(rig: Rig, found: Evaluation) -> Colours:
     """Return the colour of each cable, (m, 3), by where its tension is between its limits; grey without one."""
-    return ramp(rig, np.full(rig.m, np.nan) if found.allocation is None else found.allocation.tensions)
-
-
-def ramp(rig: Rig, tensions: Floats) -> Colours:
-    """Return colours (m, 3) by where tensions (m,) are between the limits; grey for NaN."""
-    lower, upper = rig.limits.lower, rig.limits.upper
-    share = (tensions - lower) / np.where(upper > lower, upper - lower, 1.0)
-    stops = np.stack([rgb(colour) for colour in RAMP]).astype(np.float64)
-    at = np.linspace(0.0, 1.0, len(stops))
-    found = np.stack([np.interp(np.nan_to_num(share), at, channel) for channel in stops.T], axis=-1)
-    return np.where(np.isnan(share)[:, None], rgb(GREY), np.round(found)).astype(np.uint8)
+    tensions = np.full(rig.m, np.nan) if found.allocation is None else found.allocation.tensions
+    return ramp(tensions, rig.limits.lower, rig.limits.upper)
 
 
 def both_ends(colours: Colours) -> Colours:

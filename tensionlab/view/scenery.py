@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tensionlab.arrays import Floats
-from tensionlab.display import GREEN, GREY
+from tensionlab.display import GREEN, GREY, rgb
+from tensionlab.model.kinematics import in_space
 from tensionlab.model.rig import Rig
 from tensionlab.scenarios.scenery import Scenery, Surface
 from tensionlab.scenarios.stick_figure import stick_figure
 from tensionlab.view.instant import Instant
-from tensionlab.view.scene import Label, Lines, both_ends, in_space, rgb
+from tensionlab.view.scene import Label, Lines, both_ends
 from tensionlab.view.volume import Mesh
 
 SURFACE_COLOUR, PERSON_COLOUR = "#56B4E9", "#B8B8B8"

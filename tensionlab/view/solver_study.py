@@ -10,12 +10,13 @@ import numpy as np
 
 from tensionlab.allocation import Allocation, Allocator
 from tensionlab.arrays import Floats
-from tensionlab.display import GREEN, ORANGE, PURPLE, RED
+from tensionlab.display import GREEN, ORANGE, PURPLE, RED, Colours, rgb
 from tensionlab.errors import TensionlabError
 from tensionlab.model import directions
+from tensionlab.model.kinematics import in_space
 from tensionlab.solvers import make
 from tensionlab.solvers.base import Status
-from tensionlab.view.scene import Colours, force_scale, in_space, rgb
+from tensionlab.view.scene import force_scale
 from tensionlab.view.state import State
 from tensionlab.view.volume import bounds
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
-from tensionlab.display import BLUE, GREY, ORANGE, RED
+from tensionlab.display import BLUE, FORCE_COLOURS, GREY, ORANGE, RED, rgb
 from tensionlab.hardware.log.columns import VALUES
-from tensionlab.view.instant import DASHES, ENLARGED, FORCES, STEPS, Instant, draw
-from tensionlab.view.scene import force_scale, rgb, size
+from tensionlab.view.instant import DASHES, ENLARGED, STEPS, Instant, draw
+from tensionlab.view.scene import force_scale, size
 from tests.support.runs import cycles, four
 
 
@@ -36,10 +36,10 @@ def ended(scene, name):
 def test_three_forces_are_drawn_to_scale_beside_one_another(rig, instant):
     scene = draw(rig, instant)
     fine = size(rig) / STEPS
-    for name in FORCES:
+    for name in FORCE_COLOURS:
         force = ENLARGED * force_scale(rig) * getattr(instant, name)
         assert ended(scene, name) == pytest.approx(force, abs=fine), name
-    starts = np.array([scene.arrows[name].start for name in FORCES])
+    starts = np.array([scene.arrows[name].start for name in FORCE_COLOURS])
     assert np.linalg.norm(starts[:, None] - starts, axis=-1)[np.triu_indices(3, 1)].min() > 5 * fine
 
 
@@ -119,6 +119,6 @@ def test_a_rig_in_the_plane_lies_in_it():
     rig = tl.load_rig("kntu-planar")
     instant, _ = instant_of(rig, size=10.0)
     scene = draw(rig, instant)
-    assert set(scene.arrows) == set(FORCES)
+    assert set(scene.arrows) == set(FORCE_COLOURS)
     for arrow in scene.arrows.values():
         assert (arrow.start[2], arrow.end[2]) == (0.0, 0.0)

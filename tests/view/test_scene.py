@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.display import rgb
 from tensionlab.view import state as edits
 from tensionlab.view.evaluation import evaluate
-from tensionlab.view.scene import draw, force_scale, rgb, tension_colours
+from tensionlab.view.scene import draw, force_scale, tension_colours
 from tensionlab.view.state import begin
 
 

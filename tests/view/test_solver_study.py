@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import tensionlab as tl
+from tensionlab.display import rgb
 from tensionlab.view import state as edits
-from tensionlab.view.scene import force_scale, rgb
+from tensionlab.view.scene import force_scale
 from tensionlab.view.solver_study import answer, compare, points, problems
 from tensionlab.view.state import STUDIES, begin
 
