@@ -239,7 +239,7 @@ def read_run(path: str | os.PathLike[str], progress: Callable[[float], None] | N
         elif name == "event":
             event = parse_json(content, f"{path}: event {len(events) + 1}", LogError)
             events += from_mappings([event], RunEvent, f"{path}: event {len(events) + 1}", LogError)
-        elif rig is not None:
+        elif name == "cycle" and rig is not None:
             first_ns = time_ns if first_ns is None else first_ns
             rows.append(content)
             if len(rows) == BLOCK_CYCLES:

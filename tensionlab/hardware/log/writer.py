@@ -1,4 +1,4 @@
-"""Log of a run, written while it runs: every cycle, and every event between."""
+"""Log of a run, written while it runs: every cycle, every event between, and a scene for viewers of robots."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from tensionlab.allocation import Nearest, Solver, resolve_solver
 from tensionlab.errors import LogError, WriteError
 from tensionlab.hardware.log import columns
 from tensionlab.hardware.log.mcap_file import McapWriter
+from tensionlab.hardware.log.scene import CHANNELS, SceneEncoder
 from tensionlab.hardware.protocol.messages import Info
 from tensionlab.hardware.runner.settings import RunSettings
 from tensionlab.hardware.runner.statistics import Cycle, Statistics
@@ -28,7 +29,8 @@ FLUSH_S = 0.2
 MAX_BACKLOG = 20_000
 """Cycles and events that may wait for a slow disk; at 1 kHz, 20 s."""
 YIELD_S = 50e-6
-"""After each cycle, while more wait, the writer leaves the interpreter to the control loop for that time."""
+"""After each cycle, while more wait, and after each message of the scene, the writer leaves the interpreter to the
+control loop for that time."""
 MAX_YIELDING = 200
 """While so many wait, it does not: a loop that never sleeps would leave it too little."""
 CLOSE_TIMEOUT_S = 10.0
@@ -84,7 +86,8 @@ class RunLog:
     """Log of a run. A thread does the writing, so that no cycle waits for a disk.
 
     Every cycle is with the system within `FLUSH_S` seconds, and so in the file even if the process is killed.
-    Close the log: only then has it an index, and counts as complete.
+    Close the log: only then has it an index, and counts as complete. Viewers such as Foxglove show the run as a
+    moving scene, by messages that are written beside the cycles some 30 times a second.
 
     Parameters
     ----------
@@ -144,6 +147,7 @@ class RunLog:
         self._summary: Mapping[str, Any] = {}
         self._begin_ns: int | None = None
         self._cycle, self._time = -1, 0.0
+        self._scene = SceneEncoder(rig)
         self._file = self._opened(manifest, setup)
         self._thread = threading.Thread(target=self._run, name=f"log {self.path.name}", daemon=True)
         self._thread.start()
@@ -151,7 +155,7 @@ class RunLog:
     def _opened(self, manifest: Mapping[str, Any], setup: RunSetup) -> McapWriter:
         """Begin the file with what is known before the run; leave none behind where that fails."""
         try:
-            file = McapWriter(self.path, {"cycle": columns.schema(self._rig), "event": EVENT_SCHEMA})
+            file = McapWriter(self.path, {"cycle": columns.schema(self._rig), "event": EVENT_SCHEMA, **CHANNELS})
             try:
                 file.attachment("rig.toml", "application/toml", rig_to_toml(self._rig).encode())
                 file.metadata("manifest", manifest)
@@ -251,15 +255,24 @@ class RunLog:
             if time.perf_counter() >= due:
                 self._file.flush()
                 due = math.inf
-            if 0 < self._queue.qsize() < MAX_YIELDING:
-                time.sleep(YIELD_S)
+            if self._queue.qsize() > 0:
+                self._yield()
+
+    def _yield(self) -> None:
+        """Leave the interpreter to the control loop for a moment, unless too much waits."""
+        if self._queue.qsize() < MAX_YIELDING:
+            time.sleep(YIELD_S)
 
     def _write_one(self, topic: str, when: int, now: int, what: Any) -> None:
         if topic == "modules":
             self._file.metadata(topic, what)
+        elif topic == "event":
+            self._file.message(topic, when, now, json.dumps(what).encode())
         else:
-            content = columns.encode(what, self._rig) if topic == "cycle" else json.dumps(what).encode()
-            self._file.message(topic, when, now, content)
+            self._file.message(topic, when, now, columns.encode(what, self._rig))
+            for channel, content in self._scene.messages(what, when):
+                self._file.message(channel, when, now, content)
+                self._yield()
 
 
 def _unwritable(path: Path, error: OSError) -> LogError:
