@@ -47,6 +47,7 @@ ALLOWED = {
     "torch": {"jacobian", "solvers"},
     "demand": {"model"},
     "mujoco": CORE,
+    "lsl": CORE | {"hardware"},
     "workspace": CORE,
     "hardware": CORE,
     # Which brakes to lock, and how hard a cable that renders a spring must pull against the others.
@@ -58,7 +59,7 @@ ALLOWED = {
     "datasets": {"model", "workspace", "benchmarking", "validation"},
     "plots": ABOVE | {"comparison", "benchmarking", "validation"},
     "view": ABOVE | {"comparison", "validation"},
-    "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots", "view"},
+    "cli": ABOVE | {"comparison", "benchmarking", "validation", "plots", "view", "lsl"},
     "__init__": ABOVE | {"comparison", "benchmarking", "jacobian", "plots"},
     "__main__": {"cli"},
 }
@@ -90,6 +91,7 @@ DOORS = {
     "matplotlib": {"plots"},
     "mpl_toolkits": {"plots"},
     "mujoco": {"mujoco.py"},
+    "pylsl": {"lsl.py"},
 }
 NATIVE = {
     "solvers/linear_program.py",

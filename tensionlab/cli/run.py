@@ -12,8 +12,8 @@ import typer
 
 from tensionlab.arrays import Floats
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run
-from tensionlab.cli.common.options import Duration, Log, Modules, Nearest, RigArgument, Solver, View
+from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run, tell_streams
+from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Nearest, RigArgument, Solver, View
 from tensionlab.demand import Demand, DemandSource, Pose
 from tensionlab.display import duration
 from tensionlab.errors import HardwareError
@@ -69,6 +69,7 @@ def run(
         ),
     ] = "stop",
     log: Log = None,
+    lsl: Lsl = False,
     view: View = False,
     json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON, and no live table.")] = False,
 ) -> None:
@@ -90,8 +91,7 @@ def run(
     failure: HardwareError | None = None
     try:
         runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-        if log is not None:
-            runner.log = begin_log(log, loaded, solver, settings, links)
+        runner.log = begin_log(log, loaded, solver, settings, links, lsl)
         live = Live(
             get_renderable=lambda: live_table(runner),
             console=output.console(),
@@ -110,6 +110,7 @@ def run(
         output.print_json(statistics.summary())
     else:
         print_summary(runner)
+    tell_streams(runner.log)
     if failure is not None:
         typer.echo(f"tensionlab: {failure}", err=True)
     for name, why in statistics.unconfirmed.items():

@@ -11,7 +11,7 @@ import typer
 from tensionlab.allocation import Status
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import kept_of_run, module_links, print_required, print_simulated, show_run
-from tensionlab.cli.common.options import Duration, Json, Log, Modules, Plot, Solver, View
+from tensionlab.cli.common.options import Duration, Json, Log, Lsl, Modules, Plot, Solver, View
 from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
 from tensionlab.files.named import list_names
@@ -19,6 +19,7 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
+from tensionlab.hardware.runner.statistics import RunSink
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
@@ -61,6 +62,7 @@ def scenario(
         ),
     ] = None,
     log: Log = None,
+    lsl: Lsl = False,
     plot: Plot = None,
     view: View = False,
     json: Json = False,
@@ -69,8 +71,8 @@ def scenario(
 
     Before it plays, it says whether the rig reaches where the hand goes, and can do what is desired there. Then
     it compares the rendered forces with what a person should feel. On simulated modules, a simulated person acts,
-    as fast as this computer can; with --view, in real time. Exit status 1 where a measured value is not as
-    expected, something went wrong with a module, or the rig can do nothing of the scenario.
+    as fast as this computer can, or with --view or --lsl in real time. Exit status 1 where a measured value is
+    not as expected, something went wrong with a module, or the rig can do nothing of the scenario.
     """
     if name == LIST:
         _list(json)
@@ -91,9 +93,18 @@ def scenario(
     with ExitStack() as opened, output.progress(loaded.title) as progress:
         if view:
             show_run()
-        reached = _reached(loaded, modules, osc, opened, paced=view)
+        reached = _reached(loaded, modules, osc, opened, paced=view or lsl)
+
+        def streamed(record: RunSink) -> RunSink:
+            if not lsl:
+                return record
+            from tensionlab.lsl import LslStreams
+
+            return LslStreams(loaded.rig, solver, loaded.rate, record)
+
         try:
-            played = play(loaded, reached, solver, seconds, log, ["tensionlab", *sys.argv[1:]], progress)
+            call = ["tensionlab", *sys.argv[1:]]
+            played = play(loaded, reached, solver, seconds, log, call, progress, streamed)
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None

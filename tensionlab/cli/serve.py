@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run
-from tensionlab.cli.common.options import Duration, Log, Modules, Solver, View
+from tensionlab.cli.common.modules import begin_log, kept_of_run, reach_modules, show_run, tell_streams
+from tensionlab.cli.common.options import Duration, Log, Lsl, Modules, Solver, View
 from tensionlab.cli.run import print_summary
 from tensionlab.errors import InputError, TensionlabError
 from tensionlab.files.reading import read_text
@@ -96,6 +96,7 @@ def serve(
         list[str] | None, typer.Option(metavar="ORIGIN", help="A web page that may connect; also repeated.")
     ] = None,
     log: Log = None,
+    lsl: Lsl = False,
     view: View = False,
 ) -> None:
     """Let a game engine drive a rig over a WebSocket.
@@ -156,11 +157,11 @@ def serve(
             demand = BridgedDemand(client, inner, events.take, events.note)
             tracker = follow if played is not None or needs_tracker(loaded) else None
             runner = Runner(loaded, group, solver, demand, settings, clock=clock, tracker=tracker)
-            if log is not None:
-                runner.log = begin_log(log, loaded, solver, settings, links)
+            runner.log = begin_log(log, loaded, solver, settings, links, lsl)
         failed = not _run(runner, seconds)
         events.note("ended", runner.statistics.ended)
     print_summary(runner)
+    tell_streams(runner.log)
     if failed or runner.statistics.unconfirmed or runner.statistics.emergency:
         raise typer.Exit(1)
     if runner.statistics.ended == CTRL_C:

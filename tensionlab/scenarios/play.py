@@ -20,7 +20,7 @@ from tensionlab.hardware.log.reader import Run, read_run
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.runner import Runner, Tracker
 from tensionlab.hardware.runner.settings import Clock, PlaybackClock, RunSettings, WorldClock
-from tensionlab.hardware.runner.statistics import Statistics
+from tensionlab.hardware.runner.statistics import RunSink, Statistics
 from tensionlab.hardware.simulation.links import Conditions
 from tensionlab.hardware.simulation.world import World
 from tensionlab.model.rig import Rig
@@ -101,6 +101,7 @@ def play(
     log: str | Path | None = None,
     call: Sequence[str] = ("tensionlab.scenarios.play",),
     progress: Callable[[float], None] | None = None,
+    streamed: Callable[[RunSink], RunSink] | None = None,
 ) -> ScenarioResult:
     """Play a scenario, and read what was logged.
 
@@ -119,6 +120,8 @@ def play(
         For the log's manifest.
     progress : callable, optional
         Receives the share that has been played, from 0 to 1.
+    streamed : callable, optional
+        Returns what gets all that the log is to get, and passes it on.
 
     Raises
     ------
@@ -127,7 +130,8 @@ def play(
     """
     with tempfile.TemporaryDirectory() as folder, temporary_slew(modules.group, scenario.slew):
         path = Path(folder) / "scenario.mcap" if log is None else Path(log)
-        record = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links)
+        record: RunSink = RunLog(path, scenario.rig, manifest(call), solver, _settings(scenario), modules.links)
+        record = record if streamed is None else streamed(record)
         statistics = perform(scenario, modules, None, solver, seconds, record, progress)
         person = None if modules.person is None else modules.person.record
         return ScenarioResult(scenario, read_run(path), statistics, person)
@@ -139,7 +143,7 @@ def perform(
     notify: Notify | None = None,
     solver: str = "newton",
     seconds: float | None = None,
-    log: RunLog | None = None,
+    log: RunSink | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Statistics:
     """Play a scenario on modules inside `temporary_slew`; keep nothing of it unless there is a log.

@@ -21,6 +21,7 @@ from tensionlab.hardware.client.locks import normalised
 from tensionlab.hardware.client.module import ModuleClient
 from tensionlab.hardware.log.writer import RunLog
 from tensionlab.hardware.runner.settings import Clock, RealClock, RunSettings, WorldClock
+from tensionlab.hardware.runner.statistics import RunSink
 from tensionlab.hardware.simulation.world import Motion, World
 from tensionlab.model.rig import Rig
 from tensionlab.operating_system import INTERRUPT_SIGNALS
@@ -172,6 +173,21 @@ def module_links(rig: Rig, modules: str) -> dict[str, str]:
     return {module.name: url for module, url in zip(rig.modules, urls, strict=True)}
 
 
-def begin_log(path: Path, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str]) -> RunLog:
-    """Begin the log of a run."""
-    return RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)
+def tell_streams(sink: RunSink | None) -> None:
+    """Say so if streams for Lab Streaming Layer ended before their run did."""
+    if (error := getattr(sink, "error", None)) is not None:
+        print_error(f"the streams for Lab Streaming Layer ended before the run: {error}")
+
+
+def begin_log(
+    path: Path | None, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str], lsl: bool
+) -> RunSink | None:
+    """Begin the log of a run, if there is to be one, and its streams for Lab Streaming Layer."""
+    log = None
+    if path is not None:
+        log = RunLog(path, rig, manifest(["tensionlab", *sys.argv[1:]]), solver, settings, links)
+    if not lsl:
+        return log
+    from tensionlab.lsl import LslStreams
+
+    return LslStreams(rig, solver, settings.rate, log)

@@ -124,6 +124,15 @@ def output_folder(suffix: str = "", *, parents: bool = False) -> Callable[[Path 
     return checked(check)
 
 
+def _require_lsl(wanted: bool) -> bool:
+    """Check that there can be streams for Lab Streaming Layer, if there are to be any."""
+    if wanted:
+        from tensionlab.lsl import require_lsl
+
+        require_lsl()
+    return wanted
+
+
 @checked
 def picture_file(path: Path) -> None:
     """Check that a picture can be written there."""
@@ -209,6 +218,12 @@ Log = Annotated[
         metavar="FILE.mcap",
         callback=log_file,
         help="Log every cycle to this file, a new one; see `tensionlab log`.",
+    ),
+]
+Lsl = Annotated[
+    bool,
+    typer.Option(
+        "--lsl", callback=_require_lsl, help="Stream forces, tensions, pose and markers by Lab Streaming Layer."
     ),
 ]
 PagePort = Annotated[int, typer.Option("--port", help="Of the page; 0 takes a free one.", min=0, max=65535)]

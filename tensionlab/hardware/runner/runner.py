@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,14 +43,12 @@ from tensionlab.hardware.runner.statistics import (
     DURATION_REACHED,
     EMERGENCY_STOP,
     Cycle,
+    RunSink,
     Statistics,
 )
 from tensionlab.hardware.runner.watchdog import STOPPING_SIGNALS, Hung, Interrupted, Interrupts, Watchdog
 from tensionlab.model.rig import Rig
 from tensionlab.operating_system import ESTOP_SIGNAL
-
-if TYPE_CHECKING:
-    from tensionlab.hardware.log.writer import RunLog
 
 FIRST_TELEMETRY_TIMEOUT_S = 2.0
 MAX_EARLY_S = 1e-3
@@ -100,7 +97,7 @@ class Runner:
     statistics : Statistics
     events : deque of RunEvent
         The latest; the log has all.
-    log : RunLog or None
+    log : RunLog, another `RunSink`, or None
         May be set until the run begins.
 
     Raises
@@ -129,7 +126,7 @@ class Runner:
         demand: DemandSource,
         settings: RunSettings | None = None,
         *,
-        log: RunLog | None = None,
+        log: RunSink | None = None,
         clock: Clock | None = None,
         tracker: Tracker | None = None,
     ) -> None:

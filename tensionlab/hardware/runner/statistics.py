@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from tensionlab import display
 from tensionlab.allocation import Allocation, Status
 from tensionlab.arrays import Floats, Integers
 from tensionlab.demand import Demand, RigState
+from tensionlab.hardware.protocol.messages import Info
 
 MAX_TIMES = 100_000
 """Cycles whose times are kept for percentiles while a run lasts."""
@@ -201,3 +202,19 @@ def percentiles(values: Iterable[float]) -> tuple[float, ...]:
     if not numbers.size:
         return (np.nan,) * len(PERCENTILES)
     return tuple(np.percentile(numbers, list(PERCENTILES.values())).tolist())
+
+
+class RunSink(Protocol):
+    """Whatever gets all that happens in a run, as `RunLog` does. A `HardwareError` of it ends the run."""
+
+    def write(self, cycle: Cycle) -> None:
+        """Take a cycle."""
+
+    def note(self, kind: str, text: str, module: str | None = None) -> None:
+        """Take an event; from any thread."""
+
+    def modules(self, infos: Mapping[str, Info]) -> None:
+        """Take the description of each module, by its name, before they are armed."""
+
+    def close(self, statistics: Statistics | None = None) -> None:
+        """Take how the run went; nothing comes after that."""

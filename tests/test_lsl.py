@@ -1,0 +1,153 @@
+"""Streams of runs, received by real inlets over the network of this machine."""
+
+import itertools
+import sys
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import tensionlab as tl
+from benchmarks.processes import process
+from tensionlab.cli import main
+from tensionlab.demand import Demand
+from tensionlab.hardware import RunLog, Runner, RunSettings, World, WorldClock, read_run
+from tensionlab.records import manifest
+from tensionlab.scenarios import load_scenario
+
+pylsl = pytest.importorskip("pylsl")
+
+from tensionlab.lsl import LslStreams  # noqa: E402 - needs pylsl
+
+HANGS_S = 60.0
+"""Only what hangs takes so long."""
+PULL = Demand(np.array([0.0, 0.5, 0.0]), desired=np.array([0.0, 0.7, 0.0]))
+
+
+def inlet(name):
+    """Open the stream of a name, and wait until samples come through."""
+    found = pylsl.resolve_byprop("name", name, timeout=HANGS_S)
+    assert len(found) == 1, f"{len(found)} streams called {name}"
+    opened = pylsl.StreamInlet(found[0])
+    opened.open_stream(timeout=HANGS_S)
+    return opened
+
+
+def samples(opened, count):
+    """So many samples, and their time stamps."""
+    taken = [opened.pull_sample(timeout=HANGS_S) for _ in range(count)]
+    assert all(sample is not None for sample, _ in taken)
+    return [sample for sample, _ in taken], np.array([stamp for _, stamp in taken])
+
+
+def described(opened, key):
+    """What the description of a stream says of its channels."""
+    channel = opened.info(timeout=HANGS_S).desc().child("channels").child("channel")
+    found = []
+    while not channel.empty():
+        found.append(channel.child_value(key))
+        channel = channel.next_sibling()
+    return found
+
+
+@pytest.mark.realtime  # over the network, by the clock of LSL
+def test_inlets_get_every_cycle_and_every_event(tmp_path):
+    rig = tl.load_rig("floor-3")
+    settings, links = RunSettings(rate=50.0), {module.name: "sim:" for module in rig.modules}
+    log = RunLog(tmp_path / "run.mcap", rig, manifest(["test"]), "newton", settings, links)
+    streams = LslStreams(rig, "newton", 50.0, log)
+    forces, tensions, pose, markers = (
+        inlet(f"floor-3 {what}") for what in ("forces", "tensions", "pose", "markers")
+    )
+    assert described(forces, "label")[::3] == ["desired Fx", "commanded Fx", "measured Fx"]
+    assert described(tensions, "unit") == ["N"] * (2 * rig.m)
+    assert described(pose, "type") == ["PositionX", "PositionY", "PositionZ"]
+    world = World(rig)
+    runner = Runner(
+        rig,
+        world.group(),
+        "newton",
+        lambda state: PULL,
+        settings,
+        log=streams,
+        clock=WorldClock(world, paced=True),
+    )
+    before = pylsl.local_clock()
+    runner.run(seconds=1.0)
+    after = pylsl.local_clock()
+    run = read_run(tmp_path / "run.mcap")
+    count = len(run.time)
+    force, stamps = samples(forces, count)
+    force = np.array(force)
+    np.testing.assert_array_equal(force[:, :3], run.desired)
+    np.testing.assert_array_equal(force[:, :3], np.tile([0.0, 0.7, 0.0], (count, 1)))
+    np.testing.assert_allclose(force[:, 6:], np.einsum("cnm,cm->cn", run.structure, run.measured), atol=1e-12)
+    tension, _ = samples(tensions, count)
+    np.testing.assert_array_equal(np.array(tension)[:, rig.m :], run.measured)
+    place, _ = samples(pose, count)
+    np.testing.assert_array_equal(place, run.position)
+    assert ((before < stamps) & (stamps < after)).all()
+    # By less than a cycle, whoever is busy meanwhile: both are the begin of the cycle, on two clocks.
+    offset = stamps - run.time
+    assert np.ptp(offset) < 1.0 / 50.0
+    texts, times = samples(markers, 1 + len(run.events))
+    told = [event.text for event in run.events]
+    assert texts[0] == ["begins: floor-3"]
+    assert [text for (text,) in texts[1:]] == [f"{event.kind}: {event.text}" for event in run.events]
+    assert told[-1] == "duration reached"
+    assert (np.diff(times) >= 0).all()
+
+
+@pytest.mark.realtime  # over the network
+def test_what_turns_has_an_orientation():
+    corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    modules = [
+        tl.Module(str(i), corner, 0.5, 6.0, corner * [0.1, 0.2, -0.1], spool_radius=0.02)
+        for i, corner in enumerate(corners)
+    ]
+    rig = tl.Rig("cube", "platform", tuple(modules), np.zeros(3))
+    streams = LslStreams(rig, "newton", 50.0)
+    pose = inlet(f"{rig.name} pose")
+    assert described(pose, "label")[3:] == ["OrientationX", "OrientationY", "OrientationZ", "OrientationW"]
+    world = World(rig)
+    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), log=streams, clock=WorldClock(world))
+    runner.run(seconds=0.1)
+    (place,), _ = samples(pose, 1)
+    np.testing.assert_allclose(place[:3], rig.home, atol=1e-3)
+    np.testing.assert_allclose(Rotation.from_quat(place[3:]).as_matrix(), np.eye(3), atol=1e-2)
+
+
+def test_an_error_of_the_network_does_not_reach_the_run(monkeypatch):
+    def broken(*_):
+        raise RuntimeError("the network is gone")
+
+    monkeypatch.setattr(pylsl.StreamOutlet, "push_sample", broken)
+    rig = tl.load_rig("floor-3")
+    world, streams = World(rig), LslStreams(rig, "newton", 50.0)
+    runner = Runner(rig, world.group(), "newton", lambda state: Demand(), log=streams, clock=WorldClock(world))
+    assert runner.run(seconds=0.2).cycles == 10
+    assert streams.error == "RuntimeError: the network is gone"
+
+
+@pytest.mark.realtime  # a run in another process
+def test_phases_of_a_scenario_are_markers_in_order():
+    with process("scenario", "materials", "--lsl", "--seconds", "6") as running:
+        markers = inlet(f"{load_scenario('materials').rig.name} markers")
+        texts = []
+        while not texts or not texts[-1].startswith("ended"):
+            (text,), _ = markers.pull_sample(timeout=HANGS_S)
+            texts.append(text)
+        assert running.wait(HANGS_S) == 0
+    phases = [text for text in texts if text.startswith("phase")]
+    assert len(phases) >= 2
+
+
+@pytest.mark.parametrize("verb", [("run", "floor-3"), ("serve", "floor-3"), ("scenario", "materials")])
+def test_without_pylsl_nothing_begins(verb, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    with pytest.raises(SystemExit) as left:
+        main([*verb, "--lsl", "--seconds", "1"])
+    assert left.value.code == 2
+    said = capsys.readouterr().err
+    assert 'pip install "tensionlab[lsl]"' in said
+    assert "Traceback" not in said
