@@ -10,7 +10,14 @@ import typer
 
 from tensionlab.allocation import Status
 from tensionlab.cli.common import options, output
-from tensionlab.cli.common.modules import kept_of_run, module_links, print_required, print_simulated, show_run
+from tensionlab.cli.common.modules import (
+    kept_of_run,
+    module_links,
+    print_required,
+    print_simulated,
+    show_run,
+    tell_streams,
+)
 from tensionlab.cli.common.options import Duration, Json, Log, Lsl, Modules, Plot, Solver, View
 from tensionlab.display import Finding
 from tensionlab.errors import HardwareError
@@ -95,12 +102,15 @@ def scenario(
             show_run()
         reached = _reached(loaded, modules, osc, opened, paced=view or lsl)
 
-        def streamed(record: RunSink) -> RunSink:
-            if not lsl:
-                return record
-            from tensionlab.lsl import LslStreams
+        sinks: list[RunSink] = []
 
-            return LslStreams(loaded.rig, solver, loaded.rate, record)
+        def streamed(record: RunSink) -> RunSink:
+            if lsl:
+                from tensionlab.lsl import LslStreams
+
+                record = LslStreams(loaded.rig, solver, loaded.rate, record)
+            sinks.append(record)
+            return record
 
         try:
             call = ["tensionlab", *sys.argv[1:]]
@@ -108,6 +118,7 @@ def scenario(
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
+        tell_streams(sinks[0])
     statistics = played.statistics
     interrupted = statistics.ended.startswith("signal") and not statistics.emergency
     complete = seconds in (None, loaded.seconds) and not interrupted
