@@ -1,8 +1,7 @@
 """Samples of a run as an inlet of Lab Streaming Layer gets them: ``python -m benchmarks.lsl_offset``.
 
-A simulated run of ``--seconds`` at ``--rate`` Hz, with inlets in the same process, over the network of this
-machine. Prints how many samples and markers came, how well the stamps fit the times of the cycles, and what sending
-takes of a cycle.
+A simulated run of ``--seconds`` at ``--rate`` Hz, with inlets in the same process, over this machine's network.
+Prints how many samples and markers came, how well the stamps fit the times of the cycles, and what sending takes.
 """
 
 from __future__ import annotations

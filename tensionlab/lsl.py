@@ -14,7 +14,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tensionlab.arrays import Floats
 from tensionlab.errors import MissingDependency, needs
@@ -90,8 +89,10 @@ class LslStreams:
     """
 
     def __init__(self, rig: Rig, solver: str, rate: float, log: RunSink | None = None) -> None:
+        from scipy.spatial.transform import Rotation  # here: no cycle may wait for its import
+
         lsl = require_lsl()
-        self._rig, self._log = rig, log
+        self._rig, self._log, self._turn = rig, log, Rotation.from_matrix
         self._clock: Callable[[], float] = lsl.local_clock
         self._sending = threading.Lock()  # events come from any thread
         self.error: str | None = None
@@ -188,7 +189,7 @@ class LslStreams:
         rotation = rotation_matrix(cycle, rig)
         if rig.dimension == 2:
             return np.array([np.arctan2(rotation[1, 0], rotation[0, 0])])
-        return np.asarray(Rotation.from_matrix(rotation).as_quat())
+        return np.asarray(self._turn(rotation).as_quat())
 
     def _send(self, outlet: Any, sample: list[Any], when: float) -> None:
         if self.error is not None:

@@ -12,11 +12,11 @@ from tensionlab.allocation import Status
 from tensionlab.cli.common import options, output
 from tensionlab.cli.common.modules import (
     kept_of_run,
+    lsl_streams,
     module_links,
     print_required,
     print_simulated,
     show_run,
-    tell_streams,
 )
 from tensionlab.cli.common.options import Duration, Json, Log, Lsl, Modules, Plot, Solver, View
 from tensionlab.display import Finding
@@ -26,7 +26,6 @@ from tensionlab.haptics.bridge.client_state import ClientState
 from tensionlab.haptics.bridge.osc import OscServer
 from tensionlab.haptics.bridge.source import tracked_pose
 from tensionlab.hardware import RealClock, connect
-from tensionlab.hardware.runner.statistics import RunSink
 from tensionlab.scenarios import SCENARIOS, Scenario, check_needs, load_scenario
 from tensionlab.scenarios.checks import Check, Directions, check_directions, loop_delay
 from tensionlab.scenarios.expected import EXPECTED, check_scenario
@@ -102,23 +101,13 @@ def scenario(
             show_run()
         reached = _reached(loaded, modules, osc, opened, paced=view or lsl)
 
-        sinks: list[RunSink] = []
-
-        def streamed(record: RunSink) -> RunSink:
-            if lsl:
-                from tensionlab.lsl import LslStreams
-
-                record = LslStreams(loaded.rig, solver, loaded.rate, record)
-            sinks.append(record)
-            return record
-
+        call = ["tensionlab", *sys.argv[1:]]
         try:
-            call = ["tensionlab", *sys.argv[1:]]
-            played = play(loaded, reached, solver, seconds, log, call, progress, streamed)
+            with lsl_streams(loaded.rig, solver, loaded.rate, wanted=lsl) as streamed:
+                played = play(loaded, reached, solver, seconds, log, call, progress, streamed)
         except HardwareError as error:
             output.print_error(str(error))
             raise typer.Exit(1) from None
-        tell_streams(sinks[0])
     statistics = played.statistics
     interrupted = statistics.ended.startswith("signal") and not statistics.emergency
     complete = seconds in (None, loaded.seconds) and not interrupted

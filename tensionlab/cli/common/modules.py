@@ -179,6 +179,27 @@ def tell_streams(sink: RunSink | None) -> None:
         print_error(f"the streams for Lab Streaming Layer ended before the run: {error}")
 
 
+@contextmanager
+def lsl_streams(
+    rig: Rig, solver: str, rate: float, *, wanted: bool
+) -> Iterator[Callable[[RunSink], RunSink] | None]:
+    """Yield what adds streams for Lab Streaming Layer to a log, if ``wanted``; afterwards, say if they failed."""
+    if not wanted:
+        yield None
+        return
+    from tensionlab.lsl import LslStreams
+
+    made: list[RunSink] = []
+
+    def streamed(log: RunSink) -> RunSink:
+        made.append(LslStreams(rig, solver, rate, log))
+        return made[-1]
+
+    yield streamed
+    for streams in made:
+        tell_streams(streams)
+
+
 def begin_log(
     path: Path | None, rig: Rig, solver: str, settings: RunSettings, links: dict[str, str], lsl: bool
 ) -> RunSink | None:
